@@ -1,0 +1,35 @@
+# Every target does its own set-up: `make demo` and `make test` work in a fresh clone with python3 and make only.
+PYTHON ?= python3
+VENV ?= .venv
+BIN := $(VENV)/bin
+READY := $(VENV)/.ready
+PACKAGES := tbm_dynamics tbm_gsa tbm_msgs_py
+
+.PHONY: demo test lint types bag clean
+
+demo: $(READY)
+	$(BIN)/tbm-monitor demo
+
+test: $(READY)
+	$(BIN)/python -m pytest
+
+lint: $(READY)
+	$(BIN)/ruff check .
+	$(BIN)/ruff format --check .
+	$(BIN)/lint-imports
+
+types: $(READY)
+	$(BIN)/mypy
+
+bag: $(READY)
+	$(BIN)/python bags/make_field_dz101.py
+
+$(READY): setup.py
+	$(PYTHON) -c 'import sys; sys.exit("Python 3.11 or newer is needed, this is " + sys.version) if sys.version_info < (3, 11) else None'
+	$(PYTHON) -m venv $(VENV)
+	$(BIN)/python -m pip install --quiet --upgrade pip
+	$(BIN)/python -m pip install --quiet --editable ".[test]"
+	touch $@
+
+clean:
+	rm -rf $(VENV) build dist *.egg-info tbm_demo tbm_run

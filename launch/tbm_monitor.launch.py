@@ -1,0 +1,34 @@
+"""The three nodes with the parameters of config/nodes.yaml: `ros2 launch tbm_monitor tbm_monitor.launch.py`."""
+
+from pathlib import Path
+
+from ament_index_python.packages import get_package_share_directory
+from launch.actions import DeclareLaunchArgument
+from launch.substitutions import LaunchConfiguration
+from launch_ros.actions import LifecycleNode
+
+from launch import LaunchDescription
+
+NODES = ("load_node", "dynamics_node", "analysis_node")
+
+
+def generate_launch_description() -> LaunchDescription:
+    """Describe the nodes; `use_sim_time:=true` lets them follow a bag's clock."""
+    parameters = Path(get_package_share_directory("tbm_monitor")) / "config" / "nodes.yaml"
+    simulated = {"use_sim_time": LaunchConfiguration("use_sim_time")}
+    nodes = [
+        LifecycleNode(
+            package="tbm_monitor",
+            executable=name,
+            name=name,
+            namespace="tbm",
+            output="screen",
+            parameters=[LaunchConfiguration("params_file"), simulated],
+        )
+        for name in NODES
+    ]
+    arguments = [
+        DeclareLaunchArgument("use_sim_time", default_value="false", description="follow /clock"),
+        DeclareLaunchArgument("params_file", default_value=str(parameters), description="parameters of the nodes"),
+    ]
+    return LaunchDescription([*arguments, *nodes])

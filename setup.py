@@ -1,0 +1,85 @@
+"""The one place that names the dependencies, the executables and the data files."""
+
+from pathlib import Path
+
+from setuptools import find_packages, setup
+
+HERE = Path(__file__).parent
+PACKAGE = "tbm_monitor"
+
+# Wheels of ROS 2 Jazzy exist for x86-64 Linux; elsewhere, and in a native workspace, ROS comes from the system.
+ON_WHEEL_PLATFORM = 'sys_platform == "linux" and platform_machine == "x86_64"'
+
+REQUIRED = [
+    "numpy>=1.26",
+    "scipy>=1.11.4",
+    "numba>=0.59",
+    "pydantic>=2.5",
+    "pyyaml>=6.0",
+    "mcap>=1.2",
+    "rosbags>=0.10",
+    "scikit-learn>=1.4",
+    "threadpoolctl>=3.1",
+    "SALib>=1.4.7",
+    "typer>=0.12",
+    "rich>=13.0",
+    "jinja2>=3.1",
+    "matplotlib>=3.8",
+]
+ROS_WHEELS = [f"ros-jazzy-{name}; {ON_WHEEL_PLATFORM}" for name in ("rclpy", "common-interfaces", "rmw-fastrtps-cpp")]
+TEST = [
+    "pytest>=8",
+    "hypothesis>=6.90",
+    "mcap-ros2-support>=0.5",
+    "mypy>=1.10",
+    "ruff>=0.6",
+    "import-linter>=2.0",
+    "types-PyYAML",
+]
+
+
+def data_files() -> list[tuple[str, list[str]]]:
+    """Files that `ros2` tools look for under share/, the shipped recording among them."""
+    share = f"share/{PACKAGE}"
+    groups = [
+        ("share/ament_index/resource_index/packages", [f"resource/{PACKAGE}"]),
+        (share, ["package.xml"]),
+    ]
+    for folder in ("launch", "config", *(str(p.relative_to(HERE)) for p in (HERE / "bags").glob("*") if p.is_dir())):
+        files = sorted(str(p.relative_to(HERE)) for p in (HERE / folder).glob("*") if p.is_file())
+        groups.append((f"{share}/{folder}", files))
+    return groups
+
+
+setup(
+    name=PACKAGE,
+    version="0.1.0",
+    description="Drive-train monitor for tunnel boring machines: dynamics, field comparison, sensitivity analysis",
+    long_description=(HERE / "README.md").read_text(encoding="utf-8"),
+    long_description_content_type="text/markdown",
+    author="tbm_monitor developers",
+    maintainer="tbm_monitor developers",
+    maintainer_email="maintainers@tbm-monitor.org",
+    license="Apache-2.0",
+    python_requires=">=3.11",
+    packages=find_packages(include=["tbm_*"]),
+    package_data={
+        "tbm_dynamics": ["machines/*.yaml", "py.typed"],
+        "tbm_msgs_py": ["py.typed"],
+        "tbm_gsa": ["report/*.html", "py.typed"],
+    },
+    data_files=data_files(),
+    zip_safe=False,
+    install_requires=REQUIRED + ROS_WHEELS,
+    extras_require={"test": TEST},
+    entry_points={
+        "console_scripts": [
+            "tbm-monitor = tbm_gsa.cli.main:main",
+            "load_node = tbm_dynamics.nodes.load_node:main",
+            "dynamics_node = tbm_dynamics.nodes.dynamics_node:main",
+            "analysis_node = tbm_gsa.nodes.analysis_node:main",
+            "bag_player = tbm_msgs_py.nodes.bag_player:main",
+            "bag_recorder = tbm_msgs_py.nodes.bag_recorder:main",
+        ]
+    },
+)

@@ -1,0 +1,39 @@
+"""The eight indicators of the paper's Table 3."""
+
+from __future__ import annotations
+
+import numpy as np
+
+INDICATORS = ("RDef_A", "RDef_L", "RDef_R", "PAcc_A", "PAcc_L", "PAcc_R", "MF_M", "MF_Se")
+
+# axial, lateral, rotational among (x, y, z, rx, ry, rz)
+_AXES = (0, 1, 3)
+
+
+def indicators(
+    ring_displacement: np.ndarray, pinion_acceleration: np.ndarray, mesh_force: np.ndarray, static_mesh_force: float
+) -> dict[str, float]:
+    """Compute the indicators of a run.
+
+    Parameters
+    ----------
+    ring_displacement : (n, 6) ndarray
+        Displacement of the ring gear's mesh node, static part included (m, rad).
+    pinion_acceleration : (n, 6) ndarray
+        Acceleration of the first pinion's mesh node (m/s², rad/s²).
+    mesh_force : (n, p) ndarray
+        N.
+    static_mesh_force : float
+        F̄_s: the static mesh force of the mean torque shared equally (N).
+
+    Returns
+    -------
+    dict
+        RDef_A, RDef_L, RDef_R (m, m, rad): RMS displacement; PAcc_A, PAcc_L, PAcc_R (m/s², m/s², rad/s²): peak
+        acceleration; MF_M (N): largest mesh force; MF_Se (N): dynamic deviation factor, equation (5).
+    """
+    rms = np.sqrt(np.mean(ring_displacement[:, _AXES] ** 2, axis=0))
+    peak = np.abs(pinion_acceleration[:, _AXES]).max(axis=0)
+    deviation = np.sqrt(np.mean((mesh_force - static_mesh_force) ** 2, axis=0)).mean()
+    values = (*rms, *peak, mesh_force.max(), deviation)
+    return dict(zip(INDICATORS, map(float, values), strict=True))

@@ -1,0 +1,283 @@
+"""The machine file: what a YAML description may say, validated.
+
+Every entry carries `source`: `table1`, `table4`, `table5` (the paper), `assumed` (ours, adjusted only by the
+calibration) or `calibrated`. SI units, angles in degrees where the name says so.
+"""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal
+
+from pydantic import BaseModel, ConfigDict, Field, FiniteFloat, PositiveFloat, model_validator
+
+from tbm_dynamics.loads.description import LoadDescription
+
+Node = Annotated[int, Field(ge=1)]
+NonNegative = Annotated[float, Field(ge=0.0, allow_inf_nan=False)]
+Positive = Annotated[PositiveFloat, Field(allow_inf_nan=False)]
+Vector3 = tuple[FiniteFloat, FiniteFloat, FiniteFloat]
+SixPositiveOrZero = tuple[NonNegative, NonNegative, NonNegative, NonNegative, NonNegative, NonNegative]
+Source = Literal["table1", "table4", "table5", "assumed", "calibrated"]
+ConnectionType = Literal["rock", "bolt", "bearing", "spline", "hydraulic", "steel"]
+GROUND: Literal["ground"] = "ground"
+
+
+class Entry(BaseModel):
+    """Base of every entry: immutable, and a misspelt key is an error."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+
+class OperatingPointEntry(Entry):
+    """Mean working condition of the machine, in the units of the site."""
+
+    speed_r_min: Positive
+    torque_kn_m: Positive
+    thrust_kn: Positive
+    source: Source
+
+
+class Material(Entry):
+    """Steel of every virtual shaft (paper, Table 4: x4, x5, x6)."""
+
+    elasticity: Positive
+    poisson: Annotated[float, Field(ge=0.0, lt=0.5)]
+    damping: NonNegative
+    source: Source
+
+
+class DampingReading(Entry):
+    """How Table 4's damping ratios are read.
+
+    `stiffness_proportional`: C_e = ζ_e K_e, ζ_e in seconds. `ratio`: ζ_e is a true ratio at `frequency` (Hz),
+    C_e = ζ_e / (π f) K_e.
+    """
+
+    reading: Literal["stiffness_proportional", "ratio"] = "stiffness_proportional"
+    frequency: Positive = 100.0
+
+
+class ConnectionDamping(Entry):
+    """Damping ratio of each connection type (paper, Table 4: x11 … x15)."""
+
+    rock: NonNegative
+    bolt: NonNegative
+    bearing: NonNegative
+    spline: NonNegative
+    hydraulic: NonNegative
+    source: Source
+
+
+class Shaft(Entry):
+    """A virtual shaft: equal Timoshenko beam elements through consecutive nodes, with a given total mass.
+
+    The section gives stiffness; the mass (kg) is spread over it, so that the density is an equivalent one.
+    """
+
+    nodes: Annotated[tuple[Node, ...], Field(min_length=2)]
+    outer_diameter: Positive
+    inner_diameter: NonNegative = 0.0
+    mass: Positive
+    source: Source
+
+    @model_validator(mode="after")
+    def _hollow(self) -> Shaft:
+        if self.inner_diameter >= self.outer_diameter:
+            raise ValueError(
+                f"inner_diameter {self.inner_diameter} must be smaller than outer_diameter {self.outer_diameter}"
+            )
+        return self
+
+
+class Body(Entry):
+    """A rigid body at a node: mass (kg) and moments of inertia about x, y, z (kg·m²)."""
+
+    node: Node
+    mass: Positive
+    inertia: tuple[Positive, Positive, Positive]
+    source: Source
+
+
+class Connection(Entry):
+    """A spring-damper between two nodes, or a node and the ground, located at the first node.
+
+    Six stiffnesses: x, y, z (N/m) and about x, y, z (N·m/rad). A node elsewhere follows through a rigid arm.
+    """
+
+    name: str
+    between: tuple[Node, Node | Literal["ground"]]
+    type: ConnectionType
+    stiffness: SixPositiveOrZero
+    source: Source
+
+    @model_validator(mode="after")
+    def _two_ends(self) -> Connection:
+        if self.between[0] == self.between[1]:
+            raise ValueError(f"between {list(self.between)}: the ends must be two nodes, or a node and {GROUND}")
+        return self
+
+
+class Subsystem(Entry):
+    """A named group of nodes with their shafts and bodies."""
+
+    nodes: dict[Node, Vector3]
+    shafts: tuple[Shaft, ...] = ()
+    bodies: tuple[Body, ...] = ()
+
+
+class Gear(Entry):
+    """The pinion–ring pair (internal spur gear)."""
+
+    pinion_teeth: Annotated[int, Field(ge=5)]
+    ring_teeth: Annotated[int, Field(ge=10)]
+    module: Positive
+    pressure_angle_deg: Annotated[float, Field(gt=10.0, lt=35.0)]
+    face_width: Positive
+    accuracy_grade: Annotated[int, Field(ge=0, le=12)]
+    source: Source
+
+    @model_validator(mode="after")
+    def _pinion_inside(self) -> Gear:
+        if self.pinion_teeth >= self.ring_teeth:
+            raise ValueError(f"pinion_teeth {self.pinion_teeth} must be fewer than ring_teeth {self.ring_teeth}")
+        return self
+
+
+class Mesh(Entry):
+    """Meshing parameters (paper, Table 4: x7 … x10)."""
+
+    mean_stiffness: Positive
+    double_to_single_stiffness: Annotated[float, Field(ge=1.0, le=2.5)]
+    backlash: NonNegative
+    error_factor: NonNegative = 1.0
+    damping_ratio: NonNegative
+    source: Source
+
+
+class DrivePlacement(Entry):
+    """x positions of the five nodes of one drive (m): front seat, mesh, rear seat, gearbox output, rotor."""
+
+    front_seat: FiniteFloat
+    mesh: FiniteFloat
+    rear_seat: FiniteFloat
+    gearbox: FiniteFloat
+    rotor: FiniteFloat
+
+
+class DriveTemplate(Entry):
+    """One drive, repeated `count` times around the ring.
+
+    Drive i has the pinion nodes `pinion_nodes_from + 3i …` (front seat, mesh, rear seat) and
+    `gearbox_nodes_from + 2i …` (gearbox output, motor rotor reflected through the ratio).
+    """
+
+    count: Annotated[int, Field(ge=1, le=40)]
+    pinion_nodes_from: Node
+    gearbox_nodes_from: Node
+    ring_node: Node
+    ring_shaft_nodes: Annotated[tuple[Node, ...], Field(min_length=1)]
+    mount_node: Node
+    first_angle_deg: FiniteFloat = 0.0
+    x: DrivePlacement
+    pinion_shaft: tuple[Positive, NonNegative, Positive]
+    """Outer and inner diameter (m) and mass (kg) of the pinion shaft."""
+    gearbox_output: tuple[Positive, Positive, Positive]
+    """Mass (kg), polar and transverse inertia (kg·m²)."""
+    rotor: tuple[Positive, Positive, Positive]
+    """Mass (kg), polar inertia reflected to the pinion side and transverse inertia (kg·m²)."""
+    pinion_bearing: SixPositiveOrZero
+    """k_b,pc of each of the two seats."""
+    spline: SixPositiveOrZero
+    """k_s,pg from the rear seat to the gearbox output."""
+    gearbox_torsion: Positive
+    """Torsional stiffness of the planetary gearbox, output to rotor, pinion side (N·m/rad)."""
+    gearbox_mount: SixPositiveOrZero
+    """Mount of gearbox output and of rotor on the carrier; about x it must be free."""
+    gear: Gear
+    mesh: Mesh
+    sources: dict[str, Source]
+
+    @model_validator(mode="after")
+    def _hollow_pinion_shaft(self) -> DriveTemplate:
+        outer, inner, _ = self.pinion_shaft
+        if inner >= outer:
+            raise ValueError(f"pinion_shaft: inner diameter {inner} must be smaller than outer diameter {outer}")
+        return self
+
+    @model_validator(mode="after")
+    def _free_rotation(self) -> DriveTemplate:
+        for key in ("gearbox_mount", "pinion_bearing"):
+            if getattr(self, key)[3] != 0.0:
+                raise ValueError(f"{key}: the stiffness about x must be 0, the drive turns in it")
+        return self
+
+
+class MachineDescription(Entry):
+    """A whole machine: three subsystems, their connections, and the loads on the cutterhead."""
+
+    name: Annotated[str, Field(pattern=r"^[A-Za-z0-9_\-]+$")]
+    title: str
+    operating_point: OperatingPointEntry
+    steel: Material
+    damping: DampingReading = DampingReading()
+    connection_damping: ConnectionDamping
+    cutterhead_bearing_gear: Subsystem
+    carrier_girder: Subsystem
+    driveshaft: DriveTemplate
+    connections: tuple[Connection, ...]
+    load_node: Node
+    test_points: dict[str, Node]
+    loads: LoadDescription
+
+    def structural_nodes(self) -> dict[int, Vector3]:
+        """Positions of the nodes that are not part of a drive."""
+        return {**self.cutterhead_bearing_gear.nodes, **self.carrier_girder.nodes}
+
+    @model_validator(mode="after")
+    def _known_nodes(self) -> MachineDescription:
+        repeated = set(self.cutterhead_bearing_gear.nodes) & set(self.carrier_girder.nodes)
+        drive = self.driveshaft
+        drive_nodes = [drive.pinion_nodes_from + j for j in range(3 * drive.count)]
+        drive_nodes += [drive.gearbox_nodes_from + j for j in range(2 * drive.count)]
+        known = self.structural_nodes()
+        repeated |= (set(known) & set(drive_nodes)) | {n for n in drive_nodes if drive_nodes.count(n) > 1}
+        if repeated:
+            raise ValueError(f"nodes {sorted(repeated)} are defined twice; every node number is used once")
+        allowed = set(known) | set(drive_nodes)
+        for where, node in self._references():
+            if node not in allowed:
+                raise ValueError(f"{where}: unknown node {node}; known are {_ranges(sorted(allowed))}")
+        return self
+
+    @model_validator(mode="after")
+    def _scalable_loads(self) -> MachineDescription:
+        # The loads follow thrust and torque by their ratio to these means.
+        for name in ("fx", "mx"):
+            if getattr(self.loads, name).mean == 0.0:
+                raise ValueError(f"loads.{name}.mean: must not be 0")
+        return self
+
+    def _references(self) -> list[tuple[str, int]]:
+        """Every place that names a node, with the node."""
+        found: list[tuple[str, int]] = [("load_node", self.load_node)]
+        found += [(f"test_points.{name}", node) for name, node in self.test_points.items()]
+        for name in ("cutterhead_bearing_gear", "carrier_girder"):
+            subsystem: Subsystem = getattr(self, name)
+            found += [(f"{name}.shafts", node) for shaft in subsystem.shafts for node in shaft.nodes]
+            found += [(f"{name}.bodies", body.node) for body in subsystem.bodies]
+        for connection in self.connections:
+            found += [(f"connections.{connection.name}.between", n) for n in connection.between if n != GROUND]
+        drive = self.driveshaft
+        found += [("driveshaft.ring_node", drive.ring_node), ("driveshaft.mount_node", drive.mount_node)]
+        return found + [("driveshaft.ring_shaft_nodes", node) for node in drive.ring_shaft_nodes]
+
+
+def _ranges(numbers: list[int]) -> str:
+    """Render sorted integers as `1–12, 43–50`."""
+    spans: list[list[int]] = []
+    for number in numbers:
+        if spans and number == spans[-1][1] + 1:
+            spans[-1][1] = number
+        else:
+            spans.append([number, number])
+    return ", ".join(str(a) if a == b else f"{a}–{b}" for a, b in spans)

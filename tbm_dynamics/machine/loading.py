@@ -1,0 +1,98 @@
+"""Read a machine file; every problem becomes one line that names file, key and what is allowed."""
+
+from __future__ import annotations
+
+import re
+from importlib import resources
+from pathlib import Path
+from typing import Any, get_args
+
+import yaml
+from pydantic import ValidationError
+
+from tbm_dynamics.machine.description import MachineDescription
+
+
+class MachineError(ValueError):
+    """A machine that cannot be built: the message is one line with file, key and what is allowed."""
+
+
+def shipped_machines() -> list[str]:
+    """Names of the machines that come with the package."""
+    folder = resources.files("tbm_dynamics") / "machines"
+    return sorted(item.name.removesuffix(".yaml") for item in folder.iterdir() if item.name.endswith(".yaml"))
+
+
+def read_description(machine: str | Path) -> MachineDescription:
+    """Read the description of a shipped machine (by name) or of a YAML file (by path).
+
+    Raises
+    ------
+    MachineError
+        No such machine, not YAML, or a value that is not allowed.
+    """
+    label, text = _read_text(machine)
+    try:
+        data = yaml.load(text, Loader=_Loader)  # noqa: S506 - a SafeLoader that also refuses repeated keys
+    except yaml.YAMLError as error:
+        raise MachineError(f"{label}: not valid YAML: {' '.join(str(error).split())}") from None
+    if not isinstance(data, dict):
+        raise MachineError(
+            f"{label}: a machine file is a mapping with the keys {', '.join(MachineDescription.model_fields)}"
+        )
+    try:
+        return MachineDescription.model_validate(data)
+    except ValidationError as error:
+        raise MachineError(_one_line(label, error)) from None
+
+
+def _read_text(machine: str | Path) -> tuple[str, str]:
+    if str(machine) in shipped_machines():
+        return str(machine), (resources.files("tbm_dynamics") / "machines" / f"{machine}.yaml").read_text("utf-8")
+    path = Path(machine)
+    if not path.is_file():
+        raise MachineError(
+            f"{machine}: no such machine; shipped are {', '.join(shipped_machines())}, or give the path of a YAML file"
+        )
+    try:
+        return str(path), path.read_text("utf-8")
+    except (OSError, UnicodeDecodeError) as error:
+        raise MachineError(f"{path}: cannot be read: {error}") from None
+
+
+def _one_line(label: str, error: ValidationError) -> str:
+    # A misspelt key is also a missing one: the misspelling comes first.
+    problems = error.errors(include_url=False)
+    first, *rest = sorted(problems, key=lambda problem: problem["type"] != "extra_forbidden")
+    key = ".".join(str(part) for part in first["loc"]) or "machine"
+    given = first.get("input")
+    shown = f" (given: {given!r})" if isinstance(given, int | float | str) else ""
+    more = f" (and {len(rest)} more)" if rest else ""
+    message = first["msg"].removeprefix("Value error, ")
+    if first["type"] == "extra_forbidden":
+        message, shown = f"unknown key; allowed are {', '.join(_keys_of(first['loc'][:-1]))}", ""
+    return f"{label}: {key}: {message}{shown}{more}"
+
+
+def _keys_of(place: tuple[int | str, ...]) -> list[str]:
+    """Keys allowed in the entry at a place of the machine file."""
+    kind: Any = MachineDescription
+    for part in place:
+        kind = kind.model_fields[part].annotation if isinstance(part, str) else get_args(kind)[0]
+    return list(kind.model_fields)
+
+
+class _Loader(yaml.SafeLoader):
+    """Safe loader that reads `1e9` as a number (YAML 1.1 asks for `1.0e+9`) and refuses a key given twice."""
+
+    def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> dict[object, object]:
+        keys = [self.construct_object(key, deep=True) for key, _ in node.value]
+        for key in keys:
+            if keys.count(key) > 1:
+                raise yaml.constructor.ConstructorError(None, None, f"key {key!r} is given twice", node.start_mark)
+        return super().construct_mapping(node, deep)
+
+
+_Loader.add_implicit_resolver(
+    "tag:yaml.org,2002:float", re.compile(r"^[-+]?[0-9][0-9_]*(\.[0-9]*)?[eE][-+]?[0-9]+$"), list("-+0123456789")
+)

@@ -1,0 +1,119 @@
+"""A machine: a validated description with the changes asked for."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from functools import cached_property
+from pathlib import Path
+from types import MappingProxyType
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from tbm_dynamics.loads.spectral import SpectralLoads
+from tbm_dynamics.machine.description import MachineDescription
+from tbm_dynamics.machine.inputs import apply_inputs
+from tbm_dynamics.machine.loading import read_description
+
+if TYPE_CHECKING:
+    from tbm_dynamics.structure.system import System
+
+
+@dataclass(frozen=True)
+class OperatingPoint:
+    """Mean working condition: speed (rad/s), cutterhead torque (N·m), thrust (N), all about or along x."""
+
+    speed: float
+    torque: float
+    thrust: float
+
+
+@dataclass(frozen=True)
+class Machine:
+    """A drive described by a file, with some of the 25 inputs changed.
+
+    Attributes
+    ----------
+    base : MachineDescription
+        What the file says.
+    inputs : mapping
+        Inputs changed since, x1 … x25 in Table 4's units. A multiplier is relative to the file.
+    """
+
+    base: MachineDescription
+    inputs: Mapping[str, float] = field(default_factory=lambda: MappingProxyType({}))
+
+    @cached_property
+    def description(self) -> MachineDescription:
+        """The description with the inputs applied."""
+        return apply_inputs(self.base, self.inputs) if self.inputs else self.base
+
+    @property
+    def name(self) -> str:
+        """Name given in the file."""
+        return self.base.name
+
+    @property
+    def operating_point(self) -> OperatingPoint:
+        """Mean working condition in SI units."""
+        entry = self.description.operating_point
+        return OperatingPoint(
+            speed=entry.speed_r_min * 2.0 * math.pi / 60.0,
+            torque=entry.torque_kn_m * 1e3,
+            thrust=entry.thrust_kn * 1e3,
+        )
+
+    @property
+    def mesh_frequency(self) -> float:
+        """Pinion–ring mesh frequency z_r n / 60 (Hz)."""
+        return self.description.driveshaft.gear.ring_teeth * self.description.operating_point.speed_r_min / 60.0
+
+    def with_inputs(self, **inputs: float) -> Machine:
+        """Return a variant with the named inputs x1 … x25 changed and nothing else.
+
+        Raises
+        ------
+        MachineError
+            Unknown input or a value that is not allowed.
+        """
+        variant = Machine(self.base, MappingProxyType({**self.inputs, **inputs}))
+        _ = variant.description  # refuse a bad value here, where it was given
+        return variant
+
+    def load_scale(self, point: OperatingPoint | None = None) -> np.ndarray:
+        """Factors on the described loads at an operating point, shape (6,).
+
+        The description's own thrust and torque are its means of F_x and M_x (design, section 3).
+        """
+        point = point or self.operating_point
+        loads = self.description.loads
+        return loads.scale(point.thrust / abs(loads.fx.mean), point.torque / abs(loads.mx.mean))
+
+    def loads(self, seed: int = 0) -> SpectralLoads:
+        """Cutterhead loads at the operating point, a pure function of (seed, time)."""
+        return SpectralLoads(self.description.loads, scale=self.load_scale(), seed=seed)
+
+    def assemble(self) -> System:
+        """Assemble M, C, K and the mesh rows.
+
+        Raises
+        ------
+        MachineError
+            A part that floats, or a mesh that cannot mesh.
+        """
+        from tbm_dynamics.structure.assembly import assemble  # noqa: PLC0415 - assembly needs Machine
+
+        return assemble(self)
+
+
+def load_machine(machine: str | Path) -> Machine:
+    """Load a shipped machine by name, or a machine file by path.
+
+    Raises
+    ------
+    MachineError
+        One line that names file, key and what is allowed.
+    """
+    return Machine(read_description(machine))

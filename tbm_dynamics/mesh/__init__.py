@@ -1,0 +1,1 @@
+"""The pinion–ring meshes: geometry, stiffness pattern, error."""

@@ -1,0 +1,229 @@
+"""`dynamics_node`: integrates the machine under the received loads and publishes what its sensors would feel."""
+
+from __future__ import annotations
+
+import sys
+import time
+from typing import Any
+
+import numpy as np
+from diagnostic_msgs.msg import DiagnosticArray
+from geometry_msgs.msg import AccelStamped
+from sensor_msgs.msg import JointState, PointCloud2
+from threadpoolctl import threadpool_limits
+
+from tbm_dynamics.integration.simulator import Chunk, SimulationError
+from tbm_dynamics.live import LiveFilter
+from tbm_dynamics.machine import Machine, OperatingPoint, load_machine
+from tbm_dynamics.sensors import SensorModel, SensorPacket, SensorParameters
+from tbm_dynamics.streams import NANOSECONDS, DynamicsStream, step_ns
+from tbm_msgs_py import blocks, operating_point, topics
+from tbm_msgs_py.blocks import BlockError
+from tbm_msgs_py.nodes import messages, qos
+from tbm_msgs_py.nodes.managed import ManagedNode, Parameter, run_node
+from tbm_msgs_py.operating_point import OperatingPointError
+
+PARAMETERS = (
+    Parameter("machine", "dz101", "machine: name of a shipped one, or path of a machine file"),
+    Parameter("seed", 0, "seed of the sensor noise", minimum=0, maximum=2**31 - 1),
+    Parameter(
+        "load_rate",
+        topics.LOAD_BLOCK_RATE,
+        "rate of the received loads (Hz), one step each",
+        minimum=1000.0,
+        maximum=50000.0,
+    ),
+    Parameter("live_rate", topics.LIVE_RATE, "rate of the live topics (Hz)", minimum=1.0, maximum=1000.0),
+    Parameter(
+        "block_rate",
+        int(topics.MODEL_BLOCK_RATE),
+        "rate of the acceleration and mesh force blocks (Hz)",
+        minimum=100,
+        maximum=50000,
+    ),
+    Parameter("block_samples", topics.MODEL_BLOCK_SAMPLES, "samples of a block", minimum=10, maximum=100000),
+    Parameter("sensor.range", 0.0, "full scale (m/s²), 0 is unlimited", minimum=0.0),
+    Parameter("sensor.noise_density", 0.0, "noise (m/s²/√Hz)", minimum=0.0),
+    Parameter("sensor.quantisation", 0.0, "step of the converter (m/s²)", minimum=0.0),
+    Parameter("sensor.anti_alias_hz", 0.0, "corner of the anti-alias filter (Hz), 0 is none", minimum=0.0),
+    Parameter("sensor.clock_offset", 0.0, "sensor clock minus true time (s)", minimum=-3600.0, maximum=3600.0),
+    Parameter(
+        "sensor.clock_drift", 0.0, "how much the sensor clock runs fast (ppm)", minimum=-99999.0, maximum=99999.0
+    ),
+    Parameter("sensor.dropout_probability", 0.0, "share of blocks lost", minimum=0.0, maximum=1.0),
+    Parameter("sensor.gravity", False, "whether the sensors read gravity too"),
+)
+_SENSOR = tuple(parameter.name for parameter in PARAMETERS if parameter.name.startswith("sensor."))
+
+
+class DynamicsNode(ManagedNode):
+    """Lifecycle node: load blocks in, accelerations and mesh forces out."""
+
+    def __init__(self) -> None:
+        super().__init__("dynamics_node", PARAMETERS)
+
+    def configure(self) -> None:
+        """Assemble the machine, compile the kernel, create publishers and subscriptions."""
+        self._machine: Machine = load_machine(self.value("machine"))
+        self._rate = float(self.value("load_rate"))
+        self._step = step_ns(self._rate)
+        self._points = dict(self._machine.description.test_points)
+        self._stream = DynamicsStream(self._machine, self._rate)
+        self._pinion_radius = self._pinion_base_radius()
+        self._received = self._refused = 0
+        self._busy = self._simulated = 0.0
+        self._fault = ""
+        self._restarts = -1
+        self._new_sensors()
+        self._stream.warm_up()
+        self._create_topics()
+
+    def _create_topics(self) -> None:
+        create = self.create_publisher
+        self._blocks = {p: create(PointCloud2, topics.model_block(p), qos.BLOCK) for p in self._points}
+        self._accels = {p: create(AccelStamped, topics.model_accel(p), qos.LIVE) for p in self._points}
+        self._meshes = create(PointCloud2, topics.MODEL_MESH_FORCES, qos.BLOCK)
+        self._drives = create(JointState, topics.MODEL_DRIVES, qos.LIVE)
+        self._diagnostics = create(DiagnosticArray, topics.DIAGNOSTICS, qos.DIAGNOSTICS)
+        self._subscriptions_made = [
+            self.create_subscription(
+                JointState, topics.LOADS_OPERATING_POINT, self._on_operating_point, qos.OPERATING_POINT
+            ),
+            self.create_subscription(PointCloud2, topics.LOADS_BLOCK, self._on_loads, qos.BLOCK),
+        ]
+
+    def activate(self) -> None:
+        """Start the diagnostics; blocks are answered from here on."""
+        self._timer = self.create_status_timer(self._diagnose)
+
+    def deactivate(self) -> None:
+        """Stop answering blocks."""
+        self.destroy_timer(self._timer)
+
+    def cleanup(self) -> None:
+        """Release publishers and subscriptions."""
+        publishers = (*self._blocks.values(), *self._accels.values(), self._meshes, self._drives, self._diagnostics)
+        for publisher in publishers:
+            self.destroy_publisher(publisher)
+        for subscription in self._subscriptions_made:
+            self.destroy_subscription(subscription)
+
+    def _pinion_base_radius(self) -> float:
+        gear = self._machine.description.driveshaft.gear
+        return gear.module * gear.pinion_teeth / 2.0 * float(np.cos(np.radians(gear.pressure_angle_deg)))
+
+    def _new_sensors(self) -> None:
+        """Sensors and live filters for a fresh run."""
+        rate = int(self.value("block_rate"))
+        given = {name.removeprefix("sensor."): self.value(name) for name in _SENSOR}
+        parameters = SensorParameters(rate_hz=rate, packet_samples=self.value("block_samples"), **given)
+        whole = round(self._rate)
+        seed = int(self.value("seed"))
+        self._sensors = {point: SensorModel(parameters, whole, seed, point) for point in self._points}
+        self._mesh_gate = parameters.packet_samples, whole // rate
+        stride = max(1, round(self._rate / float(self.value("live_rate"))))
+        self._live = {name: LiveFilter(self._rate, stride) for name in (*self._points, "drives")}
+        self._mesh_pending = np.empty((0, self._stream.meshes))
+        self._restarts = self._stream.restarts
+
+    def _on_operating_point(self, message: Any) -> None:
+        try:
+            point = operating_point.from_joint_state(message)
+        except OperatingPointError as error:
+            self._refuse(f"{topics.LOADS_OPERATING_POINT}: {error}")
+            return
+        self._stream.set_operating_point(OperatingPoint(point.speed, point.torque, point.thrust))
+
+    def _on_loads(self, message: Any) -> None:
+        if not self.active:
+            return
+        start = time.perf_counter()
+        try:
+            block = messages.block_from(message)
+            if block.layout != blocks.LOADS:
+                raise BlockError(
+                    f"block channels {' '.join(block.layout.channels)}, allowed: {' '.join(blocks.LOADS.channels)}"
+                )
+            self._check_rate(block)
+            chunks = self._stream.process(block.stamp_ns, block.values)
+        except (BlockError, SimulationError) as error:
+            self._refuse(f"{topics.LOADS_BLOCK}: {error}")
+            return
+        self._received += 1
+        self._fault = ""
+        if self._stream.restarts != self._restarts:
+            self._new_sensors()
+        for chunk in chunks:
+            self._publish(chunk)
+        self._busy += time.perf_counter() - start
+        self._simulated += len(block.values) / self._rate
+
+    def _check_rate(self, block: blocks.Block) -> None:
+        found = np.diff(block.offsets)
+        if len(found) and not np.allclose(found, 1.0 / self._rate, rtol=1e-3, atol=0.0):
+            raise BlockError(
+                f"samples {found[0]:.6g} s apart; load_rate {self._rate:g} Hz needs {1.0 / self._rate:g} s"
+            )
+
+    def _refuse(self, reason: str) -> None:
+        self._refused += 1
+        if reason != self._fault:
+            self.get_logger().warning(f"{reason}; not used")
+        self._fault = reason
+
+    def _publish(self, chunk: Chunk) -> None:
+        for point, node in self._points.items():
+            acceleration = chunk.acceleration[:, self._stream.nodes.index(node), :3]
+            for packet in self._sensors[point].process(chunk.first_step, acceleration):
+                self._publish_packet(point, packet)
+            for step, values in self._live[point].process(chunk.first_step, acceleration):
+                self._accels[point].publish(messages.accel(self._stamp(step), values.tolist(), point))
+        self._publish_meshes(chunk)
+
+    def _publish_packet(self, point: str, packet: SensorPacket) -> None:
+        stamp = self._stream.epoch_ns + packet.stamp_ns
+        message = messages.block(blocks.ACCELERATION, stamp, packet.time, packet.values, point)
+        self._blocks[point].publish(message)
+
+    def _publish_meshes(self, chunk: Chunk) -> None:
+        torque = chunk.mesh_force * self._pinion_radius
+        for step, values in self._live["drives"].process(chunk.first_step, torque):
+            self._drives.publish(messages.drives(self._stamp(step), values))
+        samples, stride = self._mesh_gate
+        kept = chunk.mesh_force[-chunk.first_step % stride :: stride]
+        first = chunk.first_step + (-chunk.first_step % stride) - len(self._mesh_pending) * stride
+        self._mesh_pending = np.concatenate([self._mesh_pending, kept])
+        layout = blocks.mesh_forces(self._stream.meshes)
+        offsets = np.arange(samples) * (stride * self._step / NANOSECONDS)
+        while len(self._mesh_pending) >= samples:
+            values, self._mesh_pending = self._mesh_pending[:samples], self._mesh_pending[samples:]
+            self._meshes.publish(messages.block(layout, self._stamp(first), offsets, values, "ring"))
+            first += samples * stride
+
+    def _stamp(self, step: int) -> int:
+        return self._stream.epoch_ns + step * self._step
+
+    def _diagnose(self) -> None:
+        now = self.get_clock().now().nanoseconds
+        stream = self._stream
+        faults = {"lost_steps": stream.lost_steps, "restarts": stream.restarts, "refused_blocks": self._refused}
+        values = {
+            "blocks": self._received,
+            **faults,
+            "real_time_factor": self._simulated / self._busy if self._busy else 0.0,
+        }
+        level: messages.Level = "ok" if self._received and not self._fault else "warn"
+        text = self._fault or ("integrating" if self._received else f"no block on {topics.LOADS_BLOCK} yet")
+        status = messages.status("tbm: dynamics", level, text, values, self._machine.name)
+        self._diagnostics.publish(messages.diagnostics(now, [status]))
+
+
+def main() -> None:
+    """Run the node."""
+    # Small matrices: more BLAS threads only fight the other nodes for the cores.
+    threadpool_limits(1)
+    sys.exit(run_node(DynamicsNode))
+
+
+if __name__ == "__main__":
+    main()

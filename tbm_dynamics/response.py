@@ -1,0 +1,79 @@
+"""What a run returns."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from tbm_dynamics.indicators import indicators
+from tbm_dynamics.machine.loading import MachineError
+
+AXES = ("x", "y", "z", "rx", "ry", "rz")
+
+
+@dataclass(frozen=True)
+class Response:
+    """Motion of selected nodes and mesh forces, at every step and unfiltered.
+
+    Attributes
+    ----------
+    time : (n,) ndarray
+        s, from the start of the run.
+    nodes : tuple of int
+    displacements, accelerations : (n, nodes, 6) ndarray
+        m and rad, m/s² and rad/s².
+    mesh_force : (n, p) ndarray
+        N.
+    ring_node, pinion_node : int
+        Mesh node of the ring gear and of the first pinion.
+    static_mesh_force : float
+        Mean torque shared equally by the meshes (N).
+    states : int
+        Number of states integrated.
+    """
+
+    time: np.ndarray
+    nodes: tuple[int, ...]
+    displacements: np.ndarray
+    accelerations: np.ndarray
+    mesh_force: np.ndarray
+    ring_node: int
+    pinion_node: int
+    static_mesh_force: float
+    states: int
+
+    def acceleration(self, node: int, axis: str | None = None) -> np.ndarray:
+        """Acceleration of a node, (n,) along one axis x, y, z, rx, ry, rz, or (n, 6).
+
+        Raises
+        ------
+        MachineError
+            A node that was not among the outputs, or an unknown axis.
+        """
+        return self._pick(self.accelerations, node, axis)
+
+    def displacement(self, node: int, axis: str | None = None) -> np.ndarray:
+        """Displacement of a node, static part included, (n,) or (n, 6); raises as `acceleration`."""
+        return self._pick(self.displacements, node, axis)
+
+    def _pick(self, values: np.ndarray, node: int, axis: str | None) -> np.ndarray:
+        if node not in self.nodes:
+            raise MachineError(
+                f"node {node}: not among the outputs {', '.join(map(str, self.nodes))}; ask for it with outputs="
+            )
+        picked = values[:, self.nodes.index(node)]
+        if axis is None:
+            return picked
+        if axis not in AXES:
+            raise MachineError(f"axis {axis!r}: allowed are {', '.join(AXES)}")
+        return picked[:, AXES.index(axis)]
+
+    def indicators(self) -> dict[str, float]:
+        """Return the eight indicators of the paper's Table 3."""
+        return indicators(
+            self.displacement(self.ring_node),
+            self.acceleration(self.pinion_node),
+            self.mesh_force,
+            self.static_mesh_force,
+        )

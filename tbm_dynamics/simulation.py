@@ -1,0 +1,90 @@
+"""A run from start to end: machine → response."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+
+import numpy as np
+
+from tbm_dynamics.integration.simulator import DEFAULT_STEP, Method, SimulationError, Simulator
+from tbm_dynamics.machine.machine import Machine
+from tbm_dynamics.response import Response
+
+_CHUNK_STEPS = 8192
+
+Progress = Callable[[float], None]
+"""Called with the share of the run that is done, 0 to 1."""
+
+
+def default_outputs(machine: Machine) -> tuple[int, ...]:
+    """Nodes of the test points, the ring gear's mesh plane and the first pinion's mesh node."""
+    drive = machine.description.driveshaft
+    nodes = [*machine.description.test_points.values(), drive.ring_node, drive.pinion_nodes_from + 1]
+    return tuple(dict.fromkeys(nodes))
+
+
+def simulate(
+    machine: Machine,
+    duration: float = 3.0,
+    seed: int = 0,
+    *,
+    time_step: float = DEFAULT_STEP,
+    method: Method = "reduced",
+    outputs: Iterable[int] | None = None,
+    progress: Progress | None = None,
+) -> Response:
+    """Run a machine from its static equilibrium under its loads.
+
+    Parameters
+    ----------
+    machine : Machine
+    duration : float
+        s.
+    seed : int
+        Of the load realisation.
+    time_step : float
+        s.
+    method : "reduced" or "full"
+    outputs : iterable of int, optional
+        Nodes whose motion is kept; test points, 8 and 14 by default. The indicators need the last two.
+    progress : callable, optional
+
+    Raises
+    ------
+    MachineError
+        A machine that cannot be assembled, an unknown node.
+    SimulationError
+        A duration without steps, a run that diverges.
+    """
+    steps = round(duration / time_step) if duration > 0.0 and np.isfinite(duration) else 0
+    if steps < 1:
+        raise SimulationError(f"duration {duration} s: must be at least one time step of {time_step} s")
+    nodes = default_outputs(machine) if outputs is None else tuple(outputs)
+    system = machine.assemble()
+    simulator = Simulator(system, nodes, time_step, method)
+    loads = machine.loads(seed)
+    time = np.arange(steps) * time_step
+    displacements, accelerations = np.empty((2, steps, len(nodes), 6))
+    mesh_force = np.empty((steps, system.meshes.count))
+    for first in range(0, steps, _CHUNK_STEPS):
+        part = slice(first, min(first + _CHUNK_STEPS, steps))
+        chunk = simulator.step(loads.evaluate(time[part]))
+        displacements[part], accelerations[part], mesh_force[part] = (
+            chunk.displacement,
+            chunk.acceleration,
+            chunk.mesh_force,
+        )
+        if progress is not None:
+            progress(part.stop / steps)
+    drive = machine.description.driveshaft
+    return Response(
+        time=time,
+        nodes=nodes,
+        displacements=displacements,
+        accelerations=accelerations,
+        mesh_force=mesh_force,
+        ring_node=drive.ring_node,
+        pinion_node=drive.pinion_nodes_from + 1,
+        static_mesh_force=machine.operating_point.torque / (system.meshes.count * system.meshes.ring_base_radius),
+        states=simulator.states,
+    )

@@ -1,0 +1,175 @@
+"""`tbm-monitor demo`: the whole job on the shipped recording, ending by itself."""
+
+from __future__ import annotations
+
+import time
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import numpy as np
+import typer
+from rich.table import Table
+
+from tbm_dynamics import Machine, load_machine
+from tbm_gsa.cli.output import JSON_OPTION, MACHINE_OPTION, SEED_OPTION, notes, print_json, progress_bar, results
+from tbm_gsa.cli.processes import NodeCommand, NodeProcesses, ParameterValue, set_default_environment
+from tbm_gsa.cli.ros import ANALYSIS_NODE, BAG_PLAYER, DYNAMICS_NODE, LOAD_NODE, watch
+from tbm_gsa.cli.shipped import shipped_bag
+from tbm_msgs_py.recording import read_recording
+
+if TYPE_CHECKING:
+    from tbm_gsa.nodes.watch import Seen, Watch
+
+G = 9.80665
+_LOOK_S = 0.2
+_ASKED_S = 10.0
+"""Longest wait for a study to start after it was asked for."""
+_STRONGEST = 5
+
+
+def demo(
+    bag: Annotated[Path | None, typer.Option(help="Recording to play; default: the shipped synthetic one.")] = None,
+    machine: Annotated[str, MACHINE_OPTION] = "dz101",
+    out: Annotated[Path, typer.Option(help="Folder for logs and the study.")] = Path("tbm_demo"),
+    samples: Annotated[int, typer.Option(min=10, help="Training simulations of the sensitivity analysis.")] = 200,
+    test: Annotated[int, typer.Option(min=2, help="Test simulations.")] = 20,
+    seed: Annotated[int, SEED_OPTION] = 0,
+    json: Annotated[bool, JSON_OPTION] = False,
+) -> None:
+    """Play a recording, run the three nodes, compare, let the comparison trigger the sensitivity analysis, report."""
+    set_default_environment()
+    recording = bag or shipped_bag()
+    length = max(record.duration for record in read_recording(recording).points.values())
+    described = load_machine(machine)
+    described.assemble()
+    start = time.monotonic()
+    with watch(described.description.test_points) as watching, NodeProcesses(out / "logs") as nodes:
+        for command in node_commands(recording, machine, seed, out, samples, test):
+            nodes.start(command)
+        notes.print(f"playing {recording} ({length:.0f} s) to three nodes; logs in {out / 'logs'}", highlight=False)
+        _play(watching, nodes, length)
+        _finish_study(watching, nodes)
+    document = demo_document(described, watching.seen, time.monotonic() - start)
+    if json:
+        print_json(document)
+    else:
+        _print_tables(document)
+
+
+def node_commands(bag: Path, machine: str, seed: int, out: Path, samples: int, test: int) -> list[NodeCommand]:
+    """Give player and nodes; the nodes follow the recording's clock."""
+    common: dict[str, ParameterValue] = {"machine": machine, "use_sim_time": True}
+    study: dict[str, ParameterValue] = {
+        "gsa.samples": samples,
+        "gsa.test": test,
+        "gsa.seed": seed,
+        "gsa.folder": str(out / "studies"),
+    }
+    return [
+        NodeCommand("analysis_node", ANALYSIS_NODE, {**common, **study}),
+        NodeCommand("dynamics_node", DYNAMICS_NODE, {**common, "seed": seed}),
+        # Dynamics and this process: both see the stream from its first block.
+        NodeCommand("load_node", LOAD_NODE, {**common, "seed": seed, "wait_for_subscribers": 2}),
+        NodeCommand("bag_player", BAG_PLAYER, {"bag": str(bag), "wait_for_subscribers": 2, "wait_timeout": 30.0}),
+    ]
+
+
+def _play(watching: Watch, nodes: NodeProcesses, length: float) -> None:
+    """Follow the playback to its end, saying once when the comparison starts a study."""
+    announced = False
+    progress = watching.seen.blocks
+    with progress_bar("playing") as bar:
+        task = bar.add_task("", total=length)
+        while nodes.running("bag_player"):
+            watching.spin(_LOOK_S)
+            nodes.check()
+            bar.update(task, completed=min(count.stream_time for count in progress.values()))
+            if not announced and watching.seen.gsa.get("state") == "running":
+                notes.print(f"sensitivity analysis {watching.seen.gsa_message}", highlight=False, markup=False)
+                announced = True
+
+
+def _finish_study(watching: Watch, nodes: NodeProcesses) -> None:
+    """Wait for the study; one that the comparison did not start is asked for."""
+    seen = watching.seen
+    if seen.gsa.get("state", "idle") == "idle":
+        notes.print("the comparison stayed under its threshold: asking for a sensitivity analysis", highlight=False)
+        watching.run_gsa()
+        _wait_while(watching, nodes, "idle", _ASKED_S)
+    with progress_bar("simulations") as bar:
+        task = bar.add_task("", total=int(seen.gsa.get("total", 0)))
+        while seen.gsa.get("state") == "running":
+            watching.spin(_LOOK_S)
+            nodes.check()
+            bar.update(task, completed=int(seen.gsa["done"]))
+    if seen.gsa.get("state") != "finished":
+        raise RuntimeError(f"sensitivity analysis: {seen.gsa_message}")
+    watching.spin(_LOOK_S)
+    if not seen.result:
+        raise RuntimeError("sensitivity analysis: finished, but no result came")
+
+
+def _wait_while(watching: Watch, nodes: NodeProcesses, state: str, seconds: float) -> None:
+    until = time.monotonic() + seconds
+    while watching.seen.gsa.get("state", state) == state and time.monotonic() < until:
+        watching.spin(_LOOK_S)
+        nodes.check()
+
+
+def demo_document(machine: Machine, seen: Seen, seconds: float) -> dict[str, Any]:
+    """Gather what `demo --json` prints.
+
+    Returns
+    -------
+    dict
+        ``points{point: {node, predicted_g, measured_g, relative_error, windows}}`` (axial, as the paper's Table 2),
+        ``outputs{name: {surrogate, r2_test, r2_cv, strongest{code: first index}}}``, ``blocks``, ``report``,
+        ``seconds``.
+    """
+    points = {}
+    for point, node in machine.description.test_points.items():
+        predicted, measured = seen.rms(point, "model_rms")[0], seen.rms(point, "field_rms")[0]
+        points[point] = {
+            "node": node,
+            "predicted_g": float(predicted / G),
+            "measured_g": float(measured / G),
+            "relative_error": float(abs(measured - predicted) / measured) if measured > 0.0 else float("nan"),
+            "windows": sum(bool(np.isfinite(value).all()) for value in seen.windows[point]["relative_error"]),
+        }
+    outputs = {}
+    for name, values in seen.result.items():
+        first = {key.removeprefix("first_"): float(value) for key, value in values.items() if key.startswith("first_")}
+        outputs[name] = {
+            "surrogate": values["surrogate"],
+            "r2_test": float(values["r2_test"]),
+            "r2_cv": float(values["r2_cv"]),
+            "strongest": first,
+        }
+    return {
+        "points": points,
+        "outputs": outputs,
+        "blocks": {name: {"received": count.received, "lost": count.lost} for name, count in seen.blocks.items()},
+        "trigger": seen.gsa_message,
+        "report": seen.gsa.get("report"),
+        "seconds": seconds,
+    }
+
+
+def _print_tables(document: dict[str, Any]) -> None:
+    table = Table(title="Axial acceleration, RMS (synthetic recording)")
+    for heading in ("test point", "node", "predicted (g)", "measured (g)", "relative error"):
+        table.add_column(heading, justify="left" if heading == "test point" else "right")
+    for point, row in document["points"].items():
+        error = f"{100.0 * row['relative_error']:.0f} %"
+        table.add_row(point, str(row["node"]), f"{row['predicted_g']:.2f}", f"{row['measured_g']:.2f}", error)
+    results.print(table)
+    table = Table(title=f"Strongest {_STRONGEST} inputs of each output, first Sobol index")
+    for heading in ("output", "surrogate", "R² test", "R² 10-fold", "inputs"):
+        table.add_column(heading)
+    for name, row in document["outputs"].items():
+        ranked = "  ".join(f"{code} {share:.2f}" for code, share in list(row["strongest"].items())[:_STRONGEST])
+        table.add_row(name, row["surrogate"], f"{row['r2_test']:.3f}", f"{row['r2_cv']:.3f}", ranked)
+    results.print(table)
+    lost = sum(count["lost"] for count in document["blocks"].values())
+    results.print(f"{document['seconds']:.0f} s, {lost} blocks lost", highlight=False)
+    results.print(f"report: {document['report']}", highlight=False, markup=False)

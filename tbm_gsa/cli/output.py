@@ -1,0 +1,52 @@
+"""How the commands speak: results on stdout, everything else on stderr, JSON as one document."""
+
+from __future__ import annotations
+
+import json
+import math
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import Any
+
+import typer
+from rich.console import Console
+from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
+
+# Paths are never wrapped: rich would break them at 80 columns when its output is piped.
+results = Console(soft_wrap=True)
+notes = Console(stderr=True, soft_wrap=True)
+
+JSON_OPTION = typer.Option("--json", help="Print exactly one JSON document on stdout.")
+SEED_OPTION = typer.Option("--seed", min=0, help="Seed of everything random.")
+MACHINE_OPTION = typer.Option("--machine", help="Name of a shipped machine, or path of a machine file.")
+
+
+def print_json(document: Any) -> None:
+    """Write one JSON document to stdout; numbers that are not finite become null."""
+    sys.stdout.write(json.dumps(_plain(document), indent=2, ensure_ascii=False, allow_nan=False) + "\n")
+
+
+def _plain(value: Any) -> Any:
+    if isinstance(value, dict):
+        return {str(key): _plain(item) for key, item in value.items()}
+    if isinstance(value, list | tuple):
+        return [_plain(item) for item in value]
+    if isinstance(value, float) and not math.isfinite(value):
+        return None
+    return value
+
+
+@contextmanager
+def progress_bar(description: str) -> Iterator[Progress]:
+    """Progress on stderr, shown only on a terminal; add a task to it."""
+    columns = (TextColumn(description), BarColumn(), TextColumn("{task.percentage:>3.0f} %"))
+    with Progress(
+        *columns,
+        TimeElapsedColumn(),
+        TimeRemainingColumn(),
+        console=notes,
+        transient=True,
+        disable=not notes.is_terminal,
+    ) as bar:
+        yield bar

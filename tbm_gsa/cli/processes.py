@@ -1,0 +1,133 @@
+"""The nodes as processes of the command line: started together, watched, ended in order."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from types import TracebackType
+from typing import Self
+
+_GRACE_S = 5.0
+# One thread a process: the matrices are small and the nodes share the cores. Discovery stays on this computer unless
+# the environment says otherwise.
+_DEFAULT_ENVIRONMENT = {
+    "OMP_NUM_THREADS": "1",
+    "OPENBLAS_NUM_THREADS": "1",
+    "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST",
+}
+
+ParameterValue = bool | int | float | str
+
+
+def set_default_environment() -> None:
+    """Environment of this process and of all it starts; what is set already stays."""
+    for name, value in _DEFAULT_ENVIRONMENT.items():
+        os.environ.setdefault(name, value)
+
+
+@dataclass(frozen=True)
+class NodeCommand:
+    """A node to start.
+
+    Attributes
+    ----------
+    name : str
+        Of the log file and in messages.
+    module : str
+        Python module that runs it.
+    parameters : mapping
+        ROS parameters.
+    """
+
+    name: str
+    module: str
+    parameters: Mapping[str, ParameterValue] = field(default_factory=dict)
+
+    def arguments(self) -> list[str]:
+        """Command line of the process."""
+        given = [part for key, value in self.parameters.items() for part in ("-p", f"{key}:={_literal(value)}")]
+        return [sys.executable, "-m", self.module, *(["--ros-args", *given] if given else [])]
+
+
+def _literal(value: ParameterValue) -> str:
+    """YAML of a parameter value; strings are quoted so that a name like `1e3` or a path stays a string."""
+    if isinstance(value, bool):
+        return str(value).lower()
+    if isinstance(value, str):
+        return "'" + value.replace("'", "''") + "'"
+    return repr(value)
+
+
+class NodeProcesses:
+    """Runs node processes inside a `with` block and ends exactly those.
+
+    Parameters
+    ----------
+    log_folder : Path
+        Gets one log file a node.
+    """
+
+    def __init__(self, log_folder: Path) -> None:
+        self._folder = log_folder
+        self._running: dict[str, subprocess.Popen[bytes]] = {}
+
+    def __enter__(self) -> Self:
+        self._folder.mkdir(parents=True, exist_ok=True)
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.stop()
+
+    def start(self, command: NodeCommand) -> None:
+        """Start a node; its output goes to its log file."""
+        with self._log(command.name).open("wb") as log:
+            # A session of its own: Ctrl-C reaches the command line only, which then ends the nodes in order.
+            self._running[command.name] = subprocess.Popen(  # noqa: S603 - our own command line
+                command.arguments(), stdin=subprocess.DEVNULL, stdout=log, stderr=log, start_new_session=True
+            )
+
+    def running(self, name: str) -> bool:
+        """Whether a node is still there.
+
+        Raises
+        ------
+        RuntimeError
+            It ended with an error; the message is its last line.
+        """
+        code = self._running[name].poll()
+        if code:
+            raise RuntimeError(f"{name} ended with exit code {code}: {self._last_line(name)}")
+        return code is None
+
+    def check(self) -> None:
+        """Raise `RuntimeError` if a node has ended with an error."""
+        for name in self._running:
+            self.running(name)
+
+    def stop(self) -> None:
+        """End every node: SIGINT, and after a grace period SIGKILL."""
+        for process in self._running.values():
+            if process.poll() is None:
+                process.send_signal(signal.SIGINT)
+        deadline = time.monotonic() + _GRACE_S
+        for process in self._running.values():
+            try:
+                process.wait(max(0.1, deadline - time.monotonic()))
+            except subprocess.TimeoutExpired:
+                process.kill()
+                process.wait()
+
+    def _log(self, name: str) -> Path:
+        return self._folder / f"{name}.log"
+
+    def _last_line(self, name: str) -> str:
+        lines = self._log(name).read_text(encoding="utf-8", errors="replace").splitlines()
+        return next((line.strip() for line in reversed(lines) if line.strip()), "it said nothing")

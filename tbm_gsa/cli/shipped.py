@@ -1,0 +1,32 @@
+"""Where the shipped recording is: the source tree, or share/ of an installation."""
+
+from __future__ import annotations
+
+import os
+import sys
+from pathlib import Path
+
+import tbm_gsa
+
+RECORDING = "field_dz101"
+
+
+def shipped_bag(name: str = RECORDING) -> Path:
+    """Folder of a recording that comes with the project.
+
+    Raises
+    ------
+    FileNotFoundError
+        It is in none of the places an installation has.
+    """
+    shares = [Path(prefix) / "share" / "tbm_monitor" for prefix in _prefixes()]
+    roots = [Path(tbm_gsa.__file__).resolve().parent.parent, *shares]
+    for root in roots:
+        if (root / "bags" / name / "metadata.yaml").is_file():
+            return root / "bags" / name
+    raise FileNotFoundError(f"recording {name}: not found in {', '.join(str(root / 'bags') for root in roots)}")
+
+
+def _prefixes() -> list[str]:
+    ament = os.environ.get("AMENT_PREFIX_PATH", "")
+    return [*(prefix for prefix in ament.split(os.pathsep) if prefix), sys.prefix]

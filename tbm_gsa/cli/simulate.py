@@ -1,0 +1,98 @@
+"""`tbm-monitor simulate`: one run of the model."""
+
+from __future__ import annotations
+
+import time
+from typing import Annotated, Any
+
+import numpy as np
+import typer
+from rich.table import Table
+
+from tbm_dynamics import Machine, Response, load_machine
+from tbm_dynamics import simulate as run_model
+from tbm_gsa.cli.output import JSON_OPTION, MACHINE_OPTION, SEED_OPTION, print_json, progress_bar, results
+
+G = 9.80665
+UNITS = {
+    "RDef_A": "m",
+    "RDef_L": "m",
+    "RDef_R": "rad",
+    "PAcc_A": "m/s²",
+    "PAcc_L": "m/s²",
+    "PAcc_R": "rad/s²",
+    "MF_M": "N",
+    "MF_Se": "N",
+}
+
+
+def simulate(
+    duration: Annotated[float, typer.Option(help="Simulated time (s).")] = 3.0,
+    machine: Annotated[str, MACHINE_OPTION] = "dz101",
+    seed: Annotated[int, SEED_OPTION] = 0,
+    json: Annotated[bool, JSON_OPTION] = False,
+) -> None:
+    """Run the model and print its indicators and accelerations."""
+    described = load_machine(machine)
+    # The kernel is compiled, and the factor below is that of the model, not of the compiler.
+    run_model(described, duration=1e-3, seed=seed)
+    start = time.perf_counter()
+    with progress_bar("simulating") as bar:
+        task = bar.add_task("", total=1.0)
+        response = run_model(described, duration, seed, progress=lambda share: bar.update(task, completed=share))
+    seconds = time.perf_counter() - start
+    document = simulation_document(described, response, seed, duration / seconds)
+    if json:
+        print_json(document)
+    else:
+        _print_tables(document)
+
+
+def simulation_document(machine: Machine, response: Response, seed: int, real_time_factor: float) -> dict[str, Any]:
+    """Gather what `simulate --json` prints.
+
+    Returns
+    -------
+    dict
+        ``indicators{RDef_A …}`` in SI units, ``rms_g`` and ``peak_g`` {point: {x, y, z}} of the accelerations without
+        their mean (g), ``mesh_force{mean, std, max}`` (N), ``real_time_factor``, ``machine``, ``seed``, ``duration``.
+    """
+    rms: dict[str, dict[str, float]] = {}
+    peak: dict[str, dict[str, float]] = {}
+    for point, node in machine.description.test_points.items():
+        values = response.acceleration(node)[:, :3] / G
+        values = values - values.mean(axis=0)
+        rms[point] = dict(zip("xyz", np.sqrt(np.mean(values**2, axis=0)).tolist(), strict=True))
+        peak[point] = dict(zip("xyz", np.abs(values).max(axis=0).tolist(), strict=True))
+    force = response.mesh_force
+    return {
+        "machine": machine.name,
+        "seed": seed,
+        "duration": float(len(response.time) * (response.time[1] - response.time[0]))
+        if len(response.time) > 1
+        else 0.0,
+        "indicators": response.indicators(),
+        "rms_g": rms,
+        "peak_g": peak,
+        "mesh_force": {"mean": float(force.mean()), "std": float(force.std()), "max": float(force.max())},
+        "states": response.states,
+        "real_time_factor": real_time_factor,
+    }
+
+
+def _print_tables(document: dict[str, Any]) -> None:
+    table = Table(title=f"{document['machine']}: indicators over {document['duration']:.3g} s, seed {document['seed']}")
+    table.add_column("indicator")
+    table.add_column("value", justify="right")
+    table.add_column("unit")
+    for name, value in document["indicators"].items():
+        table.add_row(name, f"{value:.4g}", UNITS[name])
+    results.print(table)
+    table = Table(title="acceleration, RMS (peak), g")
+    for heading in ("test point", "x", "y", "z"):
+        table.add_column(heading, justify="left" if heading == "test point" else "right")
+    for point, rms in document["rms_g"].items():
+        cells = (f"{rms[axis]:.3f} ({document['peak_g'][point][axis]:.2f})" for axis in "xyz")
+        table.add_row(point, *cells)
+    results.print(table)
+    results.print(f"real-time factor {document['real_time_factor']:.1f}, {document['states']} states")

@@ -1,0 +1,16 @@
+"""The model against a recording: conditioning, statistics, and the comparison afterwards and live."""
+
+from tbm_gsa.comparison.live import AlarmRule, WindowedComparison, WindowResult
+from tbm_gsa.comparison.offline import Comparison, Record, Settings, compare_records
+from tbm_gsa.comparison.streams import StreamCounters
+
+__all__ = [
+    "AlarmRule",
+    "Comparison",
+    "Record",
+    "Settings",
+    "StreamCounters",
+    "WindowResult",
+    "WindowedComparison",
+    "compare_records",
+]

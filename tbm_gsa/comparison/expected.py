@@ -1,0 +1,61 @@
+"""What to expect in the spectrum of a machine: lines of the loads, mesh frequency, axial natural frequencies."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from tbm_dynamics import Machine
+from tbm_gsa.comparison.conditioning import LOW_PASS_LIMIT_HZ
+
+Kind = Literal["load", "mesh", "axial"]
+
+MOSTLY = 0.5  # share of a mode's kinetic energy along x that makes it an axial one
+AUDIBLE = 1e-3  # response of a point to the loads, relative to the strongest mode's, below which a mode is left out
+
+
+@dataclass(frozen=True)
+class ExpectedLine:
+    """A frequency that a machine is expected to show.
+
+    Attributes
+    ----------
+    name : str
+        As lines are called where they are matched.
+    frequency : float
+        Hz.
+    kind : {"load", "mesh", "axial"}
+        Line of the loads, mesh frequency or its double, axial natural frequency.
+    """
+
+    name: str
+    frequency: float
+    kind: Kind
+
+
+def expected_lines(machine: Machine) -> tuple[ExpectedLine, ...]:
+    """Gather the lines of a machine at its operating point, each frequency once, the loads' first."""
+    loads = {line.frequency for component in machine.description.loads.components for line in component.lines}
+    mesh = machine.mesh_frequency
+    return (
+        *(ExpectedLine(f"load line {frequency:g} Hz", frequency, "load") for frequency in sorted(loads)),
+        ExpectedLine("mesh frequency", mesh, "mesh"),
+        ExpectedLine("2 × mesh frequency", 2.0 * mesh, "mesh"),
+        *_axial_lines(machine),
+    )
+
+
+def _axial_lines(machine: Machine) -> Iterator[ExpectedLine]:
+    """Undamped axial modes that the loads excite and a test point feels, numbered A1, A2 … from the lowest."""
+    system = machine.assemble()
+    frequency, shapes = system.modes
+    along = np.arange(0, system.size, 6)
+    axial = shapes[along]
+    share = np.einsum("ik,ij,jk->k", axial, system.M[np.ix_(along, along)], axial)
+    loaded = shapes[system.dof(machine.description.load_node, "ux")]
+    felt = [shapes[system.dof(node, "ux")] for node in machine.description.test_points.values()]
+    response = np.abs(loaded * np.array(felt)).max(axis=0, initial=0.0)
+    chosen = (share > MOSTLY) & (response > AUDIBLE * response.max()) & (frequency < LOW_PASS_LIMIT_HZ)
+    for number, value in enumerate(frequency[chosen].tolist(), start=1):
+        yield ExpectedLine(f"axial natural frequency A{number}", value, "axial")

@@ -1,0 +1,185 @@
+"""Model against field while both arrive: absolute windows of a few seconds, per test point.
+
+Blocks of both signals come in any interleaving and are brought together by their stamps. Only sums per window are
+kept, never samples, so the memory does not grow.
+"""
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from tbm_gsa.arrays import Array
+from tbm_gsa.comparison.statistics import relative_error
+from tbm_gsa.comparison.streams import NANOSECONDS, SOURCES, ClosedWindow, PointStreams, Source, StreamCounters
+
+
+@dataclass(frozen=True, eq=False)
+class WindowResult:
+    """Comparison of one window at one test point.
+
+    Attributes
+    ----------
+    point : str
+        Test point.
+    start_ns, length_ns : int
+        The window; starts are multiples of the length.
+    model_rms, field_rms : ndarray, shape (3,)
+        m/s²; NaN if that signal is missing. Of a rotating sensor, y and z both hold √(y² + z²).
+    relative_error : ndarray, shape (3,)
+        Equation (4); NaN where the coverage is too low to say.
+    model_coverage, field_coverage : float
+        Share of the window that really arrived, 0 … 1.
+    """
+
+    point: str
+    start_ns: int
+    length_ns: int
+    model_rms: Array
+    field_rms: Array
+    relative_error: Array
+    model_coverage: float
+    field_coverage: float
+
+    @property
+    def coverage(self) -> float:
+        """Share of the window that both signals cover at best."""
+        return min(self.model_coverage, self.field_coverage)
+
+
+class WindowedComparison:
+    """Compares model and field window by window at every test point that is fed.
+
+    Parameters
+    ----------
+    window_s : float
+        Length of a window.
+    rotating : iterable of str
+        Test points whose sensor turns with the head: y and z are compared as √(y² + z²).
+    high_hz : float or None
+        Upper limit of the band; by default what `common_band` gives for the two rates.
+    patience : int
+        Windows that one signal may lag behind before a window is closed without it.
+    least_coverage : float
+        Below it a window gives no error.
+    """
+
+    def __init__(
+        self,
+        window_s: float = 2.0,
+        *,
+        rotating: Iterable[str] = (),
+        high_hz: float | None = None,
+        patience: int = 2,
+        least_coverage: float = 0.5,
+    ) -> None:
+        if not window_s > 0.0:
+            raise ValueError(f"window_s must be positive, not {window_s}")
+        self.counters: dict[str, dict[Source, StreamCounters]] = {}
+        self._window_ns = round(window_s * NANOSECONDS)
+        self._rotating = frozenset(rotating)
+        self._high_hz = high_hz
+        self._patience = patience
+        self._least_coverage = least_coverage
+        self._points: dict[str, PointStreams] = {}
+
+    def feed(self, point: str, source: Source, stamp_ns: int, t: ArrayLike, values: ArrayLike) -> list[WindowResult]:
+        """Take a block and give the windows it completes.
+
+        Parameters
+        ----------
+        point : str
+            Test point.
+        source : {"model", "field"}
+            Which signal.
+        stamp_ns : int
+            Stamp of the block, ns since the epoch.
+        t : array_like, shape (n,)
+            Times after the stamp, s.
+        values : array_like, shape (n, 3)
+            m/s², in the machine axes.
+
+        Returns
+        -------
+        list of WindowResult
+            In the order of time. Windows in which a filter was still settling are left out.
+        """
+        offsets, rows = np.asarray(t, dtype=np.float64), np.asarray(values, dtype=np.float64)
+        if offsets.ndim != 1 or rows.shape != (offsets.size, 3):
+            raise ValueError(
+                f"test point {point}: t and values must be (n,) and (n, 3), not {offsets.shape} and {rows.shape}"
+            )
+        counters = self.counters.setdefault(point, {name: StreamCounters() for name in SOURCES})
+        finite = np.isfinite(offsets) & np.isfinite(rows).all(axis=1)
+        counters[source].rejected += int(np.count_nonzero(~finite))
+        times = stamp_ns + np.rint(offsets[finite] * NANOSECONDS).astype(np.int64)
+        if not times.size:
+            return []
+        streams = self._streams(point, source, int(times[0]))
+        closed = streams.feed(source, times, rows[finite], high_hz=self._high_hz, patience=self._patience)
+        return [self._result(point, streams, window) for window in closed]
+
+    def _streams(self, point: str, source: Source, first_ns: int) -> PointStreams:
+        """Both signals of a point; afresh if this one's clock has jumped back, as a bag does that loops."""
+        streams, counters = self._points.get(point), self.counters[point]
+        if streams is not None and not streams[source].jumps_back(first_ns):
+            return streams
+        counters[source].restarts += streams is not None
+        self._points[point] = PointStreams(self._window_ns, counters)
+        return self._points[point]
+
+    def _result(self, point: str, streams: PointStreams, closed: ClosedWindow) -> WindowResult:
+        turning, length = point in self._rotating, self._window_ns
+        model, field = (closed.sums[source].rms(turning) for source in SOURCES)
+        shares = [closed.sums[source].coverage(streams[source].rate_hz, length) for source in SOURCES]
+        error = relative_error(field, model) if min(shares) >= self._least_coverage else np.full(3, np.nan)
+        return WindowResult(point, closed.index * length, length, model, field, error, *shares)
+
+
+class AlarmRule:
+    """Says when the error of a test point has stayed over a threshold for a number of windows.
+
+    Parameters
+    ----------
+    threshold : float
+        Of the relative error of any axis, or of its change if there is a baseline.
+    windows : int
+        Consecutive windows with a known error that have to be over it.
+    baseline : mapping of str to array_like, shape (3,)
+        Usual error of each point of this machine; the model of a sound drive has one too.
+    axes : sequence of int
+        Which of x, y, z to watch.
+    """
+
+    def __init__(
+        self,
+        threshold: float = 0.30,
+        windows: int = 3,
+        baseline: Mapping[str, ArrayLike] | None = None,
+        axes: Sequence[int] = (0, 1, 2),
+    ) -> None:
+        if not threshold > 0.0 or windows < 1:
+            raise ValueError(f"an alarm needs threshold > 0 and windows >= 1, not {threshold} and {windows}")
+        self._threshold = threshold
+        self._windows = windows
+        self._baseline = {point: np.asarray(error, dtype=np.float64) for point, error in (baseline or {}).items()}
+        self._axes = list(axes)
+        self._over: dict[str, int] = {}
+
+    @property
+    def raised(self) -> frozenset[str]:
+        """Test points whose alarm stands."""
+        return frozenset(point for point, count in self._over.items() if count >= self._windows)
+
+    def update(self, result: WindowResult) -> bool:
+        """Take the next window of a point; true when this window raises the alarm, once until it has fallen again."""
+        error = result.relative_error
+        if result.point in self._baseline:
+            error = np.abs(error - self._baseline[result.point])
+        watched = error[self._axes]
+        if np.isnan(watched).all():
+            return False
+        over = bool(np.any(watched > self._threshold))
+        self._over[result.point] = self._over.get(result.point, 0) + 1 if over else 0
+        return self._over[result.point] == self._windows

@@ -1,0 +1,215 @@
+"""One test point while its two signals arrive: ordering, conditioning and sums per window, no samples kept."""
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+from typing import Literal
+
+import numpy as np
+
+from tbm_gsa.arrays import Array, Integers
+from tbm_gsa.comparison.conditioning import HIGH_PASS_HZ, Band, CausalConditioner, common_band, sampling_rate
+from tbm_gsa.comparison.statistics import coverage
+
+Source = Literal["model", "field"]
+SOURCES: tuple[Source, Source] = ("model", "field")
+
+NANOSECONDS = 1_000_000_000
+BATCH_NS = 200_000_000  # samples are worked off in batches; the first one gives the rate and the mean to start from
+LEAST_BATCH = 8  # samples
+SETTLE_NS = round(NANOSECONDS / HIGH_PASS_HZ)  # one period of the high-pass
+
+
+@dataclass
+class StreamCounters:
+    """What happened to one signal of one point since the beginning."""
+
+    rejected: int = 0  # samples that were not finite
+    late: int = 0  # samples not newer than the ones before, or of a window already closed
+    gaps: int = 0  # stretches without samples that were longer than a window
+    restarts: int = 0  # jumps back of the stamps
+
+
+@dataclass
+class WindowSum:
+    """Sums of one signal over one window."""
+
+    count: int = 0
+    squares: Array = field(default_factory=lambda: np.zeros(3))  # m²/s⁴; NaN while the band is not known
+    settling: bool = False
+
+    def rms(self, rotating: bool) -> Array:
+        """Root mean square, (3,), m/s²; of a rotating sensor y and z both get √(y² + z²)."""
+        power = self.squares / self.count if self.count else np.full(3, np.nan)
+        if rotating:
+            power[1:] = power[1:].sum()
+        return np.asarray(np.sqrt(power))
+
+    def coverage(self, rate_hz: float | None, window_ns: int) -> float:
+        """Share of the window that arrived."""
+        return coverage(self.count, rate_hz, window_ns / NANOSECONDS) if rate_hz else 0.0
+
+
+@dataclass(frozen=True, eq=False)
+class ClosedWindow:
+    """A window that nothing will be added to; it starts at index times its length."""
+
+    index: int
+    sums: Mapping[Source, WindowSum]
+
+
+class PointStreams:
+    """Both signals of one test point.
+
+    Parameters
+    ----------
+    window_ns : int
+        Length of a window.
+    counters : mapping of Source to StreamCounters
+        Where to count; they outlive a restart.
+    """
+
+    def __init__(self, window_ns: int, counters: Mapping[Source, StreamCounters]) -> None:
+        self._window_ns = window_ns
+        self._streams: dict[Source, _Stream] = {source: _Stream(window_ns, counters[source]) for source in SOURCES}
+        self._band: Band | None = None
+        self._closed: int | None = None  # the last closed window
+
+    def __getitem__(self, source: Source) -> "_Stream":
+        return self._streams[source]
+
+    def feed(
+        self, source: Source, times: Integers, rows: Array, *, high_hz: float | None, patience: int
+    ) -> list[ClosedWindow]:
+        """Take finite samples, times (n,) ns and rows (n, 3) m/s², and give the windows that are complete."""
+        self._streams[source].push(times, rows)
+        self._settle_on_band(high_hz)
+        for stream in self._streams.values():
+            stream.work_off(self._closed)
+        return list(self._close(patience))
+
+    def _settle_on_band(self, high_hz: float | None) -> None:
+        """Fix the band once it is known, for as long as the clock runs on, and start what can start."""
+        rates = [stream.rate_hz for stream in self._streams.values() if stream.rate_hz]
+        if self._band is None and high_hz is not None:
+            self._band = Band(HIGH_PASS_HZ, high_hz)
+        elif self._band is None and len(rates) == len(SOURCES):
+            self._band = common_band(*rates)
+        if self._band:
+            for stream in self._streams.values():
+                stream.start(self._band)
+
+    def _close(self, patience: int) -> Iterator[ClosedWindow]:
+        reached = [stream.reached_ns for stream in self._streams.values()]
+        for index in sorted(set().union(*(stream.sums for stream in self._streams.values()))):
+            end = (index + 1) * self._window_ns
+            if min(reached) < end and max(reached) < end + patience * self._window_ns:
+                return
+            self._closed = index
+            sums = {source: stream.sums.pop(index, WindowSum()) for source, stream in self._streams.items()}
+            if not any(total.settling for total in sums.values()):
+                yield ClosedWindow(index, sums)
+
+
+class _Stream:
+    """One signal of one point.
+
+    Short gaps leave the state of the filter as it is: its high-pass remembers the mean, and a jump between two values
+    of a vibration is no worse than the vibration. After more than a window without a sample it starts afresh.
+    """
+
+    def __init__(self, window_ns: int, counters: StreamCounters) -> None:
+        self.rate_hz: float | None = None
+        self.reached_ns = -1  # end of what is in the sums; negative before anything is
+        self.sums: dict[int, WindowSum] = {}
+        self._window_ns = window_ns
+        self._counters = counters
+        self._pending_times: list[Integers] = []
+        self._pending_rows: list[Array] = []
+        self._latest_ns: int | None = None  # of all samples, pending or not
+        self._conditioner: CausalConditioner | None = None
+        self._settled_ns: int | None = None
+
+    def jumps_back(self, first_ns: int) -> bool:
+        """Whether a block that starts at `first_ns` belongs to a new run of the clock."""
+        return self._latest_ns is not None and first_ns < self._latest_ns - self._window_ns
+
+    @property
+    def _period_ns(self) -> int:
+        return round(NANOSECONDS / self.rate_hz) if self.rate_hz else 0
+
+    def start(self, band: Band) -> None:
+        """Condition from now on, if the rate is known."""
+        if self.rate_hz and self._conditioner is None:
+            self._conditioner = CausalConditioner(self.rate_hz, band)
+
+    def push(self, times: Integers, rows: Array) -> None:
+        """Take what is newer than all before, and learn the rate from the first batch."""
+        latest = times[0] - 1 if self._latest_ns is None else self._latest_ns
+        fresh = times > np.maximum.accumulate(np.concatenate([[latest], times[:-1]]))
+        self._counters.late += int(np.count_nonzero(~fresh))
+        if not fresh.any():
+            return
+        self._pending_times.append(times[fresh])
+        self._pending_rows.append(rows[fresh])
+        self._latest_ns = int(times[fresh][-1])
+        if self.rate_hz is None and self._holds(BATCH_NS):
+            pending = np.concatenate(self._pending_times)
+            self.rate_hz = sampling_rate((pending - pending[0]) / NANOSECONDS)
+
+    def work_off(self, closed: int | None) -> None:
+        """Add what is pending to the sums, if it is enough; while there is no band, a window of it waits for one."""
+        enough = (self._holds(BATCH_NS) or self._ends_window()) if self._conditioner else self._holds(self._window_ns)
+        if self.rate_hz is None or not enough:
+            return
+        times, rows = np.concatenate(self._pending_times), np.concatenate(self._pending_rows)
+        self._pending_times, self._pending_rows = [], []
+        cuts = np.flatnonzero(np.diff(times, prepend=times[0]) > self._window_ns)
+        if 0 <= self.reached_ns < times[0] - self._window_ns:
+            cuts = np.concatenate([[0], cuts])
+        for number, (stamps, part) in enumerate(zip(np.split(times, cuts), np.split(rows, cuts), strict=True)):
+            if number:
+                self._counters.gaps += 1
+                self._restart()
+            if stamps.size:
+                self._add(stamps, self._condition(stamps, part), closed)
+        self.reached_ns = int(times[-1]) + self._period_ns
+
+    def _holds(self, length_ns: int) -> bool:
+        """Whether the pending samples, each with its period, fill a length of time."""
+        count = sum(map(len, self._pending_times))
+        if count < LEAST_BATCH:
+            return False
+        span = int(self._pending_times[-1][-1] - self._pending_times[0][0])
+        return span * count >= length_ns * (count - 1)
+
+    def _ends_window(self) -> bool:
+        """Whether the pending samples reach the end of the window they begin in."""
+        if not self._pending_times or self._latest_ns is None:
+            return False
+        end = (self._pending_times[0][0] // self._window_ns + 1) * self._window_ns
+        return bool(self._latest_ns + self._period_ns >= end)
+
+    def _restart(self) -> None:
+        self._settled_ns = None
+        if self._conditioner:
+            self._conditioner.reset()
+
+    def _condition(self, times: Integers, rows: Array) -> Array:
+        if self._conditioner is None:
+            return np.full(rows.shape, np.nan)
+        if self._settled_ns is None:
+            self._settled_ns = int(times[0]) + SETTLE_NS
+        return self._conditioner.process(rows)
+
+    def _add(self, times: Integers, conditioned: Array, closed: int | None) -> None:
+        indices = times // self._window_ns
+        for index in np.unique(indices).tolist():
+            inside = indices == index
+            count = int(np.count_nonzero(inside))
+            if closed is not None and index <= closed:
+                self._counters.late += count
+                continue
+            total = self.sums.setdefault(index, WindowSum())
+            total.count += count
+            total.squares += np.square(conditioned[inside]).sum(axis=0)
+            total.settling |= self._settled_ns is not None and bool(times[inside][0] < self._settled_ns)

@@ -1,0 +1,1 @@
+"""ROS 2 node of the analysis and the process it starts."""

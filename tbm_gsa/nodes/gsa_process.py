@@ -1,0 +1,156 @@
+"""One sensitivity analysis at a time, in a process of its own that the node only watches."""
+
+from __future__ import annotations
+
+import json
+import signal
+import subprocess
+import sys
+from dataclasses import dataclass, field
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any, Literal
+
+from tbm_gsa.study.errors import StudyError
+from tbm_gsa.study.run import REPORT_NAME, RESULT_NAME, STORE_NAME
+from tbm_gsa.study.store import Store
+
+State = Literal["idle", "running", "finished", "failed", "cancelled"]
+_LOG_NAME = "gsa.log"
+_GRACE_S = 3.0
+
+
+@dataclass(frozen=True)
+class GsaOptions:
+    """What the started analysis is asked for."""
+
+    machine: str
+    samples: int
+    test: int
+    duration: float
+    seed: int
+    workers: int
+    folder: Path
+
+
+@dataclass(frozen=True)
+class GsaStatus:
+    """Where an analysis stands.
+
+    Attributes
+    ----------
+    state : str
+    reason : str
+        What started it, or why it failed.
+    done, total, failed : int
+        Simulations.
+    folder : Path or None
+    """
+
+    state: State = "idle"
+    reason: str = ""
+    done: int = 0
+    total: int = 0
+    failed: int = 0
+    folder: Path | None = None
+
+    @property
+    def report(self) -> Path | None:
+        """The HTML page of a finished analysis."""
+        return self.folder / REPORT_NAME if self.folder and self.state == "finished" else None
+
+
+@dataclass
+class GsaProcess:
+    """Starts, watches and cancels the process; store and report stay when this object is gone."""
+
+    options: GsaOptions
+    status: GsaStatus = GsaStatus()
+    _process: subprocess.Popen[bytes] | None = field(default=None, repr=False)
+
+    @property
+    def running(self) -> bool:
+        """Whether an analysis is under way."""
+        return self.status.state == "running"
+
+    def start(self, reason: str) -> bool:
+        """Start an analysis in a new folder; False when one is running already."""
+        if self.running:
+            return False
+        options = self.options
+        folder = _new_folder(options.folder)
+        command = [sys.executable, "-m", "tbm_gsa.cli.main", "gsa", "run", "--machine", options.machine]
+        command += ["--samples", str(options.samples), "--test", str(options.test), "--out", str(folder)]
+        command += ["--duration", str(options.duration), "--seed", str(options.seed), "--workers", str(options.workers)]
+        with (folder / _LOG_NAME).open("wb") as log:
+            # A group of its own: Ctrl-C at the terminal reaches the node, which then ends this one in order.
+            self._process = subprocess.Popen(  # noqa: S603 - our own command line
+                [*command, "--json"],
+                stdin=subprocess.DEVNULL,
+                stdout=subprocess.DEVNULL,
+                stderr=log,
+                start_new_session=True,
+            )
+        self.status = GsaStatus("running", reason, 0, options.samples + options.test, 0, folder)
+        return True
+
+    def poll(self) -> GsaStatus:
+        """Look at the process and its store."""
+        if not self.running or self._process is None or self.status.folder is None:
+            return self.status
+        done, failed = _counts(self.status.folder / STORE_NAME)
+        code = self._process.poll()
+        state: State = "running" if code is None else "finished" if code == 0 else "failed"
+        reason = self.status.reason if state != "failed" else f"exit code {code}: {_last_line(self.status.folder)}"
+        self.status = GsaStatus(state, reason, done, self.status.total, failed, self.status.folder)
+        return self.status
+
+    def result(self) -> dict[str, Any]:
+        """Read the JSON document of a finished analysis."""
+        assert self.status.folder is not None  # noqa: S101 - finished has a folder
+        document: dict[str, Any] = json.loads((self.status.folder / RESULT_NAME).read_text(encoding="utf-8"))
+        return document
+
+    def cancel(self, reason: str) -> bool:
+        """End the running analysis; what it has simulated stays in its store."""
+        if not self.running or self._process is None:
+            return False
+        self._process.send_signal(signal.SIGINT)
+        try:
+            self._process.wait(_GRACE_S)
+        except subprocess.TimeoutExpired:
+            self._process.kill()
+            self._process.wait()
+        status = self.status
+        self.status = GsaStatus("cancelled", reason, status.done, status.total, status.failed, status.folder)
+        return True
+
+
+def _new_folder(parent: Path) -> Path:
+    """Make a folder named after the time, numbered when two fall into one second."""
+    stamp = datetime.now(UTC).strftime("gsa_%Y%m%dT%H%M%S")
+    for number in range(1000):
+        folder = parent / (f"{stamp}_{number}" if number else stamp)
+        try:
+            folder.mkdir(parents=True)
+        except FileExistsError:
+            continue
+        return folder
+    raise OSError(f"{parent}: no free folder name for {stamp}")
+
+
+def _counts(store: Path) -> tuple[int, int]:
+    """Finished and failed simulations; zero until the process has made its store."""
+    if not store.is_file():
+        return 0, 0
+    try:
+        with Store.open(store) as opened:
+            counts = opened.counts()
+    except StudyError:  # caught between creation and the first transaction
+        return 0, 0
+    return counts.done, counts.failed
+
+
+def _last_line(folder: Path) -> str:
+    lines = (folder / _LOG_NAME).read_text(encoding="utf-8", errors="replace").split("\n")
+    return next((line.strip() for line in reversed(lines) if line.strip()), "no message")

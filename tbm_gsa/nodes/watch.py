@@ -1,0 +1,146 @@
+"""What a user sees of the running system: block losses, comparison, sensitivity analysis, diagnostics."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass, field
+from functools import partial
+from types import TracebackType
+from typing import Any, Self
+
+import numpy as np
+import rclpy
+from diagnostic_msgs.msg import DiagnosticArray
+from geometry_msgs.msg import Vector3Stamped
+from rclpy.executors import SingleThreadedExecutor
+from rclpy.node import Node
+from rclpy.signals import SignalHandlerOptions
+from sensor_msgs.msg import PointCloud2
+from std_srvs.srv import Trigger
+
+from tbm_msgs_py import topics
+from tbm_msgs_py.nodes import messages, qos
+
+
+@dataclass
+class BlockCount:
+    """Blocks of one topic: how many came, how many stamps are missing, where the stream stands (s)."""
+
+    received: int = 0
+    lost: int = 0
+    first_ns: int = 0
+    next_ns: int = 0
+
+    @property
+    def stream_time(self) -> float:
+        """Seconds of stream from the first sample to the end of the last block."""
+        return (self.next_ns - self.first_ns) * 1e-9
+
+    def count(self, stamp_ns: int, length_ns: int) -> None:
+        """Take a block; a stream that starts afresh is counted from there."""
+        if self.received == 0 or stamp_ns < self.first_ns:
+            self.first_ns = self.next_ns = stamp_ns
+        self.lost += max(0, round((stamp_ns - self.next_ns) / length_ns))
+        self.received += 1
+        self.next_ns = stamp_ns + length_ns
+
+
+@dataclass
+class Seen:
+    """Everything that was received."""
+
+    blocks: dict[str, BlockCount] = field(default_factory=dict)
+    windows: dict[str, dict[str, list[np.ndarray]]] = field(default_factory=dict)
+    gsa: dict[str, str] = field(default_factory=dict)
+    gsa_message: str = ""
+    result: dict[str, dict[str, str]] = field(default_factory=dict)
+    diagnostics: dict[str, tuple[int, str, dict[str, str]]] = field(default_factory=dict)
+
+    def rms(self, point: str, quantity: str) -> np.ndarray:
+        """RMS over the windows of a point (3,), m/s²; NaN without one."""
+        values = [value for value in self.windows.get(point, {}).get(quantity, []) if np.isfinite(value).all()]
+        return np.asarray(np.sqrt(np.mean(np.square(values), axis=0))) if values else np.full(3, np.nan)
+
+
+class Watch:
+    """Subscribes to the system and spins in the caller's thread, as a context manager.
+
+    Parameters
+    ----------
+    points : iterable of str
+        Test points.
+    """
+
+    def __init__(self, points: Iterable[str]) -> None:
+        self.seen = Seen()
+        self._points = tuple(points)
+
+    def __enter__(self) -> Self:
+        # The command line keeps its own signal handling: Ctrl-C must end the nodes it has started.
+        rclpy.init(args=[], signal_handler_options=SignalHandlerOptions.NO)
+        self._node = Node("tbm_monitor", namespace=topics.NAMESPACE)
+        self._executor = SingleThreadedExecutor()
+        self._executor.add_node(self._node)
+        block_topics = [topics.LOADS_BLOCK, topics.MODEL_MESH_FORCES, *map(topics.model_block, self._points)]
+        for name in block_topics:
+            self.seen.blocks[name] = BlockCount()
+            self._subscribe(PointCloud2, name, partial(self._on_block, self.seen.blocks[name]), qos.BLOCK)
+        for point in self._points:
+            for quantity in topics.ANALYSIS_QUANTITIES:
+                store = self.seen.windows.setdefault(point, {}).setdefault(quantity, [])
+                self._subscribe(
+                    Vector3Stamped, topics.analysis(point, quantity), partial(self._on_vector, store), qos.ANALYSIS
+                )
+        self._subscribe(DiagnosticArray, topics.GSA_STATUS, self._on_gsa_status, qos.GSA)
+        self._subscribe(DiagnosticArray, topics.GSA_RESULT, self._on_gsa_result, qos.GSA)
+        self._subscribe(DiagnosticArray, topics.DIAGNOSTICS, self._on_diagnostics, qos.DIAGNOSTICS)
+        self._run_gsa = self._node.create_client(Trigger, topics.RUN_GSA)
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self._executor.remove_node(self._node)
+        self._executor.shutdown()
+        self._node.destroy_node()
+        rclpy.try_shutdown()
+
+    def spin(self, seconds: float) -> None:
+        """Handle what comes for a while."""
+        until = time.monotonic() + seconds
+        while (left := until - time.monotonic()) > 0.0:
+            self._executor.spin_once(timeout_sec=left)
+
+    def run_gsa(self) -> None:
+        """Ask the analysis node for a sensitivity analysis; the status topic tells what came of it."""
+        self._run_gsa.call_async(Trigger.Request())
+
+    def _subscribe(self, kind: Any, name: str, callback: Callable[[Any], None], quality: Any) -> None:
+        self._node.create_subscription(kind, name, callback, quality)
+
+    @staticmethod
+    def _on_block(count: BlockCount, message: Any) -> None:
+        block = messages.block_from(message)
+        samples = len(block.offsets)
+        spacing = (block.offsets[-1] - block.offsets[0]) / max(1, samples - 1)
+        count.count(block.stamp_ns, round(samples * spacing * 1e9))
+
+    @staticmethod
+    def _on_vector(store: list[np.ndarray], message: Any) -> None:
+        store.append(np.array([message.vector.x, message.vector.y, message.vector.z]))
+
+    def _on_gsa_status(self, message: Any) -> None:
+        for status in message.status:
+            self.seen.gsa = {pair.key: pair.value for pair in status.values}
+            self.seen.gsa_message = status.message
+
+    def _on_gsa_result(self, message: Any) -> None:
+        for status in message.status:
+            name = status.name.rpartition(" ")[2]
+            self.seen.result[name] = {pair.key: pair.value for pair in status.values}
+
+    def _on_diagnostics(self, message: Any) -> None:
+        for status in message.status:
+            values = {pair.key: pair.value for pair in status.values}
+            self.seen.diagnostics[status.name] = (int.from_bytes(status.level, "little"), status.message, values)

@@ -1,0 +1,100 @@
+"""The HTML page of a comparison of a recording with the model."""
+
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import Any, Final
+
+from tbm_gsa.comparison.document import axial_rows
+from tbm_gsa.comparison.expected import ExpectedLine
+from tbm_gsa.comparison.workflow import ComparisonResult
+from tbm_gsa.report import compare_figures
+from tbm_gsa.report.page import embed_figure, render_page
+
+LOW_COVERAGE: Final = 0.9
+
+
+def compare_page(result: ComparisonResult) -> str:
+    """Render a comparison as a page that holds its figures and style."""
+    document = result.document
+    points = ", ".join(document["points"])
+    context = {
+        "title": "Recording against model",
+        "subtitle": f"{document['recording']['path']}, machine {document['machine']}, test points {points}",
+        "document": document,
+        "rows": axial_rows(document),
+        "axis_names": compare_figures.AXIS_NAMES,
+        "axes": list(_axes(document)),
+        "low": [name for name, point in result.comparison.points.items() if point.coverage < LOW_COVERAGE],
+        "low_limit": LOW_COVERAGE,
+        "health": [_health(document, name) for name in [*document["points"], *document["skipped"]]],
+        "excerpt": result.excerpt.point,
+        "window_count": max(len(axes["x"]["windows"]["start"]) for axes in document["points"].values()),
+        "provenance": _provenance(document),
+        **_figures(result),
+    }
+    return render_page("compare.html", context)
+
+
+def write_page(result: ComparisonResult, path: Path) -> None:
+    """Write the page so that a reader sees the old file or the new one, never half of it."""
+    unfinished = path.with_name(f".{path.name}.new")
+    try:
+        unfinished.write_text(compare_page(result), encoding="utf-8")
+        unfinished.replace(path)
+    finally:
+        unfinished.unlink(missing_ok=True)
+
+
+def _axes(document: Mapping[str, Any]) -> Iterator[dict[str, Any]]:
+    """Rows of the table of every point and axis."""
+    for name, axes in document["points"].items():
+        for axis, values in axes.items():
+            yield {"point": name, "axis": axis, "first": axis == "x", "span": len(axes), **values}
+
+
+def _health(document: Mapping[str, Any], name: str) -> dict[str, Any]:
+    """One recorded point in the table of the recording's health."""
+    record = document["recording"]["points"][name]
+    gaps = [end - begin for begin, end in record["gaps"]]
+    compared = document["points"].get(name)
+    return {
+        "point": name,
+        **record,
+        "gap_count": len(gaps),
+        "longest": max(gaps, default=0.0),
+        "coverage": compared["x"]["coverage"] if compared else None,
+    }
+
+
+def _figures(result: ComparisonResult) -> dict[str, str]:
+    """Draw the figures as image elements."""
+    comparison = result.comparison
+    lines = [
+        ExpectedLine(line["name"], line["frequency_hz"], line["kind"]) for line in result.document["expected_lines"]
+    ]
+    return {
+        "series": embed_figure(
+            compare_figures.time_series(result.excerpt),
+            f"Axial acceleration measured and computed at {result.excerpt.point}",
+        ),
+        "spectra": embed_figure(compare_figures.spectra(comparison, lines), "Axial power spectral densities"),
+        "flow": embed_figure(compare_figures.power_flow(comparison), "RMS of every test point in each direction"),
+        "windows": embed_figure(compare_figures.windows(comparison), "Axial RMS and relative error by window"),
+    }
+
+
+def _provenance(document: Mapping[str, Any]) -> dict[str, object]:
+    """Where the numbers come from, as rows of a table."""
+    recording, level = document["recording"], document["operating_point"]
+    bands = {f"{band['low_hz']:g} to {band['high_hz']:.0f} Hz" for band in document["bands"].values()}
+    return {
+        "recording": recording["path"],
+        "SHA-256": recording["sha256"],
+        "machine": document["machine"],
+        "operating point": f"{level['speed_r_min']:.4g} r/min, {level['torque_kn_m']:.5g} kN·m, "
+        f"{level['thrust_kn']:.5g} kN ({level['note']})",
+        "model run": f"{document['model_duration']:g} s, seed {document['seed']}",
+        "compared band": "; ".join(sorted(bands)),
+        "window": f"{document['window_s']:g} s",
+        "versions": ", ".join(f"{name} {number}" for name, number in document["versions"].items()),
+    }

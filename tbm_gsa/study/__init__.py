@@ -1,0 +1,1 @@
+"""A sensitivity study: uncertain inputs, design, campaign of simulations, store, analysis."""

@@ -1,0 +1,142 @@
+"""A whole study in one folder: campaign, analysis, result.json and report.html."""
+
+import json
+import time
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Final
+
+from tbm_gsa.report.gsa_page import gsa_page
+from tbm_gsa.study.analysis import OutputAnalysis, analyse, check_methods
+from tbm_gsa.study.campaign import Progress, run_campaign
+from tbm_gsa.study.document import study_document
+from tbm_gsa.study.store import Problem, Store
+from tbm_gsa.study.worker import Evaluate
+
+STORE_NAME: Final = "store.sqlite"
+RESULT_NAME: Final = "result.json"
+REPORT_NAME: Final = "report.html"
+
+
+@dataclass(frozen=True, eq=False)
+class StudyResult:
+    """A finished study.
+
+    Parameters
+    ----------
+    folder : Path
+        Holds ``store.sqlite``, ``result.json`` and ``report.html``.
+    document : dict
+        What ``result.json`` holds; see `study_document`.
+    analyses : mapping of str to OutputAnalysis
+    """
+
+    folder: Path
+    document: dict[str, Any]
+    analyses: Mapping[str, OutputAnalysis]
+
+    @property
+    def report(self) -> Path:
+        """The HTML page."""
+        return self.folder / REPORT_NAME
+
+
+@dataclass(frozen=True)
+class StudyOptions:
+    """How a study is run; none of it changes what the simulations return.
+
+    Parameters
+    ----------
+    methods : sequence of str
+        Surrogates to choose from.
+    workers : int
+        Processes of the campaign.
+    progress : callable, optional
+        See `Progress`.
+    cancelled : callable
+        Asked during the campaign; see `run_campaign`.
+    """
+
+    methods: Sequence[str] = ("svr",)
+    workers: int = 2
+    progress: Progress | None = None
+    cancelled: Callable[[], bool] = lambda: False
+
+
+def run_study(
+    problem: Problem, evaluate: Evaluate, folder: str | Path, options: StudyOptions | None = None
+) -> StudyResult:
+    """Run a study, or go on with it where the folder holds one of the same problem.
+
+    Parameters
+    ----------
+    problem : Problem
+    evaluate : callable
+        See `run_campaign`; its settings belong into the problem.
+    folder : str or Path
+        Made if it does not exist.
+    options : StudyOptions, optional
+
+    Returns
+    -------
+    StudyResult
+
+    Raises
+    ------
+    StudyError
+        The folder holds another study, or too few simulations ended well.
+    StudyCancelled
+        The campaign was cancelled; calling again goes on with it.
+    """
+    with Store.create_or_open(Path(folder) / STORE_NAME, problem) as store:
+        return _finish(store, evaluate, options or StudyOptions())
+
+
+def resume_study(
+    folder: str | Path, make_evaluate: Callable[[Problem], Evaluate], options: StudyOptions | None = None
+) -> StudyResult:
+    """Go on with the study of a folder; everything about it but the evaluation is in its store.
+
+    Parameters
+    ----------
+    folder : str or Path
+    make_evaluate : callable
+        Gives the evaluation for the problem of the store.
+    options : StudyOptions, optional
+    """
+    with Store.open(Path(folder) / STORE_NAME) as store:
+        return _finish(store, make_evaluate(store.problem), options or StudyOptions())
+
+
+def report_study(folder: str | Path, methods: Sequence[str] = ("svr",)) -> StudyResult:
+    """Analyse what the store of a folder holds and write its result and report anew, without any simulation."""
+    with Store.open(Path(folder) / STORE_NAME) as store:
+        start = time.perf_counter()
+        return _write(store, methods, start, campaign_seconds=0.0)
+
+
+def _finish(store: Store, evaluate: Evaluate, options: StudyOptions) -> StudyResult:
+    """Run what is missing, analyse, write."""
+    check_methods(options.methods)  # before hours of simulation, not after
+    start = time.perf_counter()
+    run_campaign(store, evaluate, workers=options.workers, progress=options.progress, cancelled=options.cancelled)
+    return _write(store, options.methods, start, campaign_seconds=time.perf_counter() - start)
+
+
+def _write(store: Store, methods: Sequence[str], start: float, *, campaign_seconds: float) -> StudyResult:
+    """Analyse a store and write result and report beside it."""
+    analyses = analyse(store, methods, seed=store.problem.seed)
+    seconds = time.perf_counter() - start
+    document = study_document(store, analyses, seconds=seconds, campaign_seconds=campaign_seconds)
+    folder = store.path.parent
+    _replace(folder / RESULT_NAME, json.dumps(document, indent=1, ensure_ascii=False, allow_nan=False))
+    _replace(folder / REPORT_NAME, gsa_page(document, analyses))
+    return StudyResult(folder, document, analyses)
+
+
+def _replace(path: Path, text: str) -> None:
+    """Write a file so that a reader sees the old one or the new one, never half of it."""
+    unfinished = path.with_name(path.name + ".new")
+    unfinished.write_text(text, encoding="utf-8")
+    unfinished.replace(path)

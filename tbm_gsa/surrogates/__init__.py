@@ -1,0 +1,47 @@
+"""Surrogates: Kriging, support vectors, radial basis functions and a sparse polynomial response surface."""
+
+from numpy.typing import ArrayLike
+
+from tbm_gsa.surrogates.base import CrossValidation, Surrogate, r_squared
+from tbm_gsa.surrogates.krg import Kriging
+from tbm_gsa.surrogates.prs import PolynomialResponseSurface
+from tbm_gsa.surrogates.rbf import RadialBasisFunctions
+from tbm_gsa.surrogates.samples import checked_samples
+from tbm_gsa.surrogates.svr import SupportVectorRegression
+
+__all__ = ["SURROGATES", "CrossValidation", "Surrogate", "fit_surrogate", "r_squared"]
+
+SURROGATES: dict[str, type[Surrogate]] = {
+    surrogate.method: surrogate
+    for surrogate in (RadialBasisFunctions, Kriging, SupportVectorRegression, PolynomialResponseSurface)
+}
+
+
+def fit_surrogate(method: str, X: ArrayLike, y: ArrayLike, *, bounds: ArrayLike, seed: int = 0) -> Surrogate:
+    """Fit a surrogate to samples.
+
+    Parameters
+    ----------
+    method : {"krg", "rbf", "svr", "prs"}
+        Kriging, Gaussian radial basis functions, support vector regression, polynomial response surface.
+    X : array_like, shape (n, d)
+        Inputs in their own units.
+    y : array_like, shape (n,)
+        Output in its own unit.
+    bounds : array_like, shape (d, 2)
+        Bounds of the inputs, the region the surrogate is for.
+    seed : int
+        Makes fit and cross validation reproducible.
+
+    Returns
+    -------
+    Surrogate
+
+    Raises
+    ------
+    ValueError
+        An unknown method, or samples no surrogate can be fitted to; the message says which and where.
+    """
+    if method not in SURROGATES:
+        raise ValueError(f"unknown surrogate {method!r}; available: {', '.join(SURROGATES)}")
+    return SURROGATES[method].fit(checked_samples(X, y, bounds), seed=seed)

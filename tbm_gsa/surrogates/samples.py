@@ -1,0 +1,145 @@
+"""What a surrogate is trained on: checked, scaled to the unit cube, standardised."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from tbm_gsa.arrays import Array, Integers
+
+MINIMUM_SAMPLES = 10
+# Points are called outside only beyond this share of the range: a design written and read back is off by rounding.
+OUTSIDE_TOLERANCE = 1e-9
+# Outputs whose spread is below this share of their size differ by rounding only.
+CONSTANT_TOLERANCE = 1e-12
+
+
+@dataclass(frozen=True, eq=False)
+class Samples:
+    """A design and one output.
+
+    Parameters
+    ----------
+    X : ndarray, shape (n, d)
+        Inputs in their own units.
+    y : ndarray, shape (n,)
+        Output in its own unit.
+    bounds : ndarray, shape (d, 2)
+        Lower and upper bound of every input.
+    """
+
+    X: Array
+    y: Array
+    bounds: Array
+
+    @property
+    def unit(self) -> Array:
+        """Inputs scaled to the unit cube by the bounds, (n, d)."""
+        return to_unit(self.X, self.bounds)
+
+    @property
+    def mean(self) -> float:
+        """Mean of the output."""
+        return float(self.y.mean())
+
+    @property
+    def spread(self) -> float:
+        """Standard deviation of the output."""
+        return float(self.y.std())
+
+    @property
+    def standardised(self) -> Array:
+        """Output with mean 0 and standard deviation 1, (n,)."""
+        standardised: Array = (self.y - self.mean) / self.spread
+        return standardised
+
+    def subset(self, rows: Integers) -> "Samples":
+        """Keep the samples of the given rows; they may be fewer than `MINIMUM_SAMPLES`."""
+        _refuse_constant(self.y[rows])
+        return Samples(self.X[rows], self.y[rows], self.bounds)
+
+
+def to_unit(X: Array, bounds: Array) -> Array:
+    """Scale points (n, d) from the bounds (d, 2) to the unit cube."""
+    scaled: Array = (X - bounds[:, 0]) / (bounds[:, 1] - bounds[:, 0])
+    return scaled
+
+
+def checked_bounds(bounds: ArrayLike) -> Array:
+    """Bounds as an array (d, 2), or a ValueError that says what is wrong."""
+    checked = np.asarray(bounds, dtype=float)
+    if checked.ndim != 2 or checked.shape[1] != 2 or not len(checked):
+        raise ValueError(f"bounds must have shape (d, 2), got {checked.shape}")
+    wrong = np.flatnonzero(~(np.isfinite(checked).all(axis=1) & (checked[:, 0] < checked[:, 1])))
+    if wrong.size:
+        k = int(wrong[0])
+        raise ValueError(f"bounds of input {k}: lower must be below upper and both finite, got {checked[k].tolist()}")
+    return checked
+
+
+def checked_points(X: ArrayLike, bounds: Array) -> Array:
+    """Points as an array (n, d) inside the bounds, or a ValueError that names the first offender."""
+    points = np.asarray(X, dtype=float)
+    if points.ndim != 2 or points.shape[1] != len(bounds):
+        raise ValueError(f"X must have shape (n, {len(bounds)}) to match the bounds, got {points.shape}")
+    if not np.isfinite(points).all():
+        row, column = np.argwhere(~np.isfinite(points))[0]
+        raise ValueError(f"X[{row}, {column}] is {points[row, column]}; every input must be finite")
+    slack = OUTSIDE_TOLERANCE * (bounds[:, 1] - bounds[:, 0])
+    outside = np.argwhere((points < bounds[:, 0] - slack) | (points > bounds[:, 1] + slack))
+    if len(outside):
+        row, column = outside[0]
+        lower, upper = bounds[column]
+        raise ValueError(f"X[{row}, {column}] = {points[row, column]:g} is outside its bounds [{lower:g}, {upper:g}]")
+    return points
+
+
+def checked_samples(X: ArrayLike, y: ArrayLike, bounds: ArrayLike) -> Samples:
+    """Check a training set.
+
+    Parameters
+    ----------
+    X : array_like, shape (n, d)
+    y : array_like, shape (n,)
+    bounds : array_like, shape (d, 2)
+
+    Returns
+    -------
+    Samples
+
+    Raises
+    ------
+    ValueError
+        Wrong shapes, values that are not finite, points outside the bounds, fewer than `MINIMUM_SAMPLES` points, an
+        output that does not vary, or one point with two different values.
+    """
+    box = checked_bounds(bounds)
+    points = checked_points(X, box)
+    values = np.asarray(y, dtype=float)
+    if values.shape != (len(points),):
+        raise ValueError(f"y must have shape ({len(points)},) to match X, got {values.shape}")
+    if not np.isfinite(values).all():
+        row = int(np.flatnonzero(~np.isfinite(values))[0])
+        raise ValueError(f"y[{row}] is {values[row]}; every output must be finite")
+    if len(points) < MINIMUM_SAMPLES:
+        raise ValueError(f"a surrogate needs at least {MINIMUM_SAMPLES} samples, got {len(points)}")
+    _refuse_constant(values)
+    _refuse_contradictions(points, values)
+    return Samples(points, values, box)
+
+
+def _refuse_constant(values: Array) -> None:
+    """Raise if an output does not vary."""
+    if np.ptp(values) <= CONSTANT_TOLERANCE * np.abs(values).max():
+        raise ValueError(f"the output is constant ({values[0]:g}): there is no variance to explain")
+
+
+def _refuse_contradictions(points: Array, values: Array) -> None:
+    """Raise if one point has two different values: no function of the inputs passes through both."""
+    _, group = np.unique(points, axis=0, return_inverse=True)
+    order = np.argsort(group.ravel(), kind="stable")
+    same = np.diff(group.ravel()[order]) == 0
+    clash = np.flatnonzero(same & (np.diff(values[order]) != 0))
+    if clash.size:
+        first, second = sorted(int(row) for row in order[clash[0] : clash[0] + 2])
+        raise ValueError(f"rows {first} and {second} of X are the same point but y differs")

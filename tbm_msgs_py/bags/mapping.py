@@ -1,0 +1,147 @@
+"""Which topic of a recording is which test point, in which axes and unit: stated in a YAML file, never guessed."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
+from pathlib import Path
+from typing import Annotated, Literal
+
+import numpy as np
+import yaml
+from numpy.typing import NDArray
+from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_validator, model_validator
+
+from tbm_msgs_py.bags.errors import RecordingError
+from tbm_msgs_py.topics import OPERATING_POINT, absolute
+
+STANDARD_GRAVITY = 9.80665  # m/s²
+FILE_NAME = "mapping.yaml"
+Axis = Literal["x", "y", "z", "-x", "-y", "-z"]
+
+
+class SensorMapping(BaseModel):
+    """One recorded topic.
+
+    Attributes
+    ----------
+    point : str
+        Test point.
+    units : str
+        ``m/s2`` or ``g``.
+    gravity : str
+        The signal has gravity ``included`` or ``removed``.
+    frame : str
+        ``rotating`` with the cutterhead, or ``fixed``.
+    axes : tuple of str
+        Sensor axis that points along the machine's x, y and z, such as ``-z``.
+    rotation : tuple of float
+        Roll, pitch and yaw of the sensor in the machine, degrees, applied after `axes`.
+    range : float or None
+        Measuring range in `units`; samples at it count as clipped.
+    """
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+    point: Annotated[str, Field(min_length=1)]
+    units: Literal["m/s2", "g"]
+    gravity: Literal["included", "removed"]
+    frame: Literal["fixed", "rotating"]
+    axes: tuple[Axis, Axis, Axis] = ("x", "y", "z")
+    rotation: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    range: Annotated[float, Field(gt=0, allow_inf_nan=False)] | None = None
+
+    @field_validator("axes")
+    @classmethod
+    def _each_axis_once(cls, axes: tuple[Axis, Axis, Axis]) -> tuple[Axis, Axis, Axis]:
+        if sorted(axis[-1] for axis in axes) != ["x", "y", "z"]:
+            raise ValueError("each of x, y, z once, with or without a minus sign")
+        return axes
+
+    @field_validator("rotation")
+    @classmethod
+    def _finite(cls, rotation: tuple[float, float, float]) -> tuple[float, float, float]:
+        if not all(map(math.isfinite, rotation)):
+            raise ValueError("three finite angles in degrees")
+        return rotation
+
+    @property
+    def scale(self) -> float:
+        """Factor from the recorded unit to m/s²."""
+        return STANDARD_GRAVITY if self.units == "g" else 1.0
+
+    def matrix(self) -> NDArray[np.float64]:
+        """Sensor values to machine axes in m/s²: ``machine = matrix @ sensor``, (3, 3)."""
+        permutation = np.zeros((3, 3))
+        for row, axis in enumerate(self.axes):
+            permutation[row, "xyz".index(axis[-1])] = -1.0 if axis.startswith("-") else 1.0
+        return self.scale * _rotation(self.rotation) @ permutation
+
+
+class Mapping(BaseModel):
+    """Topics of a recording, and the topic of its operating point."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+    topics: dict[str, SensorMapping]
+    operating_point: str = absolute(OPERATING_POINT)
+
+    @model_validator(mode="after")
+    def _one_topic_a_point(self) -> Mapping:
+        points = [sensor.point for sensor in self.topics.values()]
+        for point in points:
+            if points.count(point) > 1:
+                raise ValueError(f"point {point} has more than one topic")
+        return self
+
+
+def contract_sensor(point: str) -> SensorMapping:
+    """Sensor of a contract topic: m/s² in machine axes, gravity removed."""
+    return SensorMapping(point=point, units="m/s2", gravity="removed", frame="fixed")
+
+
+def contract_mapping(names: Iterable[str]) -> Mapping:
+    """Map the topics that follow the contract; a block goes before single samples of the same point."""
+    sensors: dict[str, SensorMapping] = {}
+    for name in sorted(names, key=lambda name: not name.endswith("/block")):
+        head, _, kind = name.rpartition("/")
+        prefix, _, point = head.rpartition("/")
+        if prefix != absolute("field") or kind not in ("block", "accel") or not point:
+            continue
+        if all(sensor.point != point for sensor in sensors.values()):
+            sensors[name] = contract_sensor(point)
+    return Mapping(topics=sensors)
+
+
+def load_mapping(path: str | Path) -> Mapping:
+    """Read a mapping file; a `RecordingError` names the key that is wrong and what is allowed."""
+    path = Path(path)
+    try:
+        content = yaml.safe_load(path.read_text(encoding="utf-8"))
+        return Mapping.model_validate(content)
+    except OSError as error:
+        raise RecordingError(f"{path}: {error.strerror}, allowed: a readable mapping file") from error
+    except (yaml.YAMLError, UnicodeDecodeError) as error:
+        raise RecordingError(f"{path}: not YAML: {' '.join(str(error).split())}") from error
+    except ValidationError as error:
+        first = error.errors()[0]
+        where = ".".join(str(key) for key in first["loc"]) or "mapping"
+        raise RecordingError(f"{path}: {where}: {first['input']!r}: {first['msg']}") from error
+
+
+def default_mapping_file(recording: Path) -> Path | None:
+    """``mapping.yaml`` in the folder of a recording, else beside it."""
+    candidates = (recording / FILE_NAME, recording.parent / FILE_NAME)
+    return next((file for file in candidates if file.is_file()), None)
+
+
+def _rotation(degrees: tuple[float, float, float]) -> NDArray[np.float64]:
+    """Rotation matrix of roll, pitch and yaw about the fixed axes, as REP-103 has them."""
+    (cr, cp, cy), (sr, sp, sy) = np.cos(np.radians(degrees)), np.sin(np.radians(degrees))
+    return np.array(
+        [
+            [cy * cp, cy * sp * sr - sy * cr, cy * sp * cr + sy * sr],
+            [sy * cp, sy * sp * sr + cy * cr, sy * sp * cr - cy * sr],
+            [-sp, cp * sr, cp * cr],
+        ]
+    )

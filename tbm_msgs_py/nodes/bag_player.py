@@ -1,0 +1,176 @@
+"""Node `bag_player`: publishes a recording as it was recorded, with its clock."""
+
+from __future__ import annotations
+
+import sys
+import time
+from collections.abc import Iterator
+from typing import Any
+
+from rclpy.clock import Clock
+from rclpy.clock_type import ClockType
+from rclpy.duration import Duration
+from rclpy.publisher import Publisher
+from rclpy.qos import QoSProfile
+from rosgraph_msgs.msg import Clock as ClockMessage
+
+from tbm_msgs_py import topics
+from tbm_msgs_py.bags import Bag, RawMessage, RecordingError, Topic
+from tbm_msgs_py.bags.quality import offered_quality
+from tbm_msgs_py.blocks import NANOSECONDS
+from tbm_msgs_py.nodes import messages, qos
+from tbm_msgs_py.nodes.managed import ManagedNode, Parameter, run_node
+
+TICK = 0.005  # s of wall time: messages are at most this late, /clock comes at 200 Hz
+DELIVERY = 2.0  # s that subscribers get to acknowledge the last messages
+
+PARAMETERS = (
+    Parameter("bag", "", "rosbag2 folder or bare .mcap file"),
+    Parameter("rate", 1.0, "playing speed, times real time", 0.1, 10.0),
+    Parameter("loop", False, "start again at the end"),
+    Parameter("start", 0.0, "offset of the first message played, s", minimum=0.0),
+    Parameter("duration", 0.0, "recorded time played, s; 0 for all", minimum=0.0),
+    Parameter("clock", True, "publish /clock with the recorded time"),
+    Parameter("topics", [""], "topics played; empty for all"),
+    Parameter("wait_for_subscribers", 1, "subscriptions to the played topics before the first message", 0, 1000),
+    Parameter("wait_timeout", 5.0, "longest wait for these subscriptions, s", 0.0, 3600.0),
+    Parameter("exit_at_end", True, "end the process after the last message"),
+)
+
+
+class BagPlayer(ManagedNode):
+    """Plays a recording by its log times.
+
+    While it waits for subscribers the clock stands at the first message, so that nodes on simulated time can start.
+    """
+
+    def __init__(self) -> None:
+        super().__init__("bag_player", PARAMETERS)
+        self._publishers_by_topic: dict[str, Publisher] = {}
+        self._clock_publisher: Publisher | None = None
+        self._timer: Any = None
+
+    def configure(self) -> None:
+        """Open the recording and create a publisher for each topic."""
+        if not self.value("bag"):
+            raise RecordingError("parameter bag: empty, allowed: a rosbag2 folder or a .mcap file")
+        self._bag = Bag(self.value("bag"))
+        info = self._bag.info()
+        if info.messages == 0:
+            raise RecordingError(f"{self._bag.path}: no message could be read")
+        self._start_ns = info.start_ns + round(self.value("start") * NANOSECONDS)
+        length = round(self.value("duration") * NANOSECONDS)
+        self._end_ns = min(info.end_ns, self._start_ns + length) if length else info.end_ns
+        if self._start_ns > self._end_ns:
+            raise RecordingError(f"parameter start: {self.value('start')} s, allowed: below {info.duration:.3f} s")
+        self._create_publishers(info.topics)
+        if self.value("clock"):
+            self._clock_publisher = self.create_publisher(ClockMessage, topics.CLOCK, qos.CLOCK)
+
+    def activate(self) -> None:
+        """Begin to wait for subscribers, then play."""
+        self._rewind()
+        self._waiting_until = time.monotonic() + self.value("wait_timeout")
+        self._zero: int | None = None  # monotonic ns at which the playing began
+        self._count = 0
+        # The wall timer must not follow the clock that this node publishes.
+        self._timer = self.create_timer(TICK, self._tick, clock=Clock(clock_type=ClockType.STEADY_TIME))
+
+    def deactivate(self) -> None:
+        """Stop playing; the next activation starts from the beginning."""
+        self._stop()
+
+    def _stop(self) -> None:
+        if self._timer is not None:
+            self.destroy_timer(self._timer)
+            self._timer = None
+
+    def cleanup(self) -> None:
+        """Destroy the publishers."""
+        for publisher in (*self._publishers_by_topic.values(), self._clock_publisher):
+            if publisher is not None:
+                self.destroy_publisher(publisher)
+        self._publishers_by_topic, self._clock_publisher = {}, None
+
+    def _create_publishers(self, recorded: dict[Topic, int]) -> None:
+        chosen = self.value("topics") or {topic.name for topic in recorded}
+        names = {topic.name for topic in recorded}
+        if missing := sorted(set(chosen) - names):
+            raise RecordingError(f"parameter topics: {missing[0]}, allowed: {', '.join(sorted(names))}")
+        for topic in recorded:
+            if topic.name not in chosen or (topic.name == topics.CLOCK and self.value("clock")):
+                continue
+            message_type = messages.message_class(topic.type)
+            if message_type is None:
+                self.get_logger().warning(f"{topic.name}: type {topic.type} is not installed, the topic is not played")
+                continue
+            self._publishers_by_topic[topic.name] = self.create_publisher(message_type, topic.name, _profile(topic))
+        if not self._publishers_by_topic:
+            raise RecordingError(f"{self._bag.path}: no topic can be played")
+
+    def _tick(self) -> None:
+        if self._zero is None:
+            if self._ready():
+                self._zero = time.monotonic_ns()
+            else:
+                self._publish_clock(self._start_ns)
+                return
+        now = self._start_ns + round((time.monotonic_ns() - self._zero) * self.value("rate"))
+        self._publish_until(min(now, self._end_ns))
+        self._publish_clock(min(now, self._end_ns))
+        if self._next is None:
+            self._finished()
+
+    def _ready(self) -> bool:
+        wanted = self.value("wait_for_subscribers")
+        matched = sum(publisher.get_subscription_count() for publisher in self._publishers_by_topic.values())
+        if matched < wanted and time.monotonic() < self._waiting_until:
+            return False
+        if matched < wanted:
+            self.get_logger().warning(f"playing with {matched} of {wanted} subscriptions after the longest wait")
+        return True
+
+    def _publish_until(self, now_ns: int) -> None:
+        while self._next is not None and self._next.log_ns <= now_ns:
+            self._publishers_by_topic[self._next.topic.name].publish(self._next.data)
+            self._count += 1
+            self._advance()
+
+    def _publish_clock(self, now_ns: int) -> None:
+        if self._clock_publisher is not None:
+            self._clock_publisher.publish(messages.clock(now_ns))
+
+    def _finished(self) -> None:
+        if self.value("loop"):
+            self._rewind()
+            self._zero = time.monotonic_ns()
+            return
+        for publisher in self._publishers_by_topic.values():
+            publisher.wait_for_all_acked(Duration(seconds=DELIVERY / len(self._publishers_by_topic)))
+        lost = f", {self._bag.lost} lost" if self._bag.lost else ""
+        self.get_logger().info(f"end of {self._bag.path}: {self._count} messages played{lost}")
+        self._stop()
+        if self.value("exit_at_end"):
+            self.end()
+
+    def _rewind(self) -> None:
+        self._recorded: Iterator[RawMessage] = self._bag.messages(set(self._publishers_by_topic), self._start_ns)
+        self._advance()
+
+    def _advance(self) -> None:
+        following = next(self._recorded, None)
+        self._next = following if following is not None and following.log_ns <= self._end_ns else None
+
+
+def _profile(topic: Topic) -> QoSProfile:
+    """Profile that the recording states for a topic, else that of the contract."""
+    return qos.profile(offered_quality(topic.qos) or topics.quality(topic.name))
+
+
+def main(args: list[str] | None = None) -> int:
+    """Entry point of the executable."""
+    return run_node(BagPlayer, args)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,147 @@
+"""Message objects from arrays, and back.
+
+Every float goes through `float()`: rclpy publishes garbage for numpy scalars and integers, without an error.
+"""
+
+from __future__ import annotations
+
+import array
+from collections.abc import Iterable, Mapping, Sequence
+from importlib import import_module
+from typing import Any, Literal
+
+from builtin_interfaces.msg import Time
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
+from geometry_msgs.msg import Accel, AccelStamped, Vector3, Vector3Stamped, Wrench, WrenchStamped
+from numpy.typing import ArrayLike
+from rosgraph_msgs.msg import Clock
+from sensor_msgs.msg import JointState, PointCloud2, PointField
+from std_msgs.msg import Header
+
+from tbm_msgs_py import blocks, operating_point
+from tbm_msgs_py.blocks import Block, BlockLayout
+from tbm_msgs_py.operating_point import OperatingPoint
+
+Level = Literal["ok", "warn", "error", "stale"]
+_LEVELS = {
+    "ok": DiagnosticStatus.OK,
+    "warn": DiagnosticStatus.WARN,
+    "error": DiagnosticStatus.ERROR,
+    "stale": DiagnosticStatus.STALE,
+}
+
+block_from = blocks.from_cloud
+operating_point_from = operating_point.from_joint_state
+stamp_to_ns = blocks.stamp_to_ns
+
+
+def message_class(name: str) -> Any:
+    """Message class of ``package/msg/Type``; None where it is not installed."""
+    package, _, kind = name.partition("/msg/")
+    try:
+        return getattr(import_module(f"{package}.msg"), kind)
+    except (ImportError, AttributeError, ValueError):
+        return None
+
+
+def time(stamp_ns: int) -> Time:
+    """`builtin_interfaces/Time` of integer nanoseconds."""
+    sec, nanosec = blocks.split_ns(stamp_ns)
+    return Time(sec=sec, nanosec=nanosec)
+
+
+def header(stamp_ns: int, frame_id: str = "") -> Header:
+    """`std_msgs/Header` with a stamp in ns."""
+    return Header(stamp=time(stamp_ns), frame_id=frame_id)
+
+
+def block(layout: BlockLayout, stamp_ns: int, offsets: ArrayLike, values: ArrayLike, frame_id: str = "") -> PointCloud2:
+    """Block message of samples.
+
+    Parameters
+    ----------
+    layout : BlockLayout
+        Channels.
+    stamp_ns : int
+        Header stamp, ns.
+    offsets : array_like (n,)
+        Time of each sample after the stamp, s.
+    values : array_like (n, c)
+        Channels, SI units.
+    frame_id : str
+        Frame of the header.
+    """
+    data = blocks.encode(layout, offsets, values)
+    return PointCloud2(
+        header=header(stamp_ns, frame_id),
+        height=1,
+        width=len(data) // layout.point_step,
+        fields=[PointField(name=name, offset=at, datatype=kind, count=1) for name, at, kind in layout.fields],
+        is_bigendian=False,
+        point_step=layout.point_step,
+        row_step=len(data),
+        data=array.array("B", data),
+        is_dense=True,
+    )
+
+
+def block_message(samples: Block) -> PointCloud2:
+    """Block message of a `Block`."""
+    return block(samples.layout, samples.stamp_ns, samples.offsets, samples.values, samples.frame_id)
+
+
+def operating_point_message(stamp_ns: int, point: OperatingPoint) -> JointState:
+    """`sensor_msgs/JointState` of an operating point."""
+    name, position, velocity, effort = point.joints()
+    return JointState(header=header(stamp_ns), name=name, position=position, velocity=velocity, effort=effort)
+
+
+def drives(stamp_ns: int, torques: Iterable[float]) -> JointState:
+    """`sensor_msgs/JointState` of the pinion torques, N·m: joints ``drive_1`` ..."""
+    efforts = [float(torque) for torque in torques]
+    return JointState(header=header(stamp_ns), name=[f"drive_{i + 1}" for i in range(len(efforts))], effort=efforts)
+
+
+def vector(xyz: Sequence[float]) -> Vector3:
+    """`geometry_msgs/Vector3` of three numbers."""
+    x, y, z = xyz
+    return Vector3(x=float(x), y=float(y), z=float(z))
+
+
+def vector3(stamp_ns: int, xyz: Sequence[float], frame_id: str = "") -> Vector3Stamped:
+    """`geometry_msgs/Vector3Stamped` of three numbers."""
+    return Vector3Stamped(header=header(stamp_ns, frame_id), vector=vector(xyz))
+
+
+def accel(stamp_ns: int, xyz: Sequence[float], frame_id: str = "") -> AccelStamped:
+    """`geometry_msgs/AccelStamped` of a linear acceleration, m/s²."""
+    return AccelStamped(header=header(stamp_ns, frame_id), accel=Accel(linear=vector(xyz)))
+
+
+def wrench(stamp_ns: int, loads: Sequence[float], frame_id: str = "") -> WrenchStamped:
+    """`geometry_msgs/WrenchStamped` of fx fy fz (N) mx my mz (N·m)."""
+    return WrenchStamped(
+        header=header(stamp_ns, frame_id), wrench=Wrench(force=vector(loads[:3]), torque=vector(loads[3:]))
+    )
+
+
+def clock(stamp_ns: int) -> Clock:
+    """`rosgraph_msgs/Clock` of a time in ns."""
+    return Clock(clock=time(stamp_ns))
+
+
+def status(
+    name: str, level: Level, message: str, values: Mapping[str, Any] | None = None, hardware_id: str = ""
+) -> DiagnosticStatus:
+    """One diagnostic status; floats are written with six significant digits."""
+    pairs = [KeyValue(key=key, value=_text(value)) for key, value in (values or {}).items()]
+    return DiagnosticStatus(level=_LEVELS[level], name=name, message=message, hardware_id=hardware_id, values=pairs)
+
+
+def diagnostics(stamp_ns: int, statuses: Iterable[DiagnosticStatus]) -> DiagnosticArray:
+    """`diagnostic_msgs/DiagnosticArray` of statuses."""
+    return DiagnosticArray(header=header(stamp_ns), status=list(statuses))
+
+
+def _text(value: Any) -> str:
+    return f"{value:.6g}" if isinstance(value, float) else str(value)

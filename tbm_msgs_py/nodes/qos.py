@@ -1,0 +1,27 @@
+"""rclpy profiles of the qualities of service in `tbm_msgs_py.topics`."""
+
+from __future__ import annotations
+
+from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
+
+from tbm_msgs_py import topics
+from tbm_msgs_py.topics import Quality
+
+
+def profile(quality: Quality) -> QoSProfile:
+    """Profile of rclpy for a quality of service."""
+    return QoSProfile(
+        history=HistoryPolicy.KEEP_LAST,
+        depth=quality.depth,
+        reliability=ReliabilityPolicy.RELIABLE if quality.reliable else ReliabilityPolicy.BEST_EFFORT,
+        durability=DurabilityPolicy.TRANSIENT_LOCAL if quality.latched else DurabilityPolicy.VOLATILE,
+    )
+
+
+OPERATING_POINT = profile(topics.OPERATING_POINT_QUALITY)
+BLOCK = profile(topics.BLOCK_QUALITY)
+LIVE = profile(topics.LIVE_QUALITY)
+ANALYSIS = profile(topics.ANALYSIS_QUALITY)
+GSA = profile(topics.GSA_QUALITY)
+DIAGNOSTICS = profile(topics.DIAGNOSTICS_QUALITY)
+CLOCK = profile(topics.CLOCK_QUALITY)

@@ -1,0 +1,122 @@
+"""Names, quality of service and default rates of every topic, without ROS.
+
+Names are relative: a node in the default namespace ``/tbm`` publishes ``model/girder/block`` as
+``/tbm/model/girder/block``.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+NAMESPACE = "/tbm"
+TEST_POINTS = ("cutterhead", "shield", "walkway", "girder", "gripper")
+
+MODEL_BLOCK_RATE = 5000.0  # Hz
+MODEL_BLOCK_SAMPLES = 250
+LOAD_BLOCK_RATE = 10000.0  # Hz
+LOAD_BLOCK_SAMPLES = 500
+MESH_BLOCK_RATE = 5000.0  # Hz
+MESH_BLOCK_SAMPLES = 250
+LIVE_RATE = 100.0  # Hz
+WINDOW = 2.0  # s
+ERROR_THRESHOLD = 0.30
+ERROR_WINDOWS = 3
+
+OPERATING_POINT = "operating_point"
+LOADS_OPERATING_POINT = "loads/operating_point"
+LOADS_BLOCK = "loads/block"
+LOADS_WRENCH = "loads/wrench"
+MODEL_DRIVES = "model/drives"
+MODEL_MESH_FORCES = "model/mesh_forces"
+GSA_STATUS = "analysis/gsa_status"
+GSA_RESULT = "analysis/gsa_result"
+RUN_GSA = "analysis/run_gsa"
+CANCEL_GSA = "analysis/cancel_gsa"
+DIAGNOSTICS = "/diagnostics"
+CLOCK = "/clock"
+
+ANALYSIS_QUANTITIES = ("model_rms", "field_rms", "relative_error")
+
+
+@dataclass(frozen=True)
+class Quality:
+    """Quality of service of a topic; history is always keep-last.
+
+    Attributes
+    ----------
+    reliable : bool
+        Reliable delivery, else best effort.
+    latched : bool
+        A late subscriber gets the last messages (transient local durability).
+    depth : int
+        Messages kept on each side.
+    """
+
+    reliable: bool
+    latched: bool
+    depth: int
+
+
+OPERATING_POINT_QUALITY = Quality(reliable=True, latched=True, depth=1)
+BLOCK_QUALITY = Quality(reliable=True, latched=False, depth=64)
+# Best effort like any sensor; the depth is what keeps a 1 kHz stream whole in a busy process.
+LIVE_QUALITY = Quality(reliable=False, latched=False, depth=100)
+ANALYSIS_QUALITY = Quality(reliable=True, latched=False, depth=64)
+GSA_QUALITY = Quality(reliable=True, latched=True, depth=1)
+DIAGNOSTICS_QUALITY = Quality(reliable=True, latched=False, depth=10)
+# Reliable offers match both kinds of clock subscriber.
+CLOCK_QUALITY = Quality(reliable=True, latched=False, depth=10)
+
+
+def model_block(point: str) -> str:
+    """Topic of the modelled acceleration blocks of a test point."""
+    return f"model/{point}/block"
+
+
+def model_accel(point: str) -> str:
+    """Topic of the modelled acceleration of a test point at the live rate."""
+    return f"model/{point}/accel"
+
+
+def field_block(point: str) -> str:
+    """Topic of the measured acceleration blocks of a test point."""
+    return f"field/{point}/block"
+
+
+def field_accel(point: str) -> str:
+    """Topic of the measured acceleration of a test point, one sample a message."""
+    return f"field/{point}/accel"
+
+
+def analysis(point: str, quantity: str) -> str:
+    """Topic of one compared quantity of a test point.
+
+    Parameters
+    ----------
+    point : str
+        Test point.
+    quantity : str
+        One of `ANALYSIS_QUANTITIES`.
+    """
+    if quantity not in ANALYSIS_QUANTITIES:
+        raise ValueError(f"quantity {quantity!r} is not one of {', '.join(ANALYSIS_QUANTITIES)}")
+    return f"analysis/{point}/{quantity}"
+
+
+def absolute(name: str, namespace: str = NAMESPACE) -> str:
+    """Full name of a relative topic in a namespace; a name that is already absolute stays as it is."""
+    return name if name.startswith("/") else f"{namespace.rstrip('/')}/{name}"
+
+
+def quality(name: str, namespace: str = NAMESPACE) -> Quality:
+    """Quality of service that the contract gives a topic, by its absolute or relative name."""
+    name = name.removeprefix(f"{namespace.rstrip('/')}/")
+    if name in (OPERATING_POINT, LOADS_OPERATING_POINT):
+        return OPERATING_POINT_QUALITY
+    if name in (GSA_STATUS, GSA_RESULT):
+        return GSA_QUALITY
+    if name == MODEL_DRIVES or name.endswith("/accel"):
+        return LIVE_QUALITY
+    if name.startswith("analysis/"):
+        return ANALYSIS_QUALITY
+    return {DIAGNOSTICS: DIAGNOSTICS_QUALITY, CLOCK: CLOCK_QUALITY}.get(name, BLOCK_QUALITY)

@@ -1,0 +1,276 @@
+"""The assembled dz101: against the numbers of its file, the motions a mechanism must allow, and statics by hand.
+
+Sources: the file read by PyYAML alone, rigid-body kinematics, the ratio of the teeth, equilibrium of forces. A motion
+that strains nothing is held to rounding of the stiffest element (1e-10 of its force); statics to 1e-6, which is what the
+conditioning of K (1e10) leaves of 16 digits.
+"""
+
+import numpy as np
+import pytest
+import scipy.linalg
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from machine_files import built, plain, static_mesh_force, without
+
+from tbm_dynamics import MachineError, load_machine
+from tbm_dynamics.structure.assembly import node_positions
+from tbm_dynamics.structure.system import DIRECTIONS
+
+AXES = ("ux", "uy", "uz")
+
+
+@pytest.fixture(scope="module")
+def machine():
+    return load_machine("dz101")
+
+
+@pytest.fixture(scope="module")
+def system(machine):
+    return machine.assemble()
+
+
+@pytest.fixture(scope="module")
+def data():
+    return plain()
+
+
+@pytest.fixture(scope="module")
+def positions(machine):
+    return node_positions(machine.description)
+
+
+@pytest.fixture(scope="module")
+def free_stiffness(system, data):
+    """K without the springs to the rock."""
+    K = system.K.copy()
+    for connection in data["connections"]:
+        node, other = connection["between"]
+        if other == "ground":
+            dofs = [system.dof(node, direction) for direction in DIRECTIONS]
+            K[dofs, dofs] -= connection["stiffness"]
+    return K
+
+
+def rigid_motion(system, positions, translation, rotation):
+    parts = [[*(translation + np.cross(rotation, positions[node])), *rotation] for node in system.nodes]
+    return np.concatenate(parts)
+
+
+def gear_turn(system, data):
+    """The cutterhead side turns by one, every drive by the ratio of the teeth, everything else stands."""
+    gear = data["driveshaft"]["gear"]
+    motion = np.zeros(system.size)
+    for node in range(1, 10):
+        motion[system.dof(node, "rx")] = 1.0
+    for node in (*range(13, 43), *range(51, 71)):
+        motion[system.dof(node, "rx")] = gear["ring_teeth"] / gear["pinion_teeth"]
+    return motion
+
+
+def test_size_and_symmetry(system):
+    assert system.nodes == tuple(range(1, 71))
+    for matrix in (system.M, system.C, system.K):
+        assert matrix.shape == (420, 420)
+        assert np.abs(matrix - matrix.T).max() <= 1e-15 * np.abs(matrix).max()
+    np.linalg.cholesky(system.M)
+    np.linalg.cholesky(system.K)
+    assert np.linalg.eigvalsh(system.C)[0] > -1e-9 * np.abs(system.C).max()
+
+
+def test_mass_and_its_centre_are_those_of_the_file(system, data, positions):
+    bodies = []  # (mass, x)
+    for name in ("cutterhead_bearing_gear", "carrier_girder"):
+        group = data[name]
+        bodies += [(body["mass"], group["nodes"][body["node"]][0]) for body in group.get("bodies", [])]
+        for shaft in group["shafts"]:
+            ends = [group["nodes"][shaft["nodes"][end]][0] for end in (0, -1)]
+            bodies.append((shaft["mass"], sum(ends) / 2.0))
+    drive, x = data["driveshaft"], data["driveshaft"]["x"]
+    one = [
+        (drive["pinion_shaft"][2], (x["front_seat"] + x["rear_seat"]) / 2.0),
+        (drive["gearbox_output"][0], x["gearbox"]),
+        (drive["rotor"][0], x["rotor"]),
+    ]
+    bodies += one * drive["count"]
+    mass = sum(m for m, _ in bodies)
+    moment = sum(m * at for m, at in bodies)
+    for axis in np.eye(3):
+        motion = rigid_motion(system, positions, axis, np.zeros(3))
+        assert motion @ system.M @ motion == pytest.approx(mass, rel=1e-12)
+    about_y = rigid_motion(system, positions, np.zeros(3), np.array([0.0, 1.0, 0.0]))
+    up = rigid_motion(system, positions, np.array([0.0, 0.0, 1.0]), np.zeros(3))
+    assert up @ system.M @ about_y == pytest.approx(-moment, rel=1e-9)  # a turn about +y lowers what is ahead
+
+
+units = st.tuples(*[st.floats(-1.0, 1.0)] * 3).map(np.array)
+
+
+@settings(max_examples=25, deadline=None)
+@given(translation=units, rotation=units)
+def test_without_rock_a_rigid_motion_strains_nothing(system, free_stiffness, positions, translation, rotation):
+    motion = rigid_motion(system, positions, translation, rotation)
+    assert np.abs(free_stiffness @ motion).max() <= 1e-11 * np.abs(system.K).max()
+
+
+def test_without_rock_the_drive_train_turns_freely(system, data, free_stiffness):
+    force = np.abs(free_stiffness @ gear_turn(system, data)).max()
+    assert force <= 1e-10 * np.abs(free_stiffness).max()
+    backwards = gear_turn(system, data)
+    backwards[system.dof(14, "rx")] *= -1.0
+    assert np.abs(free_stiffness @ backwards).max() > 1e6
+
+
+def test_without_rock_there_are_seven_zero_energy_modes_and_no_more(system, data, free_stiffness, positions):
+    values, shapes = scipy.linalg.eigh(free_stiffness, system.M)
+    assert np.abs(values[:7]).max() < 1.0  # rad²/s²: rounding of 1e11
+    assert values[7] > 1e2
+    motions = [rigid_motion(system, positions, *pair) for pair in [(e, 0 * e) for e in np.eye(3)]]
+    motions += [rigid_motion(system, positions, 0 * e, e) for e in np.eye(3)]
+    motions.append(gear_turn(system, data))
+    for motion in motions:
+        share = shapes[:, :7].T @ system.M @ motion
+        assert share @ share == pytest.approx(motion @ system.M @ motion, rel=1e-6)
+
+
+def test_every_mesh_carries_its_share_on_the_drive_flank(machine, system):
+    still = system.equilibrium()
+    share = static_mesh_force(machine)
+    assert share == pytest.approx(3.04e6 / (10 * 1.5153), rel=1e-3)  # base radius 1.672 m × cos 25°
+    assert still.mesh_force == pytest.approx(np.full(10, share), rel=1e-6)
+
+
+def test_the_teeth_bend_by_hand(machine, system):
+    deflection = system.meshes.rows @ system.equilibrium().displacement
+    expected = 150e-6 + static_mesh_force(machine) / 8.1e9
+    assert deflection == pytest.approx(np.full(10, expected), rel=1e-6)
+
+
+def test_rock_and_gripper_take_the_loads(system, data):
+    q = system.equilibrium().displacement
+    loads = {name: load["mean"] for name, load in data["loads"].items()}
+    grounded = {c["between"][0]: c["stiffness"] for c in data["connections"] if c["between"][1] == "ground"}
+    reaction = {node: -np.array(k) * [q[system.dof(node, d)] for d in DIRECTIONS] for node, k in grounded.items()}
+    total = sum(reaction.values())
+    for i, name in enumerate(("fx", "fy", "fz")):
+        assert total[i] == pytest.approx(-loads[name], rel=1e-6)
+    # The motors turn the head, so the rock's torsion spring has nothing to do; the gripper holds it all.
+    assert abs(reaction[1][3]) < 1e-6 * abs(loads["mx"])
+    assert reaction[50][3] == pytest.approx(-loads["mx"], rel=1e-6)
+    # Moments about node 1 from the gripper's forces, 16 m behind.
+    assert total[4] + 16.0 * reaction[50][2] == pytest.approx(-loads["my"], rel=1e-5)
+    assert total[5] - 16.0 * reaction[50][1] == pytest.approx(-loads["mz"], rel=1e-5)
+
+
+def test_axial_shortening_by_hand(system):
+    # Springs side by side: the rock in front, and behind it the chain to the gripper, held by the rock there.
+    q = system.equilibrium().displacement
+    front, back = q[system.dof(1, "ux")], q[system.dof(50, "ux")]
+    assert 1e9 * front + 1e10 * back == pytest.approx(-1.2e7, rel=1e-6)
+    E, steel = 210e9, 0.0
+    for length, outer, inner in ((1.8, 5.8, 5.4), (0.4, 4.2, 3.4), (0.6, 3.9, 3.4), (0.8, 4.4, 3.6), (12.0, 1.8, 1.47)):
+        steel += length / (E * np.pi / 4.0 * (outer**2 - inner**2))
+    chain = steel + 6.0 / 1e10  # 4–5, 6–7, 9–10, 10–11, 12–44, 49–50
+    # The pinions bridge the main bearing a little along their seats (spur teeth slide along x): nothing axial.
+    assert front - back == pytest.approx(1e10 * back * chain, rel=1e-6)
+
+
+@settings(max_examples=25, deadline=None)
+@given(seed=st.integers(0, 10**6), size=st.floats(0.0, 4e-4))
+def test_equilibrium_satisfies_the_law_of_the_teeth(system, seed, size):
+    # Residual of the equations as the design states them, backlash and open meshes included.
+    meshes, random = system.meshes, np.random.default_rng(seed)
+    k = meshes.mean_stiffness * random.uniform(0.7, 1.3, meshes.count)
+    e = size * random.standard_normal(meshes.count)
+    still = system.equilibrium(k, e)
+    deflection = meshes.rows @ still.displacement + e
+    gap = meshes.half_gap
+    force = k * np.where(deflection > gap, deflection - gap, np.where(deflection < -gap, deflection + gap, 0.0))
+    assert still.mesh_force == pytest.approx(force, abs=1e-3)
+    without_meshes = system.K - meshes.mean_stiffness * meshes.rows.T @ meshes.rows
+    residual = system.mean_force() - without_meshes @ still.displacement - meshes.rows.T @ force
+    assert np.abs(residual).max() < 1e-6 * 1.2e7
+
+
+def test_a_machine_without_rock_floats_as_a_whole(data):
+    with pytest.raises(MachineError) as caught:
+        built(without(data, ("k_r_ct", 1), ("k_r_gd", 50))).assemble()
+    named = ", ".join(map(str, range(1, 71)))
+    expected = f"dz101: 7 zero-energy mode(s): nodes {named} float; connect them to the rest or to the ground"
+    assert str(caught.value) == expected
+
+
+def test_a_shield_without_its_cylinders_floats_alone(data):
+    with pytest.raises(MachineError, match="^dz101: 6 zero-energy mode.*: nodes 43 float; connect"):
+        built(without(data, ("k_h_gd", 11))).assemble()
+
+
+def test_a_node_without_mass_is_named(data):
+    data = {**data, "carrier_girder": {**data["carrier_girder"], "bodies": data["carrier_girder"]["bodies"][:2]}}
+    with pytest.raises(MachineError, match="^dz101: node 50 has no mass"):
+        built(data).assemble()
+
+
+def damping_of(data, **changes):
+    system = built({**data, **changes}).assemble()
+    return system, system.C - system.meshes.damping * system.meshes.rows.T @ system.meshes.rows
+
+
+ALL = dict.fromkeys(("rock", "bolt", "bearing", "spline", "hydraulic"), 5e-3)
+
+
+def test_proportional_damping_is_a_time_of_the_stiffness(data):
+    steel = {**data["steel"], "damping": 5e-3}
+    every = {**ALL, "source": "assumed"}
+    system, C = damping_of(data, steel=steel, connection_damping=every)
+    K = system.K - system.meshes.mean_stiffness * system.meshes.rows.T @ system.meshes.rows
+    assert np.abs(C - 5e-3 * K).max() <= 1e-12 * np.abs(C).max()
+
+
+def test_a_ratio_is_that_of_a_mode_at_the_frequency(data):
+    # For C = βK alone the modal ratio is φᵀCφ/2ω; read at 40 Hz it is ζ f/40 in a mode at f.
+    steel = {**data["steel"], "damping": 5e-3}
+    reading = {"reading": "ratio", "frequency": 40.0}
+    system, C = damping_of(data, steel=steel, connection_damping={**ALL, "source": "assumed"}, damping=reading)
+    K = system.K - system.meshes.mean_stiffness * system.meshes.rows.T @ system.meshes.rows
+    squares, shapes = scipy.linalg.eigh(K, system.M)
+    kept = slice(10, 40)  # above the free turn of the drives, whose mesh is taken away
+    ratios = np.einsum("in,ij,jn->n", shapes, C, shapes)[kept] / (2.0 * np.sqrt(squares[kept]))
+    assert ratios == pytest.approx(5e-3 * np.sqrt(squares[kept]) / (2.0 * np.pi * 40.0), rel=1e-6)
+
+
+def test_each_type_damps_its_own_connections(data):
+    none = {**dict.fromkeys(ALL, 0.0), "source": "assumed"}
+    steel = {**data["steel"], "damping": 0.0}
+    ends = {"rock": {1, 50}, "bolt": {4, 5, 6, 7, 10, 11, 12, 44}, "hydraulic": {11, 43, 49, 50}}
+    ends["bearing"] = {9, 10, 12} | {13 + 3 * i + j for i in range(10) for j in (0, 2)}
+    ends["spline"] = {15 + 3 * i for i in range(10)} | {51 + 2 * i for i in range(10)}
+    for kind, expected in ends.items():
+        system, C = damping_of(data, steel=steel, connection_damping={**none, kind: 1e-3})
+        touched = np.abs(C).reshape(70, 6, 420).max(axis=(1, 2)) > 1.0
+        assert {node for node, hit in zip(system.nodes, touched, strict=True) if hit} == expected, kind
+
+
+def test_mesh_damping_is_a_ratio_of_pinion_and_ring(machine, system, data):
+    # c = 2ζ√(k m_e) with the polar inertias of a solid pinion shaft and of the ring's tube.
+    ring, pinion = 14e3 / 8 * (3.9**2 + 3.4**2), 550.0 / 8 * 0.30**2
+    base = np.cos(np.radians(25.0)) * 0.022 / 2.0
+    mass = 1.0 / ((base * 16) ** 2 / pinion + (base * 152) ** 2 / ring)
+    assert system.meshes.damping == pytest.approx(2 * 0.05 * np.sqrt(8.1e9 * mass), rel=1e-9)
+
+
+def test_unknown_node_and_direction(system):
+    assert system.dof(1, "ux") == 0
+    assert system.dof(70, "rz") == 419
+    with pytest.raises(MachineError, match="node 71: unknown; the system has 70 nodes, 1 to 70"):
+        system.dof(71, "ux")
+    with pytest.raises(MachineError, match="direction 'x': allowed are ux, uy"):
+        system.dof(1, "x")
+
+
+def test_natural_frequencies_solve_the_eigenproblem(system):
+    # scipy's inverse-iteration Lanczos instead of LAPACK's dense solver.
+    import scipy.sparse.linalg
+
+    start = np.ones(system.size)
+    values = scipy.sparse.linalg.eigsh(system.K, k=12, M=system.M, sigma=0.0, v0=start, return_eigenvectors=False)
+    assert system.natural_frequencies(12) == pytest.approx(np.sqrt(np.sort(values)) / (2 * np.pi), rel=1e-6)

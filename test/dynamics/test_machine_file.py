@@ -1,0 +1,287 @@
+"""Machine files and the 25 inputs: what is refused, in one line, and what a variant changes.
+
+Source: design, sections 3 and 11, and Table 4's units; every expected number is arithmetic on the file as PyYAML reads
+it, so equality is exact up to one rounding of the unit's factor.
+"""
+
+import re
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from machine_files import TEXT, built, plain, without
+
+from tbm_dynamics import MachineError, load_machine, shipped_machines
+from tbm_dynamics.machine.inputs import INPUT_CODES
+
+
+def refused(path, text):
+    """The message about a file; one line that starts with its name."""
+    path.write_text(text)
+    with pytest.raises(MachineError) as caught:
+        load_machine(path).assemble()
+    message = str(caught.value)
+    assert "\n" not in message
+    return message
+
+
+ROCK = "stiffness: [1e9, 1e9, 1e9, 1e9, 1e9, 1e9]"
+WRONG = {
+    "negative stiffness": (
+        ROCK,
+        ROCK.replace("[1e9", "[-1e9"),
+        "connections.0.stiffness.0",
+        "greater than or equal to 0",
+    ),
+    "stiffness not a number": (ROCK, ROCK.replace("[1e9", "[.nan"), "connections.0.stiffness.0", "finite"),
+    "five stiffnesses": (ROCK, ROCK.replace("[1e9, ", "["), "connections.0.stiffness.5", "required"),
+    "unknown node": ("between: [4, 5]", "between: [4, 99]", "k_c_cf.between: unknown node 99", "known are 1–70"),
+    "both ends alike": ("between: [4, 5]", "between: [4, 4]", "connections.1: between [4, 4]", "must be two nodes"),
+    "misspelt key": ("thrust_kn:", "thurst_kn:", "operating_point.thurst_kn", "allowed are speed_r_min, torque_kn_m"),
+    "misspelt key in a list": (
+        "outer_diameter: 5.8",
+        "outer_diametre: 5.8",
+        "shafts.0.outer_diametre",
+        "inner_diameter",
+    ),
+    "misspelt key of a load": ("scales_with: thrust", "scale_with: thrust", "loads.fx.scale_with", "scales_with"),
+    "misspelt key of a line": ("amplitude: 1.5e+5", "amplitud: 1.5e+5", "loads.fx.lines.0.amplitud", "amplitude"),
+    "misspelt section": ("carrier_girder:", "carier_girder:", "carier_girder", "carrier_girder"),
+    "key twice": ("load_node: 1", "load_node: 1\nload_node: 3", "key 'load_node' is given twice", "line"),
+    "node twice in a group": ("    2: [-0.6", "    1: [-0.6", "key 1 is given twice", "line"),
+    "node in two groups": ("    43: [-2.5", "    3: [-2.5", "nodes [3] are defined twice", "used once"),
+    "drives on used nodes": ("nodes_from: 13", "nodes_from: 12", "nodes [12] are defined twice", "used once"),
+    "shaft without wall": (
+        "inner_diameter: 5.4",
+        "inner_diameter: 5.8",
+        "shafts.0: inner_diameter 5.8",
+        "smaller than",
+    ),
+    "pinion shaft without wall": ("[0.30, 0.0,", "[0.30, 0.3,", "driveshaft: pinion_shaft: inner", "smaller than"),
+    "pinion as big as the ring": ("pinion_teeth: 16", "pinion_teeth: 152", "gear: pinion_teeth 152", "fewer than"),
+    "place not a number": ("    1: [0.0,", "    1: [.nan,", "cutterhead_bearing_gear.nodes.1.0", "finite"),
+    "endless place": ("rotor: -4.5", "rotor: -.inf", "driveshaft.x.rotor", "finite"),
+    "angle not a number": ("first_angle_deg: 0.0", "first_angle_deg: .nan", "first_angle_deg", "finite"),
+    "drive that cannot turn": (
+        "1e9, 1e9, 0, 1e10, 1e10]      #",
+        "1e9, 1e9, 1, 1e10, 1e10] #",
+        "pinion_bearing",
+        "be 0",
+    ),
+    "loads without thrust": ("mean: -1.20e+7", "mean: 0.0", "loads.fx.mean", "not be 0"),
+    "loads without torque": ("mean: -3.04e+6", "mean: 0.0", "loads.mx.mean", "not be 0"),
+    "ring of nothing": ("ring_shaft_nodes: [7, 8, 9]", "ring_shaft_nodes: []", "ring_shaft_nodes", "at least 1"),
+    "unknown source": ("source: table5", "source: paper", "connections.0.source", "'table5', 'assumed'"),
+    "unknown reading": ("reading: stiffness_proportional", "reading: modal", "damping.reading", "'ratio'"),
+    "massless": ("mass: 150e3", "mass: 0", "shafts.0.mass", "greater than 0"),
+    "grade": ("accuracy_grade: 6", "accuracy_grade: 13", "gear.accuracy_grade", "less than or equal to 12"),
+    "text for a number": ("speed_r_min: 5.6", "speed_r_min: fast", "operating_point.speed_r_min", "valid number"),
+}
+
+
+@pytest.mark.parametrize("name", WRONG)
+def test_a_wrong_file_is_refused_with_place_and_remedy(tmp_path, name):
+    old, new, where, allowed = WRONG[name]
+    assert old in TEXT
+    path = tmp_path / "mine.yaml"
+    message = refused(path, TEXT.replace(old, new, 1))
+    assert message.startswith(f"{path}: ")
+    assert where in message
+    assert allowed in message
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "where"),
+    [
+        ("pressure_angle_deg: 25", "pressure_angle_deg: 10.5", "driveshaft.gear: contact ratio 3.359"),
+        ("mesh: -2.5, rear", "mesh: -2.15, rear", "two of its nodes are at the same place"),
+    ],
+)
+def test_a_machine_that_cannot_be_built(tmp_path, old, new, where):
+    message = refused(tmp_path / "mine.yaml", TEXT.replace(old, new, 1))
+    assert message.startswith("dz101: ")
+    assert where in message
+
+
+@pytest.mark.parametrize("text", ["", "- a list", "just text", "a: b: c", "name: [", "\x00", "!!python/name:os.system"])
+def test_what_is_not_a_machine(tmp_path, text):
+    path = tmp_path / "mine.yaml"
+    assert re.match(
+        f"{re.escape(str(path))}: (not valid YAML|a machine file is a mapping with the keys name, )",
+        refused(path, text),
+    )
+
+
+def test_a_file_that_cannot_be_read(tmp_path):
+    path = tmp_path / "mine.yaml"
+    path.write_bytes(b"\xff\xfe\x00")
+    for wanted in (path, tmp_path, tmp_path / "missing.yaml", "dz102", ""):
+        with pytest.raises(MachineError) as caught:
+            load_machine(wanted)
+        assert "\n" not in str(caught.value)
+        assert str(wanted) in str(caught.value)
+    assert "shipped are dz101" in str(caught.value)
+
+
+def test_every_shipped_machine_can_be_built():
+    assert "dz101" in shipped_machines()
+    for name in shipped_machines():
+        load_machine(name).assemble()
+
+
+@pytest.fixture(scope="module")
+def machine():
+    return load_machine("dz101")
+
+
+PLACES = {
+    "x1": (6.2, "operating_point", "speed_r_min", 6.2),
+    "x2": (1800.0, "operating_point", "torque_kn_m", 1800.0),
+    "x3": (9000.0, "operating_point", "thrust_kn", 9000.0),
+    "x4": (2e-3, "steel", "damping", 2e-3),
+    "x5": (200.0, "steel", "elasticity", 200e9),
+    "x6": (0.28, "steel", "poisson", 0.28),
+    "x11": (2e-3, "connection_damping", "rock", 2e-3),
+    "x12": (2e-3, "connection_damping", "bolt", 2e-3),
+    "x13": (2e-3, "connection_damping", "bearing", 2e-3),
+    "x14": (2e-3, "connection_damping", "spline", 2e-3),
+    "x15": (2e-3, "connection_damping", "hydraulic", 2e-3),
+    "x7": (250.0, "mesh", "backlash", 250e-6),
+    "x8": (1.2, "mesh", "error_factor", 1.2),
+    "x9": (7e9, "mesh", "mean_stiffness", 7e9),
+    "x10": (0.08, "mesh", "damping_ratio", 0.08),
+}
+MULTIPLIED = {
+    "x16": "k_r_ct",
+    "x17": "k_r_gd",
+    "x18": "k_c_cf",
+    "x19": "k_c_fb",
+    "x20": "k_c_bc",
+    "x21": "k_c_cg",
+    "x22": "k_b_io",
+    "x25": "k_h_gd",
+}
+
+
+def expected_description(machine, code):
+    """The file's own data with one input of Table 4 applied by hand: (value, dump)."""
+    data = machine.base.model_dump()
+    if code in PLACES:
+        value, group, key, number = PLACES[code]
+        (data["driveshaft"]["mesh"] if group == "mesh" else data[group])[key] = number
+        return value, data
+    if code in MULTIPLIED:
+        hits = [c for c in data["connections"] if c["name"] == MULTIPLIED[code]]
+        assert len(hits) == (2 if code == "x25" else 1)
+        for connection in hits:
+            connection["stiffness"] = tuple(2.0 * k for k in connection["stiffness"])
+    else:
+        key = {"x23": "pinion_bearing", "x24": "spline"}[code]
+        data["driveshaft"][key] = tuple(2.0 * k for k in data["driveshaft"][key])
+    return 2.0, data
+
+
+@pytest.mark.parametrize("code", [f"x{i}" for i in range(1, 26)])
+def test_an_input_changes_what_it_names_and_nothing_else(machine, code):
+    value, expected = expected_description(machine, code)
+    before = machine.base.model_dump()
+    found = machine.with_inputs(**{code: value}).description.model_dump()
+    if code in PLACES:
+        # One rounding of the unit's factor (µm, GPa) is allowed in the number itself.
+        _, group, key, number = PLACES[code]
+        place = found["driveshaft"]["mesh"] if group == "mesh" else found[group]
+        assert place[key] == pytest.approx(number, rel=1e-15)
+        place[key] = number
+    assert found == expected
+    assert machine.description.model_dump() == before
+    assert tuple(INPUT_CODES) == tuple(f"x{i}" for i in range(1, 26))
+
+
+@settings(max_examples=30, deadline=None)
+@given(first=st.floats(0.5, 2.0), second=st.floats(0.5, 2.0))
+def test_multipliers_are_relative_to_the_file_and_the_last_one_holds(machine, first, second):
+    twice = machine.with_inputs(x16=first, x2=1500.0).with_inputs(x16=second)
+    assert twice == machine.with_inputs(x16=second, x2=1500.0)
+    assert twice.with_inputs(x16=second) == twice
+    assert twice.description.connections[0].stiffness == tuple(
+        second * k for k in machine.base.connections[0].stiffness
+    )
+
+
+def test_the_file_itself_is_the_variant_without_changes(machine):
+    assert machine.with_inputs().description == machine.description
+    assert machine.with_inputs(x1=5.6, x2=3040.0, x3=12000.0, x5=210.0, x16=1.0, x25=1.0).description == machine.base
+
+
+def test_doubling_the_cylinders_doubles_both_of_them(machine):
+    before, after = (m.assemble() for m in (machine, machine.with_inputs(x25=2.0)))
+    change = after.K - before.K
+    single = np.array([1e10, 5e9, 5e9, 1e10, 5e10, 5e10])
+    for node in (43, 50):
+        dofs = [before.dof(node, d) for d in ("ux", "uy", "uz", "rx")]
+        assert np.diag(change)[dofs] == pytest.approx(single[:4])
+
+
+@pytest.mark.parametrize("number", [np.float64(1.5), np.float32(1.5), np.int64(2), 2])
+def test_numbers_of_numpy_are_numbers(machine, number):
+    assert machine.with_inputs(x16=number).description.connections[0].stiffness[0] == float(number) * 1e9
+
+
+@pytest.mark.parametrize(
+    ("inputs", "message"),
+    [
+        ({"x26": 1.0}, r"input 'x26': unknown; allowed are x1 … x25"),
+        ({"speed": 1.0}, r"input 'speed': unknown; allowed are x1 … x25"),
+        ({"x16": -1.0}, r"input x16: a stiffness multiplier must be positive, got -1.0"),
+        ({"x24": 0.0}, r"input x24: a stiffness multiplier must be positive"),
+        ({"x1": "fast"}, r"input x1: must be a number, got 'fast'"),
+        ({"x1": None}, r"input x1: must be a number"),
+        ({"x1": True}, r"input x1: must be a number"),
+        ({"x1": np.array([1.0])}, r"input x1: must be a number"),
+        ({"x1": 1.0 + 2.0j}, r"input x1: must be a number"),
+        ({"x1": 0.0}, r"operating_point.speed_r_min: .*greater than 0"),
+        ({"x2": -5.0}, r"operating_point.torque_kn_m: .*greater than 0"),
+        ({"x6": 0.5}, r"steel.poisson: .*less than 0.5"),
+        ({"x4": -1e-3}, r"steel.damping: .*greater than or equal to 0"),
+        ({"x8": -0.1}, r"error_factor: .*greater than or equal to 0"),
+    ],
+)
+def test_a_wrong_input_is_refused(machine, inputs, message):
+    with pytest.raises(MachineError, match=message) as caught:
+        machine.with_inputs(**inputs)
+    assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize("code", INPUT_CODES)
+@pytest.mark.parametrize("value", [float("nan"), float("inf"), -float("inf")])
+def test_no_input_may_be_other_than_finite(machine, code, value):
+    with pytest.raises(MachineError):
+        machine.with_inputs(**{code: value})
+
+
+def test_a_multiplier_of_a_connection_that_is_not_there():
+    other = built(without(plain(), ("k_h_gd", 11), ("k_h_gd", 49)))
+    with pytest.raises(MachineError, match="input x25: machine dz101 has no connection named k_h_gd"):
+        other.with_inputs(x25=2.0)
+
+
+@settings(max_examples=20, deadline=None)
+@given(torque=st.floats(500.0, 5000.0), thrust=st.floats(3000.0, 20000.0))
+def test_loads_follow_thrust_and_torque(machine, torque, thrust):
+    variant = machine.with_inputs(x2=torque, x3=thrust)
+    by_thrust, by_torque = thrust / 12000.0, torque / 3040.0
+    factors = [by_thrust, by_torque, by_torque, by_torque, by_thrust, by_thrust]
+    assert variant.load_scale() == pytest.approx(factors)
+    means = [-1.2e7, 3.091e4, 3.484e4, -3.04e6, 9.77e5, 8.27e5]
+    assert variant.loads().mean == pytest.approx(np.array(means) * factors)
+    assert variant.assemble().mean_load == pytest.approx(np.array(means) * factors)
+
+
+def test_operating_point_and_mesh_frequency(machine):
+    variant = machine.with_inputs(x1=6.0)
+    assert variant.operating_point.speed == pytest.approx(2.0 * np.pi / 10.0)
+    assert variant.operating_point.torque == 3.04e6
+    assert variant.operating_point.thrust == 1.2e7
+    assert variant.mesh_frequency == pytest.approx(15.2)
+    assert variant.name == "dz101"

@@ -1,0 +1,149 @@
+"""The simulator in pieces and in trouble: the same bits in any pieces, and errors that say when.
+
+Source: one call over the whole run; equality is exact by design (section 4), so there is no tolerance.
+"""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from tbm_dynamics import SimulationError, Simulator, load_machine, simulate
+
+STEPS = 700
+NODES = (3, 8, 14)
+
+
+@pytest.fixture(scope="module")
+def machine():
+    return load_machine("dz101")
+
+
+@pytest.fixture(scope="module")
+def system(machine):
+    return machine.assemble()
+
+
+@pytest.fixture(scope="module")
+def loads(machine):
+    return machine.loads(seed=5).evaluate(np.arange(STEPS) * 1e-4)
+
+
+@pytest.fixture(scope="module")
+def whole(system, loads):
+    return Simulator(system, NODES).step(loads)
+
+
+def joined(chunks):
+    assert [chunk.first_step for chunk in chunks] == list(
+        np.cumsum([0, *(len(chunk.mesh_force) for chunk in chunks[:-1])])
+    )
+    return [
+        np.concatenate([getattr(c, name) for c in chunks]) for name in ("displacement", "acceleration", "mesh_force")
+    ]
+
+
+def same(chunks, whole):
+    parts = joined(chunks)
+    return all(
+        np.array_equal(part, getattr(whole, name))
+        for part, name in zip(parts, ("displacement", "acceleration", "mesh_force"), strict=True)
+    )
+
+
+@settings(max_examples=12, deadline=None)
+@given(cuts=st.sets(st.integers(1, STEPS - 1), max_size=12))
+def test_any_pieces_give_the_same_bits(system, loads, whole, cuts):
+    run = Simulator(system, NODES)
+    assert same([run.step(part) for part in np.split(loads, sorted(cuts))], whole)
+    assert run.next_step == STEPS
+
+
+def test_one_step_at_a_time_across_a_border_of_the_output_blocks(system, loads, whole):
+    run = Simulator(system, NODES)
+    pieces = [loads[:1], loads[1:250], *(loads[i : i + 1] for i in range(250, 262)), loads[262:]]
+    assert same([run.step(piece) for piece in pieces], whole)
+
+
+def test_other_outputs_do_not_change_the_motion(system, loads, whole):
+    few = Simulator(system, (14,)).step(loads)
+    assert np.array_equal(few.mesh_force, whole.mesh_force)
+    assert few.acceleration[:, 0] == pytest.approx(whole.acceleration[:, 2], rel=1e-9, abs=1e-9)
+
+
+def test_the_same_operating_point_again_changes_nothing(system, loads, whole, machine):
+    run = Simulator(system, NODES)
+    first = run.step(loads[:333])
+    run.set_operating_point(machine.operating_point)
+    second = run.step(loads[333:])
+    # The phase is written anew: rounding only.
+    found = np.concatenate([first.mesh_force, second.mesh_force])
+    assert found == pytest.approx(whole.mesh_force, rel=1e-9)
+
+
+@pytest.mark.parametrize("bad", [np.nan, np.inf, -np.inf])
+def test_loads_that_are_not_finite(system, loads, bad):
+    run = Simulator(system, NODES)
+    run.step(loads[:100])
+    wrong = loads[100:200].copy()
+    wrong[23, 4] = bad
+    with pytest.raises(SimulationError, match=r"^loads at t = 0\.0123 s are not finite$"):
+        run.step(wrong)
+    assert run.next_step == 100  # and the run goes on as if they had never come
+
+
+def test_a_run_goes_on_after_refused_loads(system, loads, whole):
+    run = Simulator(system, NODES)
+    first = run.step(loads[:100])
+    with pytest.raises(SimulationError):
+        run.step(np.full((5, 6), np.nan))
+    assert same([first, run.step(loads[100:])], whole)
+
+
+@pytest.mark.parametrize("shape", [(6,), (0, 6), (3, 5), (2, 2, 6)])
+def test_loads_of_another_shape(system, shape):
+    with pytest.raises(SimulationError, match=r"^loads: shape \(.*must be \(n, 6\)"):
+        Simulator(system, NODES).step(np.zeros(shape))
+
+
+def test_a_motion_that_diverges_says_when(system, loads):
+    run = Simulator(system, NODES)
+    huge = loads[:300].copy()
+    huge[200:] = 1e308
+    with pytest.raises(SimulationError, match=r"^the motion diverges at t = 0\.02\d\d s; reduce time_step"):
+        run.step(huge)
+
+
+@pytest.mark.parametrize("step", [0.0, -1e-4, np.nan])
+def test_a_time_step_that_is_none(system, step):
+    with pytest.raises(SimulationError, match="time_step"):
+        Simulator(system, NODES, step)
+
+
+@pytest.mark.parametrize("duration", [0.0, -1.0, 1e-6, np.nan, np.inf])
+def test_a_duration_without_steps(machine, duration):
+    with pytest.raises(SimulationError, match="duration"):
+        simulate(machine, duration)
+
+
+def test_progress_and_time(machine):
+    seen = []
+    response = simulate(machine, 0.9, progress=seen.append)
+    assert seen == [pytest.approx(8192 / 9000), 1.0]
+    assert response.time == pytest.approx(np.arange(9000) * 1e-4)
+    assert response.mesh_force.shape == (9000, 10)
+
+
+def test_only_the_nodes_asked_for(machine):
+    from tbm_dynamics import MachineError
+
+    response = simulate(machine, 0.01, outputs=(47,))
+    assert response.acceleration(47).shape == (100, 6)
+    assert np.array_equal(response.acceleration(47, "rz"), response.acceleration(47)[:, 5])
+    assert np.array_equal(response.displacement(47, "y"), response.displacement(47)[:, 1])
+    with pytest.raises(MachineError, match="node 3: not among the outputs 47"):
+        response.acceleration(3)
+    with pytest.raises(MachineError, match="axis 'ux': allowed are x, y, z, rx, ry, rz"):
+        response.displacement(47, "ux")
+    with pytest.raises(MachineError, match="node 99: unknown"):
+        simulate(machine, 0.01, outputs=(99,))

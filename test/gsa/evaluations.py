@@ -1,0 +1,53 @@
+"""Cheap evaluations for campaigns; at module level, since worker processes import them."""
+
+import os
+import time
+from dataclasses import dataclass
+from pathlib import Path
+
+OUTPUTS = ("force", "peak")
+
+
+def analytic(sample):
+    """Two outputs of three inputs: one smooth, one that only x2 moves."""
+    x2, x4, x16 = (sample[code] for code in ("x2", "x4", "x16"))
+    return {"force": x2 / x16 + 1e4 * x4, "peak": (x2 / 1000.0) ** 2}
+
+
+@dataclass(frozen=True)
+class Traced:
+    """`analytic` that leaves one file per call, and takes its time."""
+
+    folder: str
+    seconds: float = 0.0
+
+    def __call__(self, sample):
+        (Path(self.folder) / f"{sample['x2']!r}-{os.getpid()}").touch()
+        time.sleep(self.seconds)
+        return analytic(sample)
+
+
+def fails_above(sample):
+    """Fails in three ways where x2 is large."""
+    if sample["x2"] > 2300.0:
+        raise RuntimeError("the run\ndiverged")
+    if sample["x2"] > 2200.0:
+        return {"force": 1.0}
+    if sample["x2"] > 2100.0:
+        return {"force": float("nan"), "peak": 1.0}
+    return analytic(sample)
+
+
+def kills_its_process(sample):
+    if sample["x2"] > 2000.0:
+        os._exit(3)
+    return analytic(sample)
+
+
+def threads(sample):
+    """The number of threads a worker may use, as its environment and libraries say."""
+    import numpy  # noqa: F401
+    from threadpoolctl import threadpool_info
+
+    most = max(info["num_threads"] for info in threadpool_info())
+    return {"force": float(os.environ["OMP_NUM_THREADS"]), "peak": float(most) + 1e-9 * sample["x2"]}

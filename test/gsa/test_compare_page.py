@@ -1,0 +1,173 @@
+"""The page of a comparison and the command that writes it."""
+
+import json
+import re
+from html.parser import HTMLParser
+from importlib import resources
+
+import pytest
+import typer
+from compare_bags import noise, write_bag
+from typer.testing import CliRunner
+
+from tbm_dynamics import MachineError
+from tbm_gsa.cli.compare import compare
+from tbm_gsa.comparison import Settings
+from tbm_gsa.comparison.workflow import compare_recording
+from tbm_gsa.report import compare_page as module
+from tbm_gsa.report.compare_page import compare_page, write_page
+from tbm_msgs_py import RecordingError
+
+HOSTILE = "<b>x$y_{"
+
+app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
+app.command()(compare)
+
+
+@pytest.fixture(scope="module")
+def bag(tmp_path_factory):
+    points = {"cutterhead": noise(6.0, 5.0), "shield": noise(6.0), "belt": noise(2.0)}
+    return write_bag(tmp_path_factory.mktemp("bag") / "bag", points)
+
+
+@pytest.fixture(scope="module")
+def result(bag):
+    return compare_recording(bag, model_duration=2.0)
+
+
+def run(*arguments):
+    return CliRunner().invoke(app, [*map(str, arguments), "--model-duration", "2"])
+
+
+class _Page(HTMLParser):
+    def __init__(self, text):
+        super().__init__()
+        self.tags, self.links = [], []
+        self.feed(text)
+
+    def handle_starttag(self, tag, attrs):
+        self.tags.append(tag)
+        self.links += [value for name, value in attrs if name in {"src", "href", "srcset", "data"}]
+
+
+def test_the_page_holds_everything_itself(result):
+    text = compare_page(result)
+    page = _Page(text)
+    assert page.tags.count("img") == 4
+    assert not {"script", "link", "iframe", "object", "b"} & set(page.tags)
+    assert all(link.startswith("data:image/svg+xml;base64,") for link in page.links)
+    assert not re.search(r"https?://|url\(|@import", text)
+    assert len(text) < 3_000_000
+
+
+def test_the_page_says_what_the_document_says(result):
+    text = compare_page(result)
+    head = result.document["points"]["cutterhead"]["x"]
+    assert f"<td>{head['model_rms_g']:.3f}</td>" in text
+    assert f"<td>{head['field_rms_g']:.3f}</td>" in text
+    assert f"{head['relative_error']:.0%}".replace("%", " %") in text
+    assert result.document["recording"]["sha256"] in text
+    assert "Test point belt was not compared: machine dz101 has no such test point." in text
+    assert "synthetic" not in text
+
+
+def test_equal_results_give_equal_pages(result):
+    assert compare_page(result) == compare_page(result)
+
+
+def test_names_of_others_are_escaped(tmp_path):
+    described = resources.files("tbm_dynamics").joinpath("machines/dz101.yaml").read_text("utf-8")
+    machine = tmp_path / "machine.yaml"
+    machine.write_text(
+        described.replace("test_points: {cutterhead: 3", f'test_points: {{"{HOSTILE}": 3, cutterhead: 3')
+    )
+    mapping = tmp_path / "points.yaml"
+    names = {"a": HOSTILE, "b": "<i>unknown"}
+    sensor = "units: m/s2, gravity: removed, frame: fixed"
+    mapping.write_text(
+        "topics:\n" + "".join(f'  /tbm/field/{a}/block: {{point: "{p}", {sensor}}}\n' for a, p in names.items())
+    )
+    path = write_bag(tmp_path / "<u>bag", {"a": noise(3.0), "b": noise(3.0)})
+    result = compare_recording(path, machine, mapping, model_duration=2.0)
+    text = compare_page(result)
+    assert list(result.document["points"]) == [HOSTILE]
+    assert not {"b", "i", "u"} & set(_Page(text).tags)
+    for name in (HOSTILE, "<i>unknown", "<u>bag"):
+        assert name not in text
+        assert name.replace("<", "&lt;").replace(">", "&gt;") in text
+
+
+def test_a_turning_sensor_and_a_synthetic_recording(tmp_path):
+    path = write_bag(tmp_path / "bag", {"cutterhead": noise(3.0), "girder": noise(3.0)})
+    (path / "README.md").write_text("# A synthetic recording\n")
+    sensor = "units: m/s2, gravity: included"
+    (path / "mapping.yaml").write_text(
+        f"topics:\n  /tbm/field/cutterhead/block: {{point: cutterhead, {sensor}, frame: rotating}}\n"
+        f"  /tbm/field/girder/block: {{point: girder, {sensor}, frame: fixed}}\n"
+    )
+    text = compare_page(compare_recording(path, model_duration=2.0))
+    assert "This recording is synthetic" in text
+    assert "across, √(y² + z²)" in text
+
+
+def test_a_silent_sensor_and_a_window_that_does_not_fit(tmp_path):
+    path = write_bag(tmp_path / "bag", {"shield": noise(3.0, 0.0)})
+    result = compare_recording(path, model_duration=2.0, settings=Settings(window_s=60.0))
+    assert result.document["points"]["shield"]["x"]["relative_error"] is None
+    assert "No window of 60 s fits into the recording." in compare_page(result)
+
+
+def test_a_page_that_fails_leaves_the_old_one(result, tmp_path, monkeypatch):
+    target = tmp_path / "page.html"
+    write_page(result, target)
+    before = target.read_bytes()
+    monkeypatch.setattr(module, "render_page", lambda *_: "\ud800")  # cannot be written as UTF-8
+    with pytest.raises(UnicodeEncodeError):
+        write_page(result, target)
+    assert target.read_bytes() == before
+    assert list(tmp_path.iterdir()) == [target]
+
+
+def test_the_command_prints_one_json_document(bag, result, tmp_path):
+    page = tmp_path / "out.html"
+    done = run(bag, "--json", "--html", page)
+    assert done.exit_code == 0, done.exception
+    document = json.loads(done.stdout)
+    assert document["points"] == json.loads(json.dumps(result.document["points"]))
+    assert page.read_text(encoding="utf-8") == compare_page(result)
+    assert "test point 'belt' not compared" in done.stderr
+
+
+def test_the_command_prints_the_table(bag, result):
+    done = run(bag)
+    assert done.exit_code == 0, done.exception
+    head = result.document["points"]["cutterhead"]["x"]
+    row = next(line for line in done.stdout.splitlines() if "cutterhead" in line)
+    assert f"{head['model_rms_g']:.3f}" in row
+    assert f"{head['field_rms_g']:.3f}" in row
+    assert f"{head['relative_error']:.0%}" in row
+    assert "0 lost" in done.stdout
+
+
+def test_a_window_of_the_command(bag):
+    windows = json.loads(run(bag, "--json", "--window", "1.5").stdout)["points"]["shield"]["x"]["windows"]
+    assert windows["start"] == [0.0, 1.5, 3.0, 4.5]
+
+
+@pytest.mark.parametrize(
+    ("arguments", "kind", "message"),
+    [
+        (["nowhere.mcap"], RecordingError, "nowhere.mcap: no such file or folder"),
+        (["{bag}", "--machine", "dz999"], MachineError, "dz999"),
+        (["{bag}", "--mapping", "no.yaml"], RecordingError, "no.yaml"),
+        (["{bag}", "--window", "0"], ValueError, "window 0 s"),
+        (["{bag}", "--html", "no/such/folder/out.html"], ValueError, "no folder no/such/folder"),
+    ],
+)
+def test_errors_leave_stdout_empty(bag, tmp_path, monkeypatch, arguments, kind, message):
+    monkeypatch.chdir(tmp_path)
+    done = run(*(argument.replace("{bag}", str(bag)) for argument in arguments), "--json")
+    assert isinstance(done.exception, kind)
+    assert message in str(done.exception)
+    assert done.stdout == ""
+    assert list(tmp_path.iterdir()) == []

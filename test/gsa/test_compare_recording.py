@@ -1,0 +1,178 @@
+"""From a recording on disk to the document, with a bag made of the model's own accelerations."""
+
+import json
+
+import numpy as np
+import pytest
+from compare_bags import RATE, START_NS, G, model_values, noise, write_bag
+
+from tbm_dynamics import MachineError, load_machine
+from tbm_gsa.comparison import Settings
+from tbm_gsa.comparison.document import axial_rows
+from tbm_gsa.comparison.workflow import compare_recording
+from tbm_msgs_py import OperatingPoint, RecordingError
+from tbm_msgs_py.bags import BagWriter
+
+SHORT = {"model_duration": 2.0}
+
+
+@pytest.fixture(scope="module")
+def own(tmp_path_factory):
+    """The model's accelerations, as they are, scaled, and of other loads."""
+    same, other = model_values(seed=0), model_values(seed=7)
+    points = {"cutterhead": same["cutterhead"], "shield": 0.5 * same["shield"], "gripper": other["gripper"]}
+    path = write_bag(tmp_path_factory.mktemp("own") / "bag", points, rate=10_000)
+    (path / "README.md").write_text("A Synthetic recording, made from the model.\n")
+    return compare_recording(path, model_duration=10.0, seed=0)
+
+
+def errors(result, point):
+    return [axis["relative_error"] for axis in result.document["points"][point].values()]
+
+
+def test_the_models_own_recording_has_no_error(own):
+    assert errors(own, "cutterhead") == pytest.approx([0.0, 0.0, 0.0], abs=1e-4)
+
+
+def test_half_the_model_errs_by_one(own):
+    assert errors(own, "shield") == pytest.approx([1.0, 1.0, 1.0], abs=1e-3)
+    assert own.document["points"]["shield"]["y"]["windows"]["relative_error"] == pytest.approx([1.0] * 5, abs=5e-3)
+
+
+def test_other_loads_err_as_much_as_chance_allows(own):
+    # 10 Hz of noise over 10 s: the RMS scatters by 1 / (2 √100) = 5 % on either side; a resonance is narrower.
+    axial, lateral, vertical = errors(own, "gripper")
+    assert 0.0 < axial < 0.25
+    assert max(lateral, vertical) < 0.6
+
+
+def test_the_document_follows_the_contract(own):
+    document = json.loads(json.dumps(own.document, allow_nan=False))
+    assert list(document["points"]) == ["cutterhead", "shield", "gripper"]
+    assert {"field_rms", "model_rms", "relative_error", "coverage", "windows"} <= set(
+        document["points"]["gripper"]["x"]
+    )
+    recording = document["recording"]
+    assert {"path", "messages", "lost", "truncated", "sha256", "duration", "points"} == set(recording)
+    assert (recording["messages"], recording["lost"], recording["truncated"]) == (60, 0, False)
+    assert recording["duration"] == pytest.approx(10.0, abs=0.01)
+    assert {"topic", "gaps", "clipped", "duplicates", "invalid"} <= set(recording["points"]["shield"])
+    assert (document["machine"], document["seed"], document["model_duration"]) == ("dz101", 0, 10.0)
+    assert document["nodes"] == {"cutterhead": 3, "shield": 43, "gripper": 50}
+    assert document["synthetic"] is True
+    assert document["operating_point"]["source"] == "machine"
+    assert {"python", "numpy"} <= set(document["versions"])
+
+
+def test_the_rows_of_table_2(own):
+    head, shield, _ = axial_rows(own.document)
+    assert (head.point, head.node) == ("cutterhead", 3)
+    assert head.predicted_g == pytest.approx(own.document["points"]["cutterhead"]["x"]["model_rms"] / G)
+    assert shield.measured_g == pytest.approx(shield.predicted_g / 2.0, rel=1e-3)
+
+
+def test_expected_lines_are_the_machines(own):
+    lines = {line["name"]: line["frequency_hz"] for line in own.document["expected_lines"]}
+    assert lines["load line 130.3 Hz"] == 130.3
+    assert lines["mesh frequency"] == pytest.approx(152 * 5.6 / 60)
+    assert lines["2 × mesh frequency"] == pytest.approx(2 * 152 * 5.6 / 60)
+    axial = lines["axial natural frequency A1"]
+    assert np.abs(load_machine("dz101").assemble().natural_frequencies() - axial).min() < 1e-9
+    assert own.document["points"]["cutterhead"]["x"]["field_lines"][0]["match"] == "load line 130.3 Hz"
+
+
+def test_a_known_sine_has_its_rms(tmp_path):
+    time = np.arange(4 * RATE) / RATE
+    sine = np.sin(2 * np.pi * 130.3 * time)[:, None] * [2.0, 1.0, 4.0]
+    result = compare_recording(write_bag(tmp_path / "bag", {"girder": sine}), **SHORT)
+    axes = result.document["points"]["girder"]
+    assert [axes[axis]["field_rms"] for axis in "xyz"] == pytest.approx(
+        np.array([2.0, 1.0, 4.0]) / np.sqrt(2), rel=5e-3
+    )
+    assert "synthetic" not in result.document
+
+
+def test_the_recorded_operating_point_is_used(tmp_path):
+    def level(name, *entries):
+        points = [(at, OperatingPoint(speed, torque, 1.0e7)) for at, speed, torque in entries]
+        path = write_bag(tmp_path / name, {"shield": noise(4.0)}, operating=points)
+        return compare_recording(path, **SHORT).document["operating_point"]
+
+    one = level("one", (0.0, 0.5, 2.0e6))
+    assert one["source"] == "recording"
+    assert one["speed_r_min"] == pytest.approx(0.5 * 30 / np.pi)
+    assert (one["torque_kn_m"], one["thrust_kn"]) == pytest.approx((2000.0, 10000.0))
+    # The first entry is older than the recording and holds for 1 s of it, the second for 1 s, the third to the end.
+    several = level("several", (-100.0, 0.5, 2.0e6), (1.0, 0.5, 4.0e6), (2.0, 0.0, 0.0), (3.0, 0.5, 6.0e6))
+    assert several["torque_kn_m"] == pytest.approx(4000.0, rel=1e-3)
+    assert several["note"] == "time-weighted mean of 3 recorded levels; entries at standstill left out: 1"
+
+
+def test_a_machine_that_never_turned_is_an_error(tmp_path):
+    path = write_bag(tmp_path / "bag", {"shield": noise(4.0)}, operating=[(0.0, OperatingPoint(0.0, 0.0, 0.0))])
+    with pytest.raises(RecordingError, match=r"bag: operating point: never driven, allowed: positive speed"):
+        compare_recording(path, **SHORT)
+
+
+def test_a_level_scales_the_model(tmp_path):
+    path = write_bag(
+        tmp_path / "bag", {"cutterhead": noise(4.0)}, operating=[(0.0, OperatingPoint(0.586, 3.04e6, 2.4e7))]
+    )
+    bare = write_bag(tmp_path / "bare", {"cutterhead": noise(4.0)})
+    doubled, own = (compare_recording(bag, **SHORT).document["points"]["cutterhead"]["x"] for bag in (path, bare))
+    assert doubled["model_rms"] == pytest.approx(2.0 * own["model_rms"], rel=0.02)
+
+
+def test_points_that_cannot_be_compared_are_named(tmp_path):
+    path = write_bag(tmp_path / "bag", {"shield": noise(4.0), "belt": noise(4.0), "gripper": noise(0.5)})
+    document = compare_recording(path, **SHORT).document
+    assert list(document["points"]) == ["shield"]
+    assert document["skipped"] == {
+        "belt": "machine dz101 has no such test point",
+        "gripper": "no stretch of 1 s without a gap at 2000 Hz",
+    }
+    assert set(document["recording"]["points"]) == {"shield", "belt", "gripper"}
+
+
+def test_a_turning_sensor_compares_across(tmp_path):
+    path = write_bag(tmp_path / "bag", {"cutterhead": noise(4.0)})
+    mapping = tmp_path / "turning.yaml"
+    sensor = "{point: cutterhead, units: m/s2, gravity: removed, frame: rotating}"
+    mapping.write_text(f"topics:\n  /tbm/field/cutterhead/block: {sensor}\n")
+    assert list(compare_recording(path, mapping=mapping, **SHORT).document["points"]["cutterhead"]) == ["x", "yz"]
+
+
+def test_what_cannot_be_compared_is_one_line(tmp_path):
+    with BagWriter(tmp_path / "empty"):
+        pass
+    belt, dead = (write_bag(tmp_path / name, {name: noise(0.5)}) for name in ("belt", "shield"))
+    with BagWriter(tmp_path / "unmapped") as writer:
+        writer.write_operating_point(START_NS, OperatingPoint(0.5, 3e6, 1e7))
+    for path, message in (
+        (tmp_path / "nowhere", "no such file or folder"),
+        (tmp_path / "empty", "no message could be read"),
+        (tmp_path / "unmapped", "no topic of the mapping is in the recording"),
+        (belt, "'belt': none is one of machine dz101, allowed: cutterhead"),
+        (dead, "test point shield: no stretch of 1 s"),
+    ):
+        with pytest.raises(RecordingError, match=message) as caught:
+            compare_recording(path, **SHORT)
+        assert "\n" not in str(caught.value)
+        assert str(path) in str(caught.value)
+
+
+@pytest.mark.parametrize("duration", [0.0, -1.0, 0.5, 301.0, float("nan")])
+def test_lengths_of_the_model_run_are_bounded(duration):
+    with pytest.raises(ValueError, match=r"model_duration .* allowed: 1 to 300 s"):
+        compare_recording("nowhere", model_duration=duration)
+
+
+@pytest.mark.parametrize("window", [0.0, -2.0, float("nan"), float("inf")])
+def test_windows_have_a_length(window):
+    with pytest.raises(ValueError, match=r"window .* allowed: a positive length"):
+        compare_recording("nowhere", settings=Settings(window_s=window))
+
+
+def test_an_unknown_machine_is_named():
+    with pytest.raises(MachineError, match="dz999"):
+        compare_recording("nowhere", "dz999")

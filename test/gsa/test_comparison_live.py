@@ -1,0 +1,248 @@
+from collections.abc import Iterator
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from tbm_gsa.comparison import AlarmRule, WindowedComparison, WindowResult
+from tbm_gsa.comparison.conditioning import common_band, condition
+
+SECOND = 1_000_000_000
+EPOCH = 1_700_000_000 * SECOND  # a multiple of the window
+RATES = {"model": 5000, "field": 1000}
+AMPLITUDES = {"model": np.array([3.0, 2.0, 1.0]), "field": np.array([2.0, 2.0, 4.0])}
+
+Block = tuple[str, int, np.ndarray, np.ndarray]
+
+
+def noise(source: str, duration: float) -> np.ndarray:
+    """Gaussian accelerations with gravity, (n, 3)."""
+    rng = np.random.default_rng(sum(map(ord, source)))
+    return rng.standard_normal((round(duration * RATES[source]), 3)) * AMPLITUDES[source] + [0.0, 0.0, 9.81]
+
+
+def blocks(source: str, duration: float, start: float = 0.0, length: float = 0.05) -> Iterator[Block]:
+    """(source, stamp_ns, t, values) of a whole signal, `length` s each."""
+    values, size = noise(source, duration), round(length * RATES[source])
+    for first in range(0, len(values), size):
+        part = values[first : first + size]
+        stamp = EPOCH + round((start + first / RATES[source]) * SECOND)
+        yield source, stamp, np.arange(len(part)) / RATES[source], part
+
+
+def interleaved(duration: float, start: float = 0.0) -> list[Block]:
+    return sorted([*blocks("model", duration, start), *blocks("field", duration, start)], key=lambda block: block[1])
+
+
+def run(comparison: WindowedComparison, stream: list[Block], point: str = "shield") -> list[WindowResult]:
+    return [result for block in stream for result in comparison.feed(point, *block)]
+
+
+def starts(results: list[WindowResult]) -> list[float]:
+    return [(result.start_ns - EPOCH) / SECOND for result in results]
+
+
+def offline_rms(source: str, duration: float, window: float, edge: float) -> np.ndarray:
+    values, rate = noise(source, duration), RATES[source]
+    conditioned = condition(np.arange(len(values)) / rate, values, rate, common_band(*RATES.values())).values
+    inside = conditioned[round(edge * rate) : round((edge + window) * rate)]
+    return np.sqrt(np.mean(inside**2, axis=0))
+
+
+def test_windows_agree_with_the_offline_ones():
+    results = run(WindowedComparison(2.0), interleaved(12.0))
+    assert starts(results) == [2.0, 4.0, 6.0, 8.0, 10.0]
+    for result, edge in zip(results, starts(results), strict=True):
+        np.testing.assert_allclose(result.model_rms, offline_rms("model", 12.0, 2.0, edge), rtol=0.01)
+        np.testing.assert_allclose(result.field_rms, offline_rms("field", 12.0, 2.0, edge), rtol=0.01)
+        expected = np.abs(result.field_rms - result.model_rms) / result.field_rms
+        np.testing.assert_allclose(result.relative_error, expected)
+        assert result.coverage == 1.0
+
+
+@settings(max_examples=15, deadline=None)
+@given(data=st.data())
+def test_the_interleaving_does_not_matter(data):
+    queues = {source: list(blocks(source, 6.0, length=0.25)) for source in RATES}
+    shuffled = []
+    while any(queues.values()):
+        # One signal may run ahead, as far as the patience goes.
+        ahead = [
+            s for s, q in queues.items() if q and q[0][1] <= min(o[0][1] for o in queues.values() if o) + 2 * SECOND
+        ]
+        shuffled.append(queues[data.draw(st.sampled_from(ahead))].pop(0))
+    results = run(WindowedComparison(2.0), shuffled)
+    assert starts(results)[-1] == 4.0
+    np.testing.assert_allclose(results[-1].model_rms, offline_rms("model", 6.0, 2.0, 4.0), rtol=0.02)
+    np.testing.assert_allclose(results[-1].field_rms, offline_rms("field", 6.0, 2.0, 4.0), rtol=0.02)
+
+
+def test_one_sample_a_message_works():
+    model, field = blocks("model", 6.0), blocks("field", 6.0, length=0.001)
+    stream = sorted([*model, *field], key=lambda block: block[1])
+    assert starts(run(WindowedComparison(2.0), stream)) == [2.0, 4.0]
+
+
+def test_a_start_within_a_window_waits_for_the_filter_to_settle():
+    assert starts(run(WindowedComparison(2.0), interleaved(8.0, start=0.7))) == [4.0, 6.0]
+
+
+def test_a_rotating_sensor_is_compared_by_length():
+    result = run(WindowedComparison(2.0, rotating=["shield"]), interleaved(4.0))[0]
+    plain = run(WindowedComparison(2.0), interleaved(4.0))[0]
+    length = np.hypot(*plain.field_rms[1:])
+    np.testing.assert_allclose(result.field_rms, [plain.field_rms[0], length, length])
+
+
+def test_a_missing_signal_is_reported_as_coverage_zero():
+    for source, other in (("model", "field"), ("field", "model")):
+        results = run(WindowedComparison(2.0), list(blocks(source, 12.0)))
+        assert len(results) >= 3
+        for result in results:
+            assert result.coverage == 0.0
+            assert getattr(result, f"{source}_coverage") == 1.0
+            assert np.isnan(getattr(result, f"{other}_rms")).all()
+            assert np.isnan(result.relative_error).all()
+
+
+def test_a_signal_that_ends_is_missing_from_then_on():
+    stream = [block for block in interleaved(14.0) if block[0] == "model" or block[1] < EPOCH + 6 * SECOND]
+    results = run(WindowedComparison(2.0), stream)
+    assert [result.coverage for result in results][:3] == [1.0, 1.0, 0.0]
+    assert np.isfinite(results[2].model_rms).all()
+
+
+def test_lost_blocks_lower_the_coverage_and_little_else():
+    kept = [b for b in interleaved(10.0) if b[0] == "model" or not 4.4 <= (b[1] - EPOCH) / SECOND < 4.9]
+    comparison = WindowedComparison(2.0)
+    results = run(comparison, kept)
+    assert [result.field_coverage for result in results] == pytest.approx([1.0, 0.75, 1.0, 1.0])
+    assert comparison.counters["shield"]["field"].gaps == 0
+    for result, whole in zip(results, run(WindowedComparison(2.0), interleaved(10.0)), strict=True):
+        np.testing.assert_allclose(result.field_rms, whole.field_rms, rtol=0.05)
+
+
+def test_too_little_coverage_gives_no_error():
+    kept = [b for b in interleaved(8.0) if b[0] == "model" or not 4.0 <= (b[1] - EPOCH) / SECOND < 5.5]
+    errors = [np.isnan(result.relative_error).all() for result in run(WindowedComparison(2.0), kept)]
+    assert errors == [False, True, False]
+
+
+def test_a_long_gap_starts_the_filter_afresh():
+    kept = [b for b in interleaved(20.0) if b[0] == "model" or not 6.0 <= (b[1] - EPOCH) / SECOND < 9.0]
+    comparison = WindowedComparison(2.0)
+    results = run(comparison, kept)
+    assert comparison.counters["shield"]["field"].gaps == 1
+    assert 8.0 not in starts(results)
+    assert 10.0 not in starts(results)
+    assert starts(results)[-4:] == [12.0, 14.0, 16.0, 18.0]
+
+
+def test_a_bag_loop_starts_afresh_and_goes_on():
+    comparison = WindowedComparison(2.0)
+    first, second = run(comparison, interleaved(8.0)), run(comparison, interleaved(8.0))
+    assert starts(first) == [2.0, 4.0, 6.0]
+    assert starts(second)[-2:] == [4.0, 6.0]
+    # The signal that jumps first restarts the point for both.
+    assert [comparison.counters["shield"][source].restarts for source in RATES] == [1, 0]
+
+
+def test_values_that_are_not_finite_are_rejected_and_counted():
+    stream = interleaved(6.0)
+    for source, _, _, values in stream[10:12]:
+        assert source in RATES
+        values[3] = np.nan
+    comparison = WindowedComparison(2.0)
+    results = run(comparison, stream)
+    assert sum(c.rejected for c in comparison.counters["shield"].values()) == 2
+    assert all(np.isfinite(result.relative_error).all() for result in results)
+
+
+def test_samples_that_come_twice_are_counted_and_dropped():
+    stream = interleaved(6.0)
+    comparison = WindowedComparison(2.0)
+    results = run(comparison, [block for block in stream for _ in range(2)])
+    assert comparison.counters["shield"]["field"].late == 6000
+    assert [result.coverage for result in results] == [1.0, 1.0]
+
+
+def test_a_point_with_nothing_but_rejects_gives_nothing():
+    comparison = WindowedComparison(2.0)
+    assert comparison.feed("girder", "field", EPOCH, [0.0], [[np.inf, 0.0, 0.0]]) == []
+    assert comparison.feed("girder", "field", EPOCH, [], np.empty((0, 3))) == []
+
+
+def test_points_do_not_touch_each_other():
+    comparison = WindowedComparison(2.0)
+    stream = interleaved(6.0)
+    both = [result for block in stream for point in ("shield", "gripper") for result in comparison.feed(point, *block)]
+    assert [result.point for result in both] == ["shield", "gripper"] * 2
+
+
+def test_memory_is_bounded_when_one_signal_is_missing():
+    comparison = WindowedComparison(0.5)
+    run(comparison, list(blocks("model", 20.0)))
+    stream = comparison._points["shield"]["model"]
+    assert len(stream.sums) < 5
+    assert sum(map(len, stream._pending_times)) <= 0.6 * RATES["model"]
+
+
+def test_a_chosen_band_needs_no_partner():
+    results = run(WindowedComparison(2.0, high_hz=300.0), list(blocks("model", 10.0)))
+    assert np.isfinite(results[-1].model_rms).all()
+
+
+def test_bad_shapes_name_the_point():
+    with pytest.raises(ValueError, match="test point shield"):
+        WindowedComparison().feed("shield", "field", EPOCH, [0.0, 1.0], [[0.0, 0.0, 0.0]])
+    with pytest.raises(ValueError, match="window_s"):
+        WindowedComparison(0.0)
+
+
+def window(error: list[float], point: str = "shield") -> WindowResult:
+    level = np.ones(3)
+    return WindowResult(point, 0, 2 * SECOND, level, level, np.array(error), 1.0, 1.0)
+
+
+HIGH, LOW, UNKNOWN = [0.1, 0.4, 0.2], [0.1, 0.1, 0.1], [np.nan] * 3
+
+
+def test_the_alarm_needs_consecutive_windows_and_comes_once():
+    rule = AlarmRule(0.30, 3)
+    assert [rule.update(window(e)) for e in [HIGH, HIGH, LOW, HIGH, HIGH, HIGH, HIGH]] == [False] * 5 + [True, False]
+    assert rule.raised == {"shield"}
+    assert not rule.update(window(LOW))
+    assert rule.raised == frozenset()
+    assert [rule.update(window(HIGH)) for _ in range(3)] == [False, False, True]
+
+
+def test_an_unknown_error_neither_raises_nor_clears():
+    rule = AlarmRule(0.30, 2)
+    assert [rule.update(window(e)) for e in [HIGH, UNKNOWN, HIGH]] == [False, False, True]
+
+
+def test_points_alarm_on_their_own():
+    rule = AlarmRule(0.30, 2)
+    rule.update(window(HIGH, "shield"))
+    assert not rule.update(window(HIGH, "gripper"))
+
+
+def test_a_baseline_makes_the_change_of_the_error_count():
+    rule = AlarmRule(0.30, 1, baseline={"shield": [0.4, 0.4, 0.4]})
+    assert not rule.update(window([0.5, 0.4, 0.3]))
+    assert rule.update(window([0.8, 0.4, 0.4]))
+
+
+def test_the_alarm_may_watch_one_axis():
+    assert not AlarmRule(0.30, 1, axes=(0,)).update(window(HIGH))
+
+
+def test_a_dead_sensor_alarms():
+    assert AlarmRule(0.30, 1).update(window([np.inf] * 3))
+
+
+@pytest.mark.parametrize("wrong", [{"threshold": 0.0}, {"windows": 0}])
+def test_rules_without_sense_are_refused(wrong):
+    with pytest.raises(ValueError, match="threshold > 0 and windows >= 1"):
+        AlarmRule(**wrong)

@@ -1,0 +1,166 @@
+import numpy as np
+import pytest
+import scipy.signal
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from tbm_gsa.comparison.conditioning import (
+    Band,
+    CausalConditioner,
+    common_band,
+    compared_axes,
+    condition,
+    sampling_rate,
+)
+
+RATE = 1000.0
+BAND = Band(0.5, 400.0)
+TIME = np.arange(10_000) / RATE
+
+
+def waves(time: np.ndarray, *frequencies: float) -> np.ndarray:
+    return np.column_stack([np.sin(2 * np.pi * f * time) for f in frequencies])
+
+
+def inner(values: np.ndarray) -> np.ndarray:
+    return values[2000:-2000]
+
+
+def test_common_band():
+    assert common_band(1000.0, 5000.0) == Band(0.5, 400.0)
+    assert common_band(5000.0, 10_000.0) == Band(0.5, 1000.0)
+    with pytest.raises(ValueError, match="2 Hz leaves no band"):
+        common_band(2.0)
+
+
+def test_passes_the_band_with_zero_phase_and_stops_the_rest():
+    signal = waves(TIME, 50.0, 0.05, 490.0)
+    conditioned = condition(TIME, signal, RATE, BAND).values
+    np.testing.assert_allclose(inner(conditioned)[:, 0], inner(signal)[:, 0], atol=1e-3)
+    assert np.abs(inner(conditioned)[:, 1:]).max() < 0.01
+
+
+def test_gravity_and_drift_go():
+    signal = waves(TIME, 50.0, 50.0, 50.0)
+    tilted = signal + [9.81, -3.0, 0.0] + TIME[:, None] * [0.0, 0.0, 2.0]
+    np.testing.assert_allclose(
+        condition(TIME, tilted, RATE, BAND).values, condition(TIME, signal, RATE, BAND).values, atol=1e-8
+    )
+
+
+def test_gaps_are_not_bridged_and_short_stretches_are_left_out():
+    kept = (TIME < 3.0) | ((TIME >= 3.5) & (TIME < 4.0)) | (TIME >= 4.2)
+    conditioned = condition(TIME[kept], waves(TIME[kept], 50.0, 60.0, 70.0), RATE, BAND)
+    assert [(segment.start, len(segment.values)) for segment in conditioned.segments] == [(0.0, 3000), (4.2, 5800)]
+    assert conditioned.time.shape == (8800,)
+    assert conditioned.duration == pytest.approx(10.0)
+    alone = condition(TIME[:3000], waves(TIME[:3000], 50.0, 60.0, 70.0), RATE, BAND)
+    np.testing.assert_array_equal(conditioned.segments[0].values, alone.values)
+
+
+def test_rows_that_are_not_finite_are_gaps():
+    signal = waves(TIME, 50.0, 60.0, 70.0)
+    signal[5000, 1] = np.nan
+    assert [len(segment.values) for segment in condition(TIME, signal, RATE, BAND).segments] == [5000, 4999]
+
+
+def test_order_and_repeats_of_the_stamps_do_not_matter():
+    signal = waves(TIME, 50.0, 60.0, 70.0)
+    order = np.random.default_rng(0).permutation(np.concatenate([np.arange(TIME.size), np.arange(50)]))
+    shuffled = condition(TIME[order], signal[order], RATE, BAND)
+    np.testing.assert_array_equal(shuffled.values, condition(TIME, signal, RATE, BAND).values)
+
+
+@settings(max_examples=10, deadline=None)
+@given(seed=st.integers(0, 100), jitter=st.floats(0.15, 0.4))
+def test_jittered_stamps_are_put_on_a_uniform_clock(seed, jitter):
+    stamps = TIME + np.random.default_rng(seed).uniform(-jitter, jitter, TIME.size) / RATE
+    conditioned = condition(stamps, waves(stamps, 20.0, 50.0, 100.0), RATE, BAND)
+    assert len(conditioned.segments) == 1
+    expected = waves(conditioned.time, 20.0, 50.0, 100.0)
+    np.testing.assert_allclose(inner(conditioned.values), inner(expected), atol=0.01)
+
+
+def test_a_drifting_clock_is_taken_as_it_is():
+    signal = waves(TIME, 50.0, 380.0, 70.0)
+    drifting = condition(TIME * (1.0 + 50e-6), signal, RATE, BAND)
+    np.testing.assert_array_equal(drifting.values, condition(TIME, signal, RATE, BAND).values)
+
+
+def test_epoch_stamps_work():
+    signal = waves(TIME, 50.0, 60.0, 70.0)
+    late = condition(TIME + 1.7e9, signal, RATE, BAND)
+    np.testing.assert_allclose(late.values, condition(TIME, signal, RATE, BAND).values, atol=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("time", "values", "rate", "message"),
+    [
+        (TIME, np.zeros((5, 3)), RATE, "shapes"),
+        (TIME, np.zeros((TIME.size, 3)), 500.0, "does not fit"),
+        (TIME, np.zeros((TIME.size, 3)), 700.0, "does not fit"),
+        (TIME[:500], np.zeros((500, 3)), RATE, "no stretch of 1 s"),
+        (TIME, np.full((TIME.size, 3), np.nan), RATE, "no stretch of 1 s"),
+    ],
+)
+def test_bad_input_is_one_clear_line(time, values, rate, message):
+    with pytest.raises(ValueError, match=message) as caught:
+        condition(time, values, rate, BAND)
+    assert "\n" not in str(caught.value)
+
+
+def test_sampling_rate_ignores_gaps():
+    kept = np.r_[TIME[:400], TIME[700:1000]]
+    assert sampling_rate(kept) == pytest.approx(RATE)
+    with pytest.raises(ValueError, match="two samples"):
+        sampling_rate([1.0])
+
+
+@settings(max_examples=20, deadline=None)
+@given(cuts=st.lists(st.integers(1000, 9999), max_size=6, unique=True).map(sorted))
+def test_live_conditioning_carries_its_state(cuts):
+    signal = np.random.default_rng(3).standard_normal((10_000, 3))
+    whole, pieces = CausalConditioner(RATE, BAND), CausalConditioner(RATE, BAND)
+    # The first batch sets the mean to start from, so it is the same.
+    expected = np.concatenate([whole.process(signal[:1000]), whole.process(signal[1000:])])
+    parts = [signal[a:b] for a, b in zip([0, 1000, *cuts], [1000, *cuts, 10_000], strict=True) if b > a]
+    np.testing.assert_array_equal(np.concatenate([pieces.process(part) for part in parts]), expected)
+
+
+@pytest.mark.parametrize("frequency", [0.5, 0.8, 3.0, 130.0, 390.0, 400.0, 450.0])
+def test_live_and_offline_have_the_same_magnitude(frequency):
+    time = np.arange(40_000) / RATE
+    signal = waves(time, frequency, frequency, frequency)
+    live = CausalConditioner(RATE, BAND).process(signal)[20_000:-5000]
+    offline = condition(time, signal, RATE, BAND).values[20_000:-5000]
+    np.testing.assert_allclose(live.std(axis=0), offline.std(axis=0), rtol=2e-3, atol=1e-9)
+
+
+def test_live_starts_without_a_gravity_transient():
+    conditioner = CausalConditioner(RATE, BAND)
+    assert np.abs(conditioner.process(np.full((200, 3), 9.81))).max() < 1e-9
+    conditioner.reset()
+    assert np.abs(conditioner.process(np.full((200, 3), -5.0))).max() < 1e-9
+
+
+def test_rotating_sensors_compare_a_length_that_turning_keeps():
+    assert compared_axes("fixed") == {"x": (0,), "y": (1,), "z": (2,)}
+    assert compared_axes("rotating") == {"x": (0,), "yz": (1, 2)}
+
+
+def test_no_transient_at_the_ends():
+    time = TIME[:3127]  # ends near a crest
+    conditioned = condition(time, 5.0 + waves(time, 130.3, 60.0, 7.0), RATE, BAND).values
+    assert np.abs(conditioned).max() < 1.15
+
+
+def test_the_filter_is_scipys():
+    signal = np.random.default_rng(1).standard_normal((10_000, 3))
+    once = np.vstack(
+        [
+            scipy.signal.butter(2, 0.5, "highpass", fs=RATE, output="sos"),
+            scipy.signal.butter(4, 400.0, fs=RATE, output="sos"),
+        ]
+    )
+    expected = scipy.signal.sosfiltfilt(once, scipy.signal.detrend(signal, axis=0), axis=0, padtype="even", padlen=2000)
+    np.testing.assert_allclose(condition(TIME, signal, RATE, BAND).values, expected)

@@ -1,0 +1,60 @@
+"""Message objects: plain floats in every field, and arrays that survive the wire."""
+
+import numpy as np
+import pytest
+
+pytest.importorskip("rclpy")
+
+from diagnostic_msgs.msg import DiagnosticStatus
+from rclpy.serialization import deserialize_message, serialize_message
+
+from tbm_msgs_py.blocks import LOADS, mesh_forces
+from tbm_msgs_py.nodes import messages
+from tbm_msgs_py.operating_point import OperatingPoint
+
+STAMP_NS = 1_700_000_000_123_456_789
+
+
+def over_the_wire(message):
+    return deserialize_message(serialize_message(message), type(message))
+
+
+@pytest.mark.parametrize("layout", [LOADS, mesh_forces(10)])
+def test_block(layout):
+    values = np.random.default_rng(0).normal(size=(50, len(layout.channels)))
+    offsets = np.arange(50) / 5000
+    block = messages.block_from(over_the_wire(messages.block(layout, STAMP_NS, offsets, values, "head")))
+    assert (block.layout, block.stamp_ns, block.frame_id) == (layout, STAMP_NS, "head")
+    np.testing.assert_array_equal(block.values, values)
+    np.testing.assert_array_equal(block.offsets, offsets)
+    again = messages.block_from(messages.block_message(block))
+    np.testing.assert_array_equal(again.values, values)
+
+
+def test_whole_numbers_and_numpy_scalars_become_floats():
+    numbers = np.array([1, 2, 3], np.float32)
+    vector = over_the_wire(messages.vector3(STAMP_NS, numbers)).vector
+    assert (vector.x, vector.y, vector.z) == (1.0, 2.0, 3.0)
+    assert over_the_wire(messages.accel(STAMP_NS, [1, 2, 3])).accel.linear.z == 3.0
+    wrench = over_the_wire(messages.wrench(STAMP_NS, range(6))).wrench
+    assert (wrench.force.x, wrench.torque.z) == (0.0, 5.0)
+    drives = over_the_wire(messages.drives(STAMP_NS, numbers))
+    assert (list(drives.effort), drives.name[-1]) == ([1.0, 2.0, 3.0], "drive_3")
+
+
+def test_operating_point_and_clock():
+    point = OperatingPoint(1, 2, 3, 4, 5)
+    assert messages.operating_point_from(over_the_wire(messages.operating_point_message(STAMP_NS, point))) == point
+    assert messages.stamp_to_ns(over_the_wire(messages.clock(STAMP_NS)).clock) == STAMP_NS
+
+
+def test_diagnostics():
+    status = messages.status("model", "warn", "slow", {"real_time_factor": 0.8123456789, "lost": 3}, "dz101")
+    received = over_the_wire(messages.diagnostics(STAMP_NS, [status])).status[0]
+    assert (received.level, received.hardware_id) == (DiagnosticStatus.WARN, "dz101")
+    assert [(pair.key, pair.value) for pair in received.values] == [("real_time_factor", "0.812346"), ("lost", "3")]
+
+
+def test_unknown_message_class_is_none():
+    assert messages.message_class("nowhere_msgs/msg/Thing") is None
+    assert messages.message_class("sensor_msgs/msg/Imu").__name__ == "Imu"

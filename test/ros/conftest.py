@@ -1,0 +1,25 @@
+"""Nodes in processes of their own."""
+
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import pytest
+from processes import NodeProcess, ros_text
+
+
+@pytest.fixture
+def run_node(tmp_path: Path) -> Iterator[Callable[..., NodeProcess]]:
+    """Start nodes by module, with parameters as keywords; whatever still runs afterwards is killed by its id."""
+    started: list[NodeProcess] = []
+
+    def start(module: str, *arguments: str, **parameters: object) -> NodeProcess:
+        ros = [part for name, value in parameters.items() for part in ("-p", f"{name}:={ros_text(value)}")]
+        node = NodeProcess(tmp_path / f"node{len(started)}.log", module, ["--ros-args", *arguments, *ros])
+        started.append(node)
+        return node
+
+    yield start
+    for node in started:
+        if node.process.poll() is None:
+            node.process.kill()
+            node.process.wait()

@@ -1,0 +1,59 @@
+"""Tests with real ROS 2 processes: a domain of their own, conditions with a deadline, processes ended by id."""
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+# A domain of this test process alone; up to 101 the ports stay clear of the ephemeral range.
+DOMAIN = 1 + os.getpid() % 100
+os.environ["ROS_DOMAIN_ID"] = str(DOMAIN)
+os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "LOCALHOST"
+os.environ["ROS_PYTHON_CHECK_FIELDS"] = "1"
+
+DEADLINE = 20.0  # s
+
+
+def wait_for(
+    condition: Callable[[], object], deadline: float = DEADLINE, step: Callable[[], None] | None = None
+) -> None:
+    """Wait until a condition holds; `step` does some work in between, such as spinning a node."""
+    end = time.monotonic() + deadline
+    while not condition():
+        assert time.monotonic() < end, f"condition not met within {deadline} s"
+        if step is None:
+            time.sleep(0.01)
+        else:
+            step()
+
+
+class NodeProcess:
+    """A node in a process of its own, its output in a file."""
+
+    def __init__(self, log: Path, module: str, arguments: list[str]) -> None:
+        self.log = log
+        code = f"import sys; from {module} import main; sys.exit(main())"
+        with log.open("wb") as output:
+            self.process = subprocess.Popen(
+                [sys.executable, "-c", code, *arguments], stdout=output, stderr=subprocess.STDOUT
+            )
+
+    @property
+    def output(self) -> str:
+        return self.log.read_text(errors="replace")
+
+    def says(self, text: str) -> bool:
+        return text in self.output
+
+    def send(self, number: signal.Signals) -> None:
+        self.process.send_signal(number)
+
+    def exit_code(self, deadline: float = DEADLINE) -> int:
+        return self.process.wait(deadline)
+
+
+def ros_text(value: object) -> str:
+    return str(value).lower() if isinstance(value, bool) else str(value)

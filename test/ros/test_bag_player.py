@@ -1,0 +1,143 @@
+"""Bag player and recorder as processes: every message arrives, the clock runs, signals and bad input end cleanly."""
+
+import signal
+import time
+
+import numpy as np
+import pytest
+
+rclpy = pytest.importorskip("rclpy")
+
+from processes import wait_for  # noqa: E402
+from rclpy.executors import SingleThreadedExecutor  # noqa: E402
+from rosgraph_msgs.msg import Clock  # noqa: E402
+from sensor_msgs.msg import JointState, PointCloud2  # noqa: E402
+
+from tbm_msgs_py import ACCELERATION, Bag, BagWriter, OperatingPoint  # noqa: E402
+from tbm_msgs_py.nodes import messages, qos  # noqa: E402
+
+pytestmark = pytest.mark.ros
+
+PLAYER, RECORDER = "tbm_msgs_py.nodes.bag_player", "tbm_msgs_py.nodes.bag_recorder"
+START_NS = 1_700_000_000_000_000_000
+TOPIC = "/tbm/field/cutterhead/block"
+BLOCKS, PERIOD = 40, 25_000_000  # one second
+
+
+@pytest.fixture(scope="module")
+def bag(tmp_path_factory):
+    path = tmp_path_factory.mktemp("bags") / "field"
+    with BagWriter(path) as writer:
+        writer.write_operating_point(START_NS, OperatingPoint(0.586, 3.04e6, 1.2e7))
+        for k in range(BLOCKS):
+            values = np.full((125, 3), float(k))
+            writer.write_block(TOPIC, START_NS + k * PERIOD, ACCELERATION, np.arange(125) / 5000, values)
+    return path
+
+
+class Listener:
+    """A node that keeps what the player publishes."""
+
+    def __init__(self):
+        self.node = rclpy.create_node("listener")
+        self.blocks, self.clock, self.points = [], [], []
+        self.node.create_subscription(PointCloud2, TOPIC, self.blocks.append, qos.BLOCK)
+        self.node.create_subscription(JointState, "/tbm/operating_point", self.points.append, qos.OPERATING_POINT)
+        self.node.create_subscription(Clock, "/clock", self._on_clock, qos.CLOCK)
+        self.executor = SingleThreadedExecutor()
+        self.executor.add_node(self.node)
+
+    def _on_clock(self, message):
+        self.clock.append((time.monotonic(), messages.stamp_to_ns(message.clock)))
+
+    def spin(self):
+        self.executor.spin_once(timeout_sec=0.02)
+
+    def wait_for(self, condition):
+        wait_for(condition, step=self.spin)
+
+
+@pytest.fixture
+def listener():
+    rclpy.init()
+    made = Listener()
+    yield made
+    made.executor.shutdown()
+    made.node.destroy_node()
+    rclpy.try_shutdown()
+
+
+def test_every_block_and_the_clock_arrive(run_node, listener, bag):
+    player = run_node(PLAYER, bag=bag, wait_for_subscribers=2)
+    listener.wait_for(lambda: player.process.poll() is not None)
+    listener.wait_for(lambda: len(listener.blocks) >= BLOCKS)
+    assert player.exit_code() == 0, player.output
+    decoded = [messages.block_from(message) for message in listener.blocks]
+    assert [block.stamp_ns for block in decoded] == [START_NS + k * PERIOD for k in range(BLOCKS)]
+    assert [float(block.values[0, 0]) for block in decoded] == list(range(BLOCKS))
+    assert messages.operating_point_from(listener.points[0]) == OperatingPoint(0.586, 3.04e6, 1.2e7)
+    times = [stamp for _, stamp in listener.clock]
+    assert times == sorted(times)
+    assert START_NS <= times[0] < START_NS + 500_000_000  # its subscription may be matched after that of the blocks
+    assert times[-1] == START_NS + (BLOCKS - 1) * PERIOD
+    moving = [wall for wall, stamp in listener.clock if stamp > START_NS]
+    assert len(moving) / (moving[-1] - moving[0]) > 100
+
+
+def test_rate_start_and_duration(run_node, listener, bag):
+    player = run_node(PLAYER, bag=bag, wait_for_subscribers=1, rate=4.0, start=0.25, duration=0.5, topics=f"[{TOPIC}]")
+    listener.wait_for(lambda: player.process.poll() is not None)
+    listener.wait_for(lambda: len(listener.blocks) >= 21)
+    assert [messages.stamp_to_ns(m.header.stamp) for m in listener.blocks] == [
+        START_NS + k * PERIOD for k in range(10, 31)
+    ]
+    moving = [wall for wall, stamp in listener.clock if stamp > START_NS + 250_000_000]
+    assert 0.08 < moving[-1] - moving[0] < 0.4
+
+
+def test_recorder_gets_what_the_player_plays(run_node, bag, tmp_path):
+    output = tmp_path / "copy"
+    recorder = run_node(RECORDER, output=output, topics="[operating_point,field/cutterhead/block]")
+    player = run_node(PLAYER, bag=bag, wait_for_subscribers=2, wait_timeout=20.0)
+    assert player.exit_code() == 0, player.output
+    wait_for(lambda: Bag(output).info().messages == BLOCKS + 1)  # before the end: what is flushed can be read
+    recorder.send(signal.SIGINT)
+    assert recorder.exit_code() == 0, recorder.output
+    info = Bag(output).info()
+    assert not info.truncated
+    assert {topic.name: count for topic, count in info.topics.items()} == {TOPIC: BLOCKS, "/tbm/operating_point": 1}
+    original, copy = ([m.data for m in Bag(path).messages([TOPIC])] for path in (bag, output))
+    assert [data[: len(kept)] for data, kept in zip(copy, original, strict=True)] == original  # DDS pads to four bytes
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_signals_end_cleanly(run_node, listener, bag, number):
+    player = run_node(PLAYER, bag=bag, loop=True)
+    listener.wait_for(lambda: len(listener.blocks) > 3)
+    player.send(number)
+    assert player.exit_code() == 0, player.output
+    assert "Traceback" not in player.output
+
+
+def test_loop_starts_again(run_node, listener, bag):
+    run_node(PLAYER, bag=bag, loop=True, rate=10.0)
+    listener.wait_for(lambda: len(listener.blocks) > 2 * BLOCKS)
+
+
+@pytest.mark.parametrize(
+    ("parameters", "named"),
+    [
+        ({"bag": "/nowhere.mcap"}, "no such file"),
+        ({}, "parameter bag"),
+        ({"rate": 20.0}, "rate"),
+        ({"rate": 2}, "decimal number from 0.1 to 10"),
+        ({"topics": "[/nowhere]"}, "/nowhere"),
+    ],
+)
+def test_bad_parameters_are_one_line(run_node, bag, parameters, named):
+    use = {"bag": bag} | parameters if parameters else {}
+    player = run_node(PLAYER, **use)
+    assert player.exit_code() == 2, player.output
+    assert named in player.output
+    assert "Traceback" not in player.output
+    assert len(player.output.strip().splitlines()) == 1
