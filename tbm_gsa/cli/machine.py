@@ -44,7 +44,6 @@ def check(
     results.print(
         f"{described.name}: {len(system.nodes)} nodes, {system.size} degrees of freedom, {system.meshes.count} meshes"
     )
-    results.print(
-        f"mesh frequency {described.mesh_frequency:.2f} Hz, static mesh force {still.mesh_force.mean() / 1e3:.1f} kN each"
-    )
+    force = still.mesh_force.mean() / 1e3
+    results.print(f"mesh frequency {described.mesh_frequency:.2f} Hz, static mesh force {force:.1f} kN each")
     results.print("lowest natural frequencies (Hz): " + ", ".join(f"{value:.1f}" for value in frequencies))

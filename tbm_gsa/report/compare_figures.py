@@ -114,17 +114,16 @@ def windows(comparison: Comparison) -> Figure:
         seen = axis.windows
         middle = seen.start + comparison.window_s / 2.0
         levels.plot(middle, seen.field_rms / G, "o-", color=FIELD, markersize=3, linewidth=1.0, label="measured")
-        levels.plot(middle, seen.model_rms / G, "o-", color=MODEL, markersize=3, linewidth=1.0, label="model")
         levels.axhline(axis.model.rms / G, color=MODEL, linewidth=0.8, linestyle="--", label="model, whole run")
         levels.set_title(_plain(f"{name}: axial RMS, g"), loc="left")
         percent = 100.0 * _finite(seen.relative_error)
         errors.plot(middle, percent, "o-", color="#333333", markersize=3, linewidth=1.0)
         errors.set_title(_plain(f"{name}: relative error, %"), loc="left")
-        _from_zero(levels, seen.field_rms / G, seen.model_rms / G, np.array([axis.model.rms / G]))
+        _from_zero(levels, seen.field_rms / G, np.array([axis.model.rms / G]))
         _from_zero(errors, percent)
     for panel in rows[-1]:
         panel.set_xlabel("s")
-    figure.legend(*rows[0, 0].get_legend_handles_labels(), loc="outside upper right", ncols=3, frameon=False)
+    figure.legend(*rows[0, 0].get_legend_handles_labels(), loc="outside upper right", ncols=2, frameon=False)
     return figure
 
 

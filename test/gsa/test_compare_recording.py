@@ -36,7 +36,13 @@ def test_the_models_own_recording_has_no_error(own):
 
 def test_half_the_model_errs_by_one(own):
     assert errors(own, "shield") == pytest.approx([1.0, 1.0, 1.0], abs=1e-3)
-    assert own.document["points"]["shield"]["y"]["windows"]["relative_error"] == pytest.approx([1.0] * 5, abs=5e-3)
+
+
+def test_every_window_is_held_against_the_whole_model_run(own):
+    axis = own.document["points"]["shield"]["y"]
+    expected = [abs(field - axis["model_rms"]) / field for field in axis["windows"]["field_rms"]]
+    assert axis["windows"]["relative_error"] == pytest.approx(expected)
+    assert len(expected) == 5
 
 
 def test_other_loads_err_as_much_as_chance_allows(own):
