@@ -6,7 +6,8 @@ from collections.abc import Callable, Iterable
 
 import numpy as np
 
-from tbm_dynamics.integration.simulator import DEFAULT_STEP, Method, SimulationError, Simulator
+from tbm_dynamics.integration.errors import SimulationError
+from tbm_dynamics.integration.simulator import DEFAULT_STEP, MethodName, Simulator
 from tbm_dynamics.machine.machine import Machine
 from tbm_dynamics.response import Response
 
@@ -29,7 +30,7 @@ def simulate(
     seed: int = 0,
     *,
     time_step: float = DEFAULT_STEP,
-    method: Method = "reduced",
+    method: MethodName = "reduced",
     outputs: Iterable[int] | None = None,
     progress: Progress | None = None,
 ) -> Response:

@@ -5,10 +5,11 @@ Stream time is an integer step k from an epoch (ns): sample k belongs to epoch +
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
+from tbm_dynamics.integration.errors import SimulationError
 from tbm_dynamics.integration.simulator import Chunk, Simulator
 from tbm_dynamics.machine.machine import Machine, OperatingPoint
 from tbm_dynamics.simulation import default_outputs
@@ -70,8 +71,11 @@ class LoadStream:
         self.next_step = 0
 
     def set_operating_point(self, point: OperatingPoint) -> None:
-        """Operating point to reach at the end of the next block."""
+        """Operating point to reach at the end of the next block; a stream that has not begun starts there."""
         self._wanted = point
+        if self.next_step == 0 and point != self._point:
+            self._point = point
+            self._loads = self._loads.with_scale(self._machine.load_scale(point))
 
     def next_block(self) -> LoadBlock:
         """Evaluate the loads of the next block."""
@@ -128,13 +132,16 @@ class DynamicsStream:
         self._last = np.zeros(6)
         self.epoch_ns = 0
         self._started = False
+        self._lost = False  # the state is that of a run that diverged
         self._simulator = self._fresh()
 
     def _fresh(self) -> Simulator:
-        simulator = Simulator(self._system, self.nodes, 1.0 / self._rate)
-        if self._point is not None:
-            simulator.set_operating_point(self._point)
-        return simulator
+        """Stand in the static equilibrium of the operating point asked for last."""
+        system, point = self._system, self._point
+        if point is not None and point != system.operating_point:
+            mean_load = self._machine.description.loads.mean * self._machine.load_scale(point)
+            system = replace(system, operating_point=point, mean_load=mean_load)
+        return Simulator(system, self.nodes, 1.0 / self._rate)
 
     def warm_up(self) -> None:
         """Compile the kernel before the first block is due, and stand at the start again."""
@@ -142,9 +149,17 @@ class DynamicsStream:
         self._simulator = self._fresh()
 
     def set_operating_point(self, point: OperatingPoint) -> None:
-        """Speed and torque from the next block on."""
+        """Speed and torque from the next block on; a run that has not begun starts there.
+
+        The point that holds already changes no bit of the run, whenever its message comes.
+        """
+        if point == (self._point or self._machine.operating_point):
+            return
         self._point = point
-        self._simulator.set_operating_point(point)
+        if self._started:
+            self._simulator.set_operating_point(point)
+        else:
+            self._simulator = self._fresh()
 
     def process(self, stamp_ns: int, loads: np.ndarray) -> list[Chunk]:
         """Integrate over a block of loads (n, 6) whose first sample belongs to `stamp_ns`.
@@ -154,15 +169,19 @@ class DynamicsStream:
         Raises
         ------
         SimulationError
-            Loads that are not finite, a run that diverges.
+            Loads that are not finite: nothing has changed. A run that diverges: the next block starts afresh.
         """
+        if not np.isfinite(loads).all():
+            raise SimulationError("loads hold a value that is not finite")
         missing = self._missing(stamp_ns)
+        self._lost = True
         bridge = []
         if missing:
             self.lost_steps += missing
             share = np.arange(1, missing + 1)[:, None] / (missing + 1)
             bridge.append(self._simulator.step(self._last + share * (loads[0] - self._last)))
         chunk = self._simulator.step(loads)
+        self._lost = False
         self._last = loads[-1].copy()
         return [*bridge, chunk]
 
@@ -170,7 +189,7 @@ class DynamicsStream:
         """Count the steps between what has come and this stamp; a stamp that does not follow starts afresh."""
         if self._started:
             missing = round((stamp_ns - self.epoch_ns) / self._step) - self._simulator.next_step
-            if 0 <= missing <= self._longest:
+            if 0 <= missing <= self._longest and not self._lost:
                 return missing
             self.restarts += 1
             self._simulator = self._fresh()

@@ -10,20 +10,20 @@ from typing import Literal
 import numpy as np
 
 from tbm_dynamics.integration.basis import full_basis, reduced_basis
-from tbm_dynamics.integration.kernel import advance, mesh_condition, mesh_forces
-from tbm_dynamics.integration.propagator import INPUTS, build_propagator
+from tbm_dynamics.integration.eigen import Eigen
+from tbm_dynamics.integration.errors import SimulationError
+from tbm_dynamics.integration.kernel import MeshLaws, mesh_condition, mesh_forces
+from tbm_dynamics.integration.linear import INPUTS, linear_system
+from tbm_dynamics.integration.lobatto import Lobatto
+from tbm_dynamics.integration.method import Method
 from tbm_dynamics.machine.machine import OperatingPoint
-from tbm_dynamics.structure.system import DIRECTIONS, Equilibrium, System
+from tbm_dynamics.structure.system import DIRECTIONS, Equilibrium, Meshes, System
 
 DEFAULT_STEP = 1e-4
-Method = Literal["reduced", "full"]
+MethodName = Literal["reduced", "full"]
 
 # Outputs are one matrix product per block of absolute steps: the same shape, so the same bits, in every chunk.
 _BLOCK = 256
-
-
-class SimulationError(RuntimeError):
-    """A run that cannot go on: the message says when and why."""
 
 
 @dataclass(frozen=True)
@@ -66,7 +66,7 @@ class Simulator:
     """
 
     def __init__(
-        self, system: System, nodes: Iterable[int], time_step: float = DEFAULT_STEP, method: Method = "reduced"
+        self, system: System, nodes: Iterable[int], time_step: float = DEFAULT_STEP, method: MethodName = "reduced"
     ) -> None:
         if not time_step > 0.0:
             raise SimulationError(f"time_step {time_step}: must be positive")
@@ -78,53 +78,59 @@ class Simulator:
         self._mean_torque = system.operating_point.torque
         dofs = np.array([system.dof(node, direction) for node in self.nodes for direction in DIRECTIONS], dtype=np.intp)
         basis = reduced_basis(system) if method == "reduced" else full_basis(system)
-        self._rows = self._meshes.rows @ basis
-        self._propagator = build_propagator(system, basis, time_step, dofs)
-        self._shifts = _shift_table(self._meshes.phases, self._meshes.shaft_phases)
-        self._errors = np.array([self._meshes.tooth_error, self._meshes.shaft_error, 1.0 / self._meshes.pinion_teeth])
-        self._laws = np.array([self._meshes.mean_stiffness, self._meshes.damping, self._meshes.half_gap])
+        linear = linear_system(system, basis, dofs)
+        self._method: Method = (Eigen if method == "reduced" else Lobatto)(linear, time_step)
         self._turn(0, 0.0, system.operating_point)
-        self._record = np.zeros((_BLOCK, self._propagator.states + INPUTS + self._meshes.count))
+        self._record = np.zeros((_BLOCK, len(self._method.output)))
+        self._product = np.empty((_BLOCK, self._method.output.shape[1]))
         self._start(system, basis, dofs)
 
     @property
     def states(self) -> int:
         """Number of states integrated."""
-        return self._propagator.states
+        return self._method.states
 
     def _start(self, system: System, basis: np.ndarray, dofs: np.ndarray) -> None:
         """Stand in the static equilibrium at mesh phase 0, moving with it as the teeth turn.
 
         Without that motion the error rate of the meshes would strike the pinions at the first step.
         """
+        meshes = self._meshes
+        # Without statics yet: stiffness and error only.
+        laws = mesh_laws(meshes, np.zeros((2, meshes.count)))
         instant = 1e-6
-        before, still, after = (self._equilibrium(system, cycle) for cycle in (-instant, 0.0, instant))
+        before, still, after = (self._equilibrium(system, laws, cycle) for cycle in (-instant, 0.0, instant))
         velocity = (after.displacement - before.displacement) * (self._rate / (2.0 * instant))
-        self._statics = np.column_stack([self._meshes.rows @ still.displacement, still.mesh_force])
+        self._laws = mesh_laws(meshes, np.array([meshes.rows @ still.displacement, still.mesh_force]))
         self._static_outputs = still.displacement[dofs].reshape(len(self.nodes), 6)
         mass, damping, stiffness = (basis.T @ matrix @ basis for matrix in (system.M, system.C, system.K))
+        rows = meshes.rows @ basis
         rates = np.linalg.solve(mass, basis.T @ (system.M @ velocity))
         # The dampers hold that motion back a little: shift the start to where no net force is left.
-        error_rate = self._condition(0.0)[:, 2]
-        drag = damping @ rates + self._meshes.damping * self._rows.T @ error_rate
+        condition = self._condition(self._laws, 0.0)
+        drag = damping @ rates + meshes.damping * rows.T @ condition[2]
         offsets = -np.linalg.solve(stiffness, drag)
-        self._state = np.concatenate([offsets, rates, np.zeros(self._meshes.count)])
+        self._start_force, excess = np.empty((2, meshes.count))
+        motion = np.concatenate([rows @ offsets, rows @ rates])
+        mesh_forces(motion, condition, self._laws.constants, self._start_force, excess)
+        self._method.begin(np.concatenate([offsets, rates]), excess)
         self._last_inputs = np.zeros(INPUTS)
 
-    def _equilibrium(self, system: System, cycle: float) -> Equilibrium:
-        condition = self._condition(cycle)
-        return system.equilibrium(condition[:, 0].copy(), condition[:, 1].copy())
+    def _equilibrium(self, system: System, laws: MeshLaws, cycle: float) -> Equilibrium:
+        condition = self._condition(laws, cycle)
+        return system.equilibrium(condition[0], condition[1])
 
-    def _condition(self, cycle: float) -> np.ndarray:
-        """Stiffness, error and error rate of every mesh at a mesh phase, shape (p, 3)."""
-        condition = np.empty((self._meshes.count, 3))
-        mesh_condition(cycle, self._meshes.stiffness_table, self._shifts, self._errors, self._rate, condition)
+    def _condition(self, laws: MeshLaws, cycle: float) -> np.ndarray:
+        """Ask `mesh_condition` at a mesh phase, shape (4, p)."""
+        condition = np.empty((4, self._meshes.count))
+        mesh_condition(cycle, self._rate, laws, condition)
         return condition
 
     def set_operating_point(self, point: OperatingPoint) -> None:
         """Change speed and torque from the next step on; the mesh phase goes on without a jump."""
-        cycles = self._phase_base + (self.next_step - self._phase_step) * self._rate * self.time_step
-        self._turn(self.next_step, math.fmod(cycles, self._meshes.pinion_teeth), point)
+        reached = max(self.next_step - 1, 0)  # the next step starts where the last one ended
+        cycles = self._phase_base + (reached - self._phase_step) * self._rate * self.time_step
+        self._turn(reached, math.fmod(cycles, self._meshes.pinion_teeth), point)
 
     def _turn(self, step: int, cycles: float, point: OperatingPoint) -> None:
         # Whole turns of the pinion are dropped: stiffness and error repeat with them.
@@ -152,80 +158,60 @@ class Simulator:
         if not np.all(np.isfinite(loads)):
             bad = int(np.argmin(np.isfinite(loads).all(axis=1))) + self.next_step
             raise SimulationError(f"loads at t = {bad * self.time_step:.4f} s are not finite")
-        parts = []
-        while len(loads):
+        chunk = Chunk(
+            self.next_step,
+            np.empty((len(loads), len(self.nodes), 6)),
+            np.empty((len(loads), len(self.nodes), 6)),
+            np.empty((len(loads), self._meshes.count)),
+        )
+        done = 0
+        while done < len(loads):
             # Up to the next border of an output block, so that blocks stay small enough for the cache.
-            count = min(len(loads), _BLOCK - self.next_step % _BLOCK)
-            parts.append(self._step_block(loads[:count]))
-            loads = loads[count:]
-        return parts[0] if len(parts) == 1 else _joined(parts)
+            rows = slice(done, min(len(loads), done + _BLOCK - self.next_step % _BLOCK))
+            self._step_block(loads[rows], chunk, rows)
+            done = rows.stop
+        return chunk
 
-    def _step_block(self, loads: np.ndarray) -> Chunk:
-        """Integrate over loads (n, 6) that lie within one output block."""
+    def _step_block(self, loads: np.ndarray, chunk: Chunk, rows: slice) -> None:
+        """Take steps within one output block: loads (n, 6) to n rows of the chunk."""
         inputs = np.empty((len(loads), INPUTS))
         inputs[:, :6] = loads - self._mean_load
         inputs[:, 6] = self._torque - self._mean_torque
         lead = self.next_step % _BLOCK
         record = self._record[lead : lead + len(loads)]
-        force = np.empty((len(loads), self._meshes.count))
+        force = chunk.mesh_force[rows]
         done = 0
         if self.next_step == 0:
-            self._record_start(inputs[0], record, force)
+            record[0], force[0] = self._method.start_row(inputs[0]), self._start_force
+            self._last_inputs = inputs[0].copy()
             done = 1
         self._advance(inputs[done:], record[done:], force[done:], self.next_step + done)
-        product = (self._record @ self._propagator.output)[lead : lead + len(loads)]
-        wanted = product.reshape(len(loads), 2, len(self.nodes), 6)
-        chunk = Chunk(self.next_step, wanted[:, 0] + self._static_outputs, wanted[:, 1], force)
+        np.matmul(self._record, self._method.output, out=self._product)
+        wanted = self._product[lead : lead + len(loads)].reshape(len(loads), 2, len(self.nodes), 6)
+        np.add(wanted[:, 0], self._static_outputs, out=chunk.displacement[rows])
+        chunk.acceleration[rows] = wanted[:, 1]
         self.next_step += len(loads)
-        return chunk
-
-    def _record_start(self, inputs: np.ndarray, record: np.ndarray, force: np.ndarray) -> None:
-        states = self._propagator.states
-        offsets, rates = np.split(self._state[:states], 2)
-        motion = np.concatenate([self._rows @ offsets, self._rows @ rates])
-        mesh_forces(motion, self._condition(0.0), self._statics, self._laws, force[0], self._state[states:])
-        record[0] = np.concatenate([self._state[:states], inputs, self._state[states:]])
-        self._last_inputs = inputs.copy()
 
     def _advance(self, inputs: np.ndarray, record: np.ndarray, force: np.ndarray, target: int) -> None:
+        """Fill the rows of the steps from `target` on."""
         if len(inputs) == 0:
             return
-        propagator = self._propagator
-        mesh_columns = slice(propagator.states, None)
-        done = advance(
-            propagator.free,
-            propagator.from_middle,
-            propagator.from_end,
-            np.ascontiguousarray(propagator.from_middle[:, mesh_columns]),
-            np.ascontiguousarray(propagator.from_end[:, mesh_columns]),
-            self._meshes.stiffness_table,
-            self._shifts,
-            self._errors,
-            self._statics,
-            self._laws,
-            np.vstack([self._last_inputs, inputs]),
-            np.array([self._phase_base, self._rate * self.time_step, self._rate]),
-            target - 1 - self._phase_step,
-            self._state,
-            record,
-            force,
-        )
+        phase = np.array([self._phase_base, self._rate * self.time_step, self._rate])
+        known = np.vstack([self._last_inputs, inputs])
+        done = self._method.advance(self._laws, known, phase, target - 1 - self._phase_step, record, force)
         if done < len(inputs):
             when = (target + done) * self.time_step
             raise SimulationError(f"the motion diverges at t = {when:.4f} s; reduce time_step or check the machine")
         self._last_inputs = inputs[-1].copy()
 
 
-def _joined(parts: list[Chunk]) -> Chunk:
-    return Chunk(
-        parts[0].first_step,
-        np.concatenate([part.displacement for part in parts]),
-        np.concatenate([part.acceleration for part in parts]),
-        np.concatenate([part.mesh_force for part in parts]),
+def mesh_laws(meshes: Meshes, statics: np.ndarray) -> MeshLaws:
+    """Meshes as the compiled methods want them; statics (2, p): deflection and force at equilibrium."""
+    mesh, shaft = 2.0 * np.pi * meshes.phases, 2.0 * np.pi * meshes.shaft_phases
+    return MeshLaws(
+        table=meshes.stiffness_table,
+        shifts=np.array([meshes.phases, np.cos(mesh), np.sin(mesh), np.cos(shaft), np.sin(shaft)]),
+        errors=np.array([meshes.tooth_error, meshes.shaft_error, 1.0 / meshes.pinion_teeth]),
+        statics=statics,
+        constants=np.array([meshes.mean_stiffness, meshes.damping, meshes.half_gap]),
     )
-
-
-def _shift_table(phases: np.ndarray, shaft_phases: np.ndarray) -> np.ndarray:
-    """Columns of `mesh_condition`'s `shifts`, shape (p, 5)."""
-    mesh, shaft = 2.0 * np.pi * phases, 2.0 * np.pi * shaft_phases
-    return np.column_stack([phases, np.cos(mesh), np.sin(mesh), np.cos(shaft), np.sin(shaft)])

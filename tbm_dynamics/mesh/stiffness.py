@@ -14,7 +14,7 @@ import math
 
 import numpy as np
 
-TABLE_SIZE = 512
+TABLE_SIZE = 4096
 _HARMONICS = 12
 
 

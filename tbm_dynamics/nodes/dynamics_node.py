@@ -12,7 +12,8 @@ from geometry_msgs.msg import AccelStamped
 from sensor_msgs.msg import JointState, PointCloud2
 from threadpoolctl import threadpool_limits
 
-from tbm_dynamics.integration.simulator import Chunk, SimulationError
+from tbm_dynamics.integration.errors import SimulationError
+from tbm_dynamics.integration.simulator import Chunk
 from tbm_dynamics.live import LiveFilter
 from tbm_dynamics.machine import Machine, OperatingPoint, load_machine
 from tbm_dynamics.sensors import SensorModel, SensorPacket, SensorParameters
@@ -73,7 +74,7 @@ class DynamicsNode(ManagedNode):
         self._received = self._refused = 0
         self._busy = self._simulated = 0.0
         self._fault = ""
-        self._restarts = -1
+        self._lost_shown = 0
         self._new_sensors()
         self._stream.warm_up()
         self._create_topics()
@@ -145,7 +146,7 @@ class DynamicsNode(ManagedNode):
                     f"block channels {' '.join(block.layout.channels)}, allowed: {' '.join(blocks.LOADS.channels)}"
                 )
             self._check_rate(block)
-            chunks = self._stream.process(block.stamp_ns, block.values)
+            chunks = self._stream.process(int(block.times_ns()[0]), block.values)
         except (BlockError, SimulationError) as error:
             self._refuse(f"{topics.LOADS_BLOCK}: {error}")
             return
@@ -212,8 +213,10 @@ class DynamicsNode(ManagedNode):
             **faults,
             "real_time_factor": self._simulated / self._busy if self._busy else 0.0,
         }
-        level: messages.Level = "ok" if self._received and not self._fault else "warn"
-        text = self._fault or ("integrating" if self._received else f"no block on {topics.LOADS_BLOCK} yet")
+        lost, self._lost_shown = stream.lost_steps - self._lost_shown, stream.lost_steps
+        level: messages.Level = "ok" if self._received and not self._fault and not lost else "warn"
+        going = f"integrating; {lost} lost steps bridged" if lost else "integrating"
+        text = self._fault or (going if self._received else f"no block on {topics.LOADS_BLOCK} yet")
         status = messages.status("tbm: dynamics", level, text, values, self._machine.name)
         self._diagnostics.publish(messages.diagnostics(now, [status]))
 

@@ -89,8 +89,10 @@ def run_study(
     StudyCancelled
         The campaign was cancelled; calling again goes on with it.
     """
+    options = options or StudyOptions()
+    check_methods(options.methods)  # before a folder is made
     with Store.create_or_open(Path(folder) / STORE_NAME, problem) as store:
-        return _finish(store, evaluate, options or StudyOptions())
+        return _finish(store, evaluate, options)
 
 
 def resume_study(

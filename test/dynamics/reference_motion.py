@@ -4,6 +4,23 @@ import numpy as np
 import scipy.integrate
 
 
+def condition(meshes, cycle):
+    """Stiffness and error of every mesh at a mesh phase in cycles, each (p,)."""
+    table = np.append(meshes.stiffness_table, meshes.stiffness_table[0])
+    stiffness = np.interp((cycle - meshes.phases) % 1.0, np.linspace(0.0, 1.0, len(table)), table)
+    tooth = meshes.tooth_error * np.sin(2.0 * np.pi * (cycle - meshes.phases))
+    turn = cycle / meshes.pinion_teeth + meshes.shaft_phases
+    return stiffness, tooth + meshes.shaft_error * np.sin(2.0 * np.pi * turn)
+
+
+def start_of(system, chunk):
+    """(q, q̇) where a run starts: what its first row shows, moving as the equilibrium does while the teeth turn."""
+    meshes, small = system.meshes, 1e-6
+    before, after = (system.equilibrium(*condition(meshes, cycle)).displacement for cycle in (-small, small))
+    rate = meshes.ring_teeth * system.operating_point.speed / (2.0 * np.pi)
+    return np.concatenate([chunk.displacement[0].ravel(), (after - before) * rate / (2.0 * small)])
+
+
 def reference_motion(system, start, loads, times, speed, torque=None, tolerance=1e-8):
     """Displacements (n, unknowns), accelerations and mesh forces (n, p) of scipy's Radau at `times`.
 
@@ -15,21 +32,14 @@ def reference_motion(system, start, loads, times, speed, torque=None, tolerance=
     C = system.C - meshes.damping * R.T @ R
     inverse = np.linalg.inv(system.M)
     motors = (system.operating_point.torque if torque is None else torque) * system.motor_pattern
-    table = np.append(meshes.stiffness_table, meshes.stiffness_table[0])
-    grid = np.linspace(0.0, 1.0, len(table))
+    teeth = meshes.ring_teeth / (2.0 * np.pi)
 
     def held(t):
-        """Stiffness, error and error rate."""
-        teeth, small = meshes.ring_teeth / (2.0 * np.pi), 1e-7
-        stiffness = np.interp((teeth * speed(t) - meshes.phases) % 1.0, grid, table)
-
-        def error(at):
-            cycle = teeth * speed(at)
-            tooth = meshes.tooth_error * np.sin(2 * np.pi * (cycle - meshes.phases))
-            turn = cycle / meshes.pinion_teeth
-            return tooth + meshes.shaft_error * np.sin(2 * np.pi * (turn + meshes.shaft_phases))
-
-        return stiffness, error(t), (error(t + small) - error(t - small)) / (2.0 * small)
+        small = 1e-7
+        rate = (condition(meshes, teeth * speed(t + small))[1] - condition(meshes, teeth * speed(t - small))[1]) / (
+            2.0 * small
+        )
+        return *condition(meshes, teeth * speed(t)), rate
 
     def mesh(t, y):
         """Forces and contact."""

@@ -1,8 +1,8 @@
 """The assembled dz101: against the numbers of its file, the motions a mechanism must allow, and statics by hand.
 
 Sources: the file read by PyYAML alone, rigid-body kinematics, the ratio of the teeth, equilibrium of forces. A motion
-that strains nothing is held to rounding of the stiffest element (1e-10 of its force); statics to 1e-6, which is what the
-conditioning of K (1e10) leaves of 16 digits.
+that strains nothing is held to rounding of the stiffest element (1e-10 of its force); statics to 1e-6, which is what
+the conditioning of K (1e10) leaves of 16 digits.
 """
 
 import numpy as np
@@ -200,13 +200,13 @@ def test_a_machine_without_rock_floats_as_a_whole(data):
 
 
 def test_a_shield_without_its_cylinders_floats_alone(data):
-    with pytest.raises(MachineError, match="^dz101: 6 zero-energy mode.*: nodes 43 float; connect"):
+    with pytest.raises(MachineError, match=r"^dz101: 6 zero-energy mode.*: nodes 43 float; connect"):
         built(without(data, ("k_h_gd", 11))).assemble()
 
 
 def test_a_node_without_mass_is_named(data):
     data = {**data, "carrier_girder": {**data["carrier_girder"], "bodies": data["carrier_girder"]["bodies"][:2]}}
-    with pytest.raises(MachineError, match="^dz101: node 50 has no mass"):
+    with pytest.raises(MachineError, match=r"^dz101: node 50 has no mass"):
         built(data).assemble()
 
 

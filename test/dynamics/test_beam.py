@@ -52,13 +52,12 @@ def hinged(length, elements, plane):
 
 def exact_hinged(length, section):
     """EIβ⁴ − ω²(ρA + ρIβ²(1 + E/κG)) + ω⁴ρ²I/κG = 0, β = nπ/L: both spectra, and the pure shear of n = 0."""
-    A, I, kG = section.area, section.second_moment, section.shear_coefficient * G
-    found = [np.sqrt(kG * A / (RHO * I))]
+    area, second, kG = section.area, section.second_moment, section.shear_coefficient * G
+    found = [np.sqrt(kG * area / (RHO * second))]
     for n in (1, 2, 3):
         b = n * np.pi / length
-        found += [
-            *np.sqrt(np.roots([RHO**2 * I / kG, -(RHO * A + RHO * I * b**2 * (1.0 + E / kG)), E * I * b**4]).real)
-        ]
+        middle = RHO * area + RHO * second * b**2 * (1.0 + E / kG)
+        found += [*np.sqrt(np.roots([RHO**2 * second / kG, -middle, E * second * b**4]).real)]
     return np.sort(found)[:3]
 
 

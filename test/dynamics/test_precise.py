@@ -1,7 +1,7 @@
 """The precise exponential against scipy's Padé one, and the response to polynomial loads against an ODE solver.
 
-Sources: scipy.linalg.expm, scipy.integrate.solve_ivp, the scalar closed form. Both exponentials lose about the condition
-of the matrix times 1e-16; 1e-11 of the largest entry is 100 times what was seen.
+Sources: scipy.linalg.expm, scipy.integrate.solve_ivp, the scalar closed form. Both exponentials lose about the
+condition of the matrix times 1e-16; 1e-11 of the largest entry is 100 times what was seen.
 """
 
 import numpy as np

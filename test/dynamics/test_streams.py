@@ -1,0 +1,176 @@
+"""Live streams: blocks with gaps, restarts and changes of the operating point.
+
+Source: `simulate` and one long `Simulator.step`; a live run gives the same bits as an offline one, so there is no
+tolerance except where a sum is written in another order.
+"""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from tbm_dynamics import SimulationError, Simulator, load_machine, simulate
+from tbm_dynamics.streams import DynamicsStream, LoadStream, step_ns
+
+RATE, SAMPLES = 10_000.0, 200
+EPOCH = 1_700_000_000_123_456_789
+STEP = 100_000
+
+
+@pytest.fixture(scope="module")
+def machine():
+    return load_machine("dz101")
+
+
+def blocks(machine, count, seed=4):
+    stream = LoadStream(machine, seed, RATE, SAMPLES)
+    return [stream.next_block() for _ in range(count)]
+
+
+def stamp(block):
+    return EPOCH + block.first_step * STEP
+
+
+def forces(chunks):
+    return np.concatenate([chunk.mesh_force for chunk in chunks])
+
+
+def test_blocks_are_the_loads_of_the_machine(machine):
+    found = blocks(machine, 5)
+    assert [block.first_step for block in found] == [0, 200, 400, 600, 800]
+    expected = machine.loads(4).evaluate(np.arange(1000) * 1e-4)
+    assert np.array_equal(np.concatenate([block.loads for block in found]), expected)
+    angles = np.array([block.head_angle for block in found])
+    assert angles == pytest.approx(machine.operating_point.speed * np.arange(5) * 0.02)
+
+
+def test_the_head_angle_stays_within_a_turn(machine):
+    stream = LoadStream(machine, 0, RATE, SAMPLES)
+    stream.head_angle = 2.0 * np.pi - 1e-3
+    stream.next_block()
+    assert stream.next_block().head_angle == pytest.approx(machine.operating_point.speed * 0.02 - 1e-3)
+
+
+def test_a_live_run_is_the_offline_run(machine):
+    stream = DynamicsStream(machine, RATE)
+    stream.warm_up()
+    chunks = [chunk for block in blocks(machine, 6) for chunk in stream.process(stamp(block), block.loads)]
+    offline = simulate(machine, 0.12, seed=4)
+    assert stream.nodes == offline.nodes
+    assert np.array_equal(forces(chunks), offline.mesh_force)
+    assert np.array_equal(np.concatenate([chunk.acceleration for chunk in chunks]), offline.accelerations)
+    assert np.array_equal(np.concatenate([chunk.displacement for chunk in chunks]), offline.displacements)
+    assert (stream.lost_steps, stream.restarts, stream.epoch_ns) == (0, 0, EPOCH)
+
+
+def test_a_lost_block_is_bridged_by_a_straight_line(machine):
+    sent = blocks(machine, 5)
+    stream = DynamicsStream(machine, RATE)
+    chunks = [chunk for i in (0, 1, 4) for chunk in stream.process(stamp(sent[i]), sent[i].loads)]
+    assert [chunk.first_step for chunk in chunks] == [0, 200, 400, 800]
+    assert (stream.lost_steps, stream.restarts) == (400, 0)
+    known = np.concatenate([np.arange(400), np.arange(800, 1000)])
+    given = np.concatenate([sent[i].loads for i in (0, 1, 4)])
+    bridged = np.column_stack([np.interp(np.arange(1000), known, column) for column in given.T])
+    expected = Simulator(machine.assemble(), stream.nodes).step(bridged)
+    assert forces(chunks) == pytest.approx(expected.mesh_force, rel=1e-9)
+    jump = np.abs(np.diff(forces(chunks), axis=0)).max(axis=1)
+    assert jump[[399, 799]].max() < 3.0 * np.median(jump)  # no jump of the state where the gap begins and ends
+
+
+def test_a_stamp_a_little_off_the_grid_belongs_to_its_step(machine):
+    sent = blocks(machine, 2)
+    stream = DynamicsStream(machine, RATE)
+    stream.process(EPOCH, sent[0].loads)
+    (chunk,) = stream.process(stamp(sent[1]) + STEP // 3, sent[1].loads)
+    assert chunk.first_step == 200
+    assert stream.lost_steps == 0
+
+
+@pytest.mark.parametrize("jump", [-10 * SAMPLES, -1, 20_001])
+def test_a_jump_back_or_a_long_gap_starts_afresh(machine, jump):
+    sent = blocks(machine, 2)
+    stream = DynamicsStream(machine, RATE)
+    first = stream.process(EPOCH, sent[0].loads)
+    later = EPOCH + (SAMPLES + jump) * STEP
+    again = stream.process(later, sent[0].loads)
+    assert len(again) == 1
+    assert again[0].first_step == 0
+    assert np.array_equal(again[0].mesh_force, first[0].mesh_force)
+    assert (stream.restarts, stream.lost_steps, stream.epoch_ns) == (1, 0, later)
+
+
+def test_the_longest_gap_that_is_bridged(machine):
+    sent = blocks(machine, 1)
+    stream = DynamicsStream(machine, RATE, longest_bridge=0.05)
+    stream.process(EPOCH, sent[0].loads)
+    bridge, block = stream.process(EPOCH + (SAMPLES + 500) * STEP, sent[0].loads)
+    assert (len(bridge.mesh_force), block.first_step, stream.restarts) == (500, SAMPLES + 500, 0)
+    stream.process(EPOCH + (2 * SAMPLES + 500 + 501) * STEP, sent[0].loads)
+    assert stream.restarts == 1
+
+
+def test_refused_loads_become_a_gap(machine):
+    sent = blocks(machine, 3)
+    stream = DynamicsStream(machine, RATE)
+    stream.process(stamp(sent[0]), sent[0].loads)
+    with pytest.raises(SimulationError, match="not finite"):
+        stream.process(stamp(sent[1]), np.full((SAMPLES, 6), np.nan))
+    bridge, block = stream.process(stamp(sent[2]), sent[2].loads)
+    assert (bridge.first_step, block.first_step, stream.lost_steps) == (200, 400, 200)
+
+
+def test_a_change_of_the_operating_point_is_spread_over_one_block(machine):
+    stream = LoadStream(machine, 4, RATE, SAMPLES)
+    still = LoadStream(machine, 4, RATE, SAMPLES)
+    before = machine.operating_point
+    after = replace(before, thrust=0.8 * before.thrust, torque=0.5 * before.torque, speed=1.1 * before.speed)
+    stream.next_block(), still.next_block()
+    stream.set_operating_point(after)
+    found, same = stream.next_block(), still.next_block()
+    share = np.arange(1, SAMPLES + 1) / SAMPLES
+    assert found.loads[:, 0] == pytest.approx(same.loads[:, 0] * (1.0 - 0.2 * share))
+    assert found.loads[:, 3] == pytest.approx(same.loads[:, 3] * (1.0 - 0.5 * share))
+    assert found.operating_point == after
+    later, unchanged = stream.next_block(), still.next_block()
+    factors = [0.8, 0.5, 0.5, 0.5, 0.8, 0.8]  # thrust moves F_x, M_y, M_z; torque the rest
+    assert later.loads == pytest.approx(unchanged.loads * factors)
+    assert (later.head_angle - found.head_angle) / (unchanged.head_angle - same.head_angle) == pytest.approx(1.1)
+
+
+def test_a_run_starts_and_restarts_in_the_equilibrium_of_its_operating_point(machine):
+    # An operating point that comes before the first block is where the run starts: as the variant does offline.
+    variant = machine.with_inputs(x1=5.9, x2=1800.0, x3=9000.0)
+    sent = blocks(variant, 2)
+    expected = Simulator(variant.assemble(), (3,)).step(np.concatenate([block.loads for block in sent])).mesh_force
+    stream = DynamicsStream(machine, RATE)
+    stream.set_operating_point(variant.operating_point)
+    for start in (EPOCH, EPOCH - 10**12):
+        chunks = [stream.process(start + block.first_step * STEP, block.loads)[-1] for block in sent]
+        assert forces(chunks) == pytest.approx(expected, rel=1e-9)
+    assert stream.restarts == 1
+
+
+def test_a_change_during_the_run_moves_the_mean_mesh_force(machine):
+    stream, loads = DynamicsStream(machine, RATE), LoadStream(machine, 4, RATE, SAMPLES)
+    half = replace(machine.operating_point, torque=0.5 * machine.operating_point.torque)
+    means = []
+    for i in range(60):
+        if i == 15:
+            loads.set_operating_point(half)
+            stream.set_operating_point(half)
+        block = loads.next_block()
+        means.append(stream.process(stamp(block), block.loads)[-1].mesh_force.mean())
+    assert stream.restarts == 0
+    # Over 0.3 s and 0.6 s of a fluctuating load.
+    assert np.mean(means[30:]) / np.mean(means[:15]) == pytest.approx(0.5, abs=0.05)
+
+
+@pytest.mark.parametrize(("rate", "length"), [(1000.0, 1_000_000), (5000.0, 200_000), (10_000.0, 100_000)])
+def test_steps_of_whole_nanoseconds(rate, length):
+    assert step_ns(rate) == length
+
+
+def test_a_rate_without_whole_nanoseconds():
+    with pytest.raises(ValueError, match="rate 3000 Hz: its step must be a whole number of ns; allowed are 1000, 5000"):
+        step_ns(3000.0)
