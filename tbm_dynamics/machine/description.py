@@ -147,7 +147,8 @@ class Mesh(Entry):
     """Meshing parameters (paper, Table 4: x7 … x10)."""
 
     mean_stiffness: Positive
-    double_to_single_stiffness: Annotated[float, Field(ge=1.0, le=2.5)]
+    variation: Annotated[float, Field(ge=0.0, le=1.0)] = 1.0
+    """Share of Ishikawa's variation about the mean that is kept."""
     backlash: NonNegative
     error_factor: NonNegative = 1.0
     damping_ratio: NonNegative

@@ -1,41 +1,40 @@
-"""Time-varying mesh stiffness over one mesh cycle.
+"""Time-varying mesh stiffness over one mesh cycle (paper, Figure 3).
 
-The two-level pattern of the contact ratio ε, one pair k₁ and two pairs k₂ in contact, as a Fourier series
-
-    k(φ) = k̄ + Σ_n [2(k₂−k₁)/(nπ)] sin(nπ(ε−1)) cos(n(2πφ − π(ε−1))),   k̄ = (ε−1)k₂ + (2−ε)k₁
-
-with φ the mesh phase in cycles. Lanczos factors take the Gibbs overshoot out of the finite sum: teeth do not load at
-once.
+The shape comes from Ishikawa's tooth stiffness along the path of contact, one or two pairs carrying; the mean is the
+machine file's. The steps where pairs enter and leave are rounded by a Fourier sum with Lanczos factors: teeth do not
+load at once.
 """
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 
+# Fine enough that straight lines between the steps do not excite the pinions.
 TABLE_SIZE = 4096
-_HARMONICS = 12
+HARMONICS = 12
 
 
-def stiffness_table(mean: float, double_to_single: float, contact_ratio: float) -> np.ndarray:
-    """Mesh stiffness at TABLE_SIZE equal steps of one mesh cycle, shape (TABLE_SIZE,), N/m.
+def stiffness_table(shape: np.ndarray, mean: float, variation: float = 1.0) -> np.ndarray:
+    """Round a stiffness pattern and scale it to its mean.
 
     Parameters
     ----------
+    shape : (n,) ndarray
+        Stiffness in the middle of n equal parts of a mesh cycle, any unit.
     mean : float
         k̄ (N/m), kept exactly.
-    double_to_single : float
-        k₂/k₁, from 1 (no variation) to 2 and a little more.
-    contact_ratio : float
-        ε, 1 < ε < 2.
+    variation : float
+        Share of the variation about the mean that is kept.
+
+    Returns
+    -------
+    (TABLE_SIZE,) ndarray
+        Stiffness at TABLE_SIZE equal steps of the cycle, from phase 0 (N/m).
     """
-    share = contact_ratio - 1.0
-    single = mean / (share * double_to_single + (1.0 - share))
-    step = (double_to_single - 1.0) * single
+    harmonics = np.arange(1, HARMONICS + 1)
+    coefficients = np.fft.rfft(shape)[1 : HARMONICS + 1] / np.sum(shape)
+    # The middle of a part lies half a part after its start, where the table has its step.
+    coefficients = coefficients * np.exp(-1j * np.pi * harmonics / len(shape)) * np.sinc(harmonics / (HARMONICS + 1))
     phase = np.arange(TABLE_SIZE) / TABLE_SIZE
-    table = np.full(TABLE_SIZE, mean)
-    for n in range(1, _HARMONICS + 1):
-        amplitude = 2.0 * step / (n * math.pi) * math.sin(n * math.pi * share) * np.sinc(n / (_HARMONICS + 1))
-        table += amplitude * np.cos(n * (2.0 * math.pi * phase - math.pi * share))
-    return table
+    ripple = 2.0 * np.real(np.exp(2j * np.pi * np.outer(phase, harmonics)) @ coefficients)
+    return np.asarray(mean * (1.0 + variation * ripple))

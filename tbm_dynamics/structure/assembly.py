@@ -18,6 +18,7 @@ from tbm_dynamics.machine.loading import MachineError
 from tbm_dynamics.machine.machine import Machine
 from tbm_dynamics.mesh.error import composite_tolerances
 from tbm_dynamics.mesh.geometry import InternalPair
+from tbm_dynamics.mesh.ishikawa import mesh_stiffness
 from tbm_dynamics.mesh.stiffness import stiffness_table
 from tbm_dynamics.structure.beam import Section, beam_mass, beam_stiffness, circular_section, turned
 from tbm_dynamics.structure.connection import rigid_arm, spring_rows, spring_stiffness
@@ -25,6 +26,8 @@ from tbm_dynamics.structure.system import Meshes, System
 
 # Golden-ratio spacing of the pinions' run-out phases: fixed, and no two alike (assumed).
 _GOLDEN = 0.6180339887498949
+
+_PATTERN_PARTS = 2048
 
 # A mode this far below the stiffest one has no energy: real machines stay above 1e-10.
 _ZERO_ENERGY = 1e-13
@@ -236,7 +239,7 @@ def _meshes(assembler: _Assembler) -> Meshes:
         mean_stiffness=mesh.mean_stiffness,
         damping=2.0 * mesh.damping_ratio * math.sqrt(mesh.mean_stiffness * _mesh_mass(assembler, pair)),
         half_gap=mesh.backlash / 2.0,
-        stiffness_table=stiffness_table(mesh.mean_stiffness, mesh.double_to_single_stiffness, ratio),
+        stiffness_table=_stiffness_table(description),
         phases=np.mod(pair.ring_teeth * drive_angles(drive) / (2.0 * math.pi), 1.0),
         shaft_phases=np.mod(_GOLDEN * np.arange(drive.count), 1.0),
         tooth_error=0.5 * mesh.error_factor * tooth,
@@ -245,6 +248,13 @@ def _meshes(assembler: _Assembler) -> Meshes:
         pinion_teeth=pair.pinion_teeth,
         ring_base_radius=pair.ring_base_radius,
     )
+
+
+def _stiffness_table(description: MachineDescription) -> np.ndarray:
+    drive, steel = description.driveshaft, description.steel
+    middles = (np.arange(_PATTERN_PARTS) + 0.5) / _PATTERN_PARTS
+    shape = mesh_stiffness(gear_pair(drive), drive.gear.face_width, steel.elasticity, steel.poisson, middles)
+    return stiffness_table(shape, drive.mesh.mean_stiffness, drive.mesh.variation)
 
 
 def _motor_pattern(assembler: _Assembler) -> np.ndarray:

@@ -108,7 +108,8 @@ def test_displacements_and_forces_while_the_teeth_strike(machine, system, radau,
 
 
 def test_pinion_acceleration_while_the_teeth_strike(system, radau):
-    found = fixed_step(system, swinging(system, STRIKING), 2.5e-5, "full")[1]
+    # Half the step of the grid: c δ̇ jumps where teeth meet, which a step blurs.
+    found = fixed_step(system, swinging(system, STRIKING), 1.25e-5, "full")[1][::2]
     expected, pinion = radau(STRIKING)[1], system.nodes.index(14)
     for axis in (0, 1, 3):
         level = np.sqrt(np.mean(expected[:, pinion, axis] ** 2))
@@ -139,12 +140,6 @@ def rattling():
     return [np.array(list(run.indicators().values())) for run in runs]
 
 
-def test_reduced_against_full_while_the_teeth_strike(rattling):
-    kept = [0, 1, 2, 3, 6, 7]
-    assert rattling[0][kept] == pytest.approx(rattling[1][kept], rel=0.01)
-
-
-@pytest.mark.xfail(strict=True, reason="the 250 Hz basis misses PAcc_L and PAcc_R by some 10 % when teeth strike")
 def test_reduced_against_full_in_every_indicator_while_the_teeth_strike(rattling):
     # What the design asks for (section 4).
     assert rattling[0] == pytest.approx(rattling[1], rel=0.01)
@@ -199,7 +194,7 @@ def undamped():
         **dict.fromkeys(("rock", "bolt", "bearing", "spline", "hydraulic"), 0.0),
         "source": "assumed",
     }
-    data["driveshaft"]["mesh"].update(damping_ratio=0.0, double_to_single_stiffness=1.0, error_factor=0.0)
+    data["driveshaft"]["mesh"].update(damping_ratio=0.0, variation=0.0, error_factor=0.0)
     return built(data).assemble()
 
 

@@ -1,0 +1,125 @@
+"""Tooth stiffness along the path of contact: Ishikawa's formula for the pinion, ISO 6336-1 for the ring tooth.
+
+Ishikawa takes a tooth as a trapezoid on a rectangle and adds, for a normal force F at the radius r_x,
+
+    δ_Br  bending of the rectangle,     δ_Bt  bending of the trapezoid,
+    δ_s   shear,                        δ_G   tilting of the root,
+
+and once for the pair δ_H, the flattening of the contact. The ring tooth, wide at its root and on a thick rim, takes the
+share that ISO 6336-1:2006, equation (82), leaves a gear with many teeth, constant along the path.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from tbm_dynamics.mesh.geometry import InternalPair
+
+# ISO 6336-1: q' = 0.04723 + 0.15551/z1 + 0.25791/z2 + … (mm·µm/N); half of the constant belongs to either gear.
+_ISO_CONSTANT = 0.04723e-9
+_ISO_WHEEL = 0.25791e-9
+
+
+@dataclass(frozen=True)
+class Tooth:
+    """An external involute tooth without profile shift; lengths in m.
+
+    Attributes
+    ----------
+    teeth : int
+    module, pressure_angle : float
+        m, rad.
+    """
+
+    teeth: int
+    module: float
+    pressure_angle: float
+
+    @property
+    def base_radius(self) -> float:
+        """Base circle (m)."""
+        return self.module * self.teeth / 2.0 * math.cos(self.pressure_angle)
+
+    @property
+    def tip_radius(self) -> float:
+        """Addendum of one module (m)."""
+        return self.module * (self.teeth / 2.0 + 1.0)
+
+    @property
+    def root_radius(self) -> float:
+        """Dedendum of 1.25 modules (m)."""
+        return self.module * (self.teeth / 2.0 - 1.25)
+
+    @property
+    def form_radius(self) -> float:
+        """Where the involute starts when a rack with an addendum of one module cuts the tooth (m)."""
+        pitch = self.module * self.teeth / 2.0
+        curvature = pitch * math.sin(self.pressure_angle) - self.module / math.sin(self.pressure_angle)
+        return math.hypot(self.base_radius, max(curvature, 0.0))
+
+    def half_angle(self, radius: float | np.ndarray) -> np.ndarray:
+        """Half the angle of the tooth at a radius (rad)."""
+        flank = np.arccos(np.clip(self.base_radius / np.asarray(radius), None, 1.0))
+        return math.pi / (2 * self.teeth) + _involute(self.pressure_angle) - (np.tan(flank) - flank)
+
+
+def _involute(angle: float) -> float:
+    return math.tan(angle) - angle
+
+
+def tooth_compliance(tooth: Tooth, radius: np.ndarray, width: float, elasticity: float, poisson: float) -> np.ndarray:
+    """Deflection per normal force at the radii of contact, bending, shear and root, shape of `radius`, m/N."""
+    form = max(tooth.form_radius, tooth.base_radius, tooth.root_radius)
+    root_chord = 2.0 * form * float(np.sin(tooth.half_angle(form)))
+    tip_chord = 2.0 * tooth.tip_radius * float(np.sin(tooth.half_angle(tooth.tip_radius)))
+    foot = math.sqrt(tooth.root_radius**2 - (root_chord / 2.0) ** 2)
+    height = math.sqrt(tooth.tip_radius**2 - (tip_chord / 2.0) ** 2) - foot
+    rectangle = math.sqrt(form**2 - (root_chord / 2.0) ** 2) - foot
+    apex = (height * root_chord - rectangle * tip_chord) / (root_chord - tip_chord)
+    angle = tooth.half_angle(radius)
+    lever = radius * np.cos(angle) - foot
+    lean = np.cos(np.arccos(tooth.base_radius / radius) - angle) ** 2
+    q = (apex - lever) / (apex - rectangle)
+    cube = elasticity * width * root_chord**3
+    bending = 12.0 * lean / cube * (lever * rectangle * (lever - rectangle) + rectangle**3 / 3.0)
+    bending += 6.0 * lean / cube * (apex - rectangle) ** 3 * (q * (4.0 - q) - 2.0 * np.log(q) - 3.0)
+    shear = 2.0 * (1.0 + poisson) * lean / (elasticity * width * root_chord)
+    shear = shear * (rectangle - (apex - rectangle) * np.log(q))
+    tilt = 24.0 * lever**2 * lean / (math.pi * elasticity * width * root_chord**2)
+    return np.asarray(bending + shear + tilt)
+
+
+def contact_compliance(width: float, elasticity: float, poisson: float) -> float:
+    """Flattening of the pair per normal force, m/N."""
+    return 4.0 * (1.0 - poisson**2) / (math.pi * elasticity * width)
+
+
+def ring_compliance(teeth: int, width: float) -> float:
+    """Deflection of an internal tooth per normal force, ISO 6336-1's share of a gear, m/N."""
+    return (_ISO_CONSTANT / 2.0 + _ISO_WHEEL / teeth) / width
+
+
+def mesh_stiffness(
+    pair: InternalPair, width: float, elasticity: float, poisson: float, phase: np.ndarray
+) -> np.ndarray:
+    """Stiffness of all tooth pairs in contact at phases of the mesh cycle, shape of `phase`, N/m.
+
+    Phase 0 is where a pair enters; with a contact ratio ε two pairs carry up to ε − 1, one after it.
+    """
+    tooth = Tooth(pair.pinion_teeth, pair.module, pair.pressure_angle)
+    pitch = math.pi * pair.module * math.cos(pair.pressure_angle)
+    # Radius of curvature of the pinion flank where contact ends at its tip, and back along the path.
+    end = math.sqrt(tooth.tip_radius**2 - tooth.base_radius**2)
+    start = end - pair.contact_ratio * pitch
+    fixed = contact_compliance(width, elasticity, poisson) + ring_compliance(pair.ring_teeth, width)
+    total = np.zeros_like(phase)
+    for j in range(math.ceil(pair.contact_ratio)):
+        along = phase + j
+        inside = along < pair.contact_ratio
+        radius = np.hypot(tooth.base_radius, start + np.minimum(along, pair.contact_ratio) * pitch)
+        compliance = tooth_compliance(tooth, radius, width, elasticity, poisson) + fixed
+        total += np.where(inside, 1.0 / compliance, 0.0)
+    return total
