@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -15,7 +16,8 @@ from tbm_gsa.cli.output import JSON_OPTION, MACHINE_OPTION, SEED_OPTION, notes, 
 from tbm_gsa.cli.processes import NodeCommand, NodeProcesses, ParameterValue, set_default_environment
 from tbm_gsa.cli.ros import ANALYSIS_NODE, BAG_PLAYER, DYNAMICS_NODE, LOAD_NODE, watch
 from tbm_gsa.cli.shipped import shipped_bag
-from tbm_msgs_py.recording import read_recording
+from tbm_msgs_py.bags.mapping import default_mapping_file
+from tbm_msgs_py.recording import Recording, read_recording
 
 if TYPE_CHECKING:
     from tbm_gsa.nodes.watch import Seen, Watch
@@ -23,7 +25,7 @@ if TYPE_CHECKING:
 G = 9.80665
 _LOOK_S = 0.2
 _ASKED_S = 10.0
-"""Longest wait for a study to start after it was asked for."""
+"""Longest wait for a study to start after it was asked for, and for its result."""
 _STRONGEST = 5
 
 
@@ -38,15 +40,17 @@ def demo(
 ) -> None:
     """Play a recording, run the three nodes, compare, let the comparison trigger the sensitivity analysis, report."""
     set_default_environment()
-    recording = bag or shipped_bag()
-    length = max(record.duration for record in read_recording(recording).points.values())
+    recording = read_recording(bag or shipped_bag())
+    length = max(record.duration for record in recording.points.values())
     described = load_machine(machine)
     described.assemble()
     start = time.monotonic()
     with watch(described.description.test_points) as watching, NodeProcesses(out / "logs") as nodes:
         for command in node_commands(recording, machine, seed, out, samples, test):
             nodes.start(command)
-        notes.print(f"playing {recording} ({length:.0f} s) to three nodes; logs in {out / 'logs'}", highlight=False)
+        notes.print(
+            f"playing {recording.path} ({length:.0f} s) to three nodes; logs in {out / 'logs'}", highlight=False
+        )
         _play(watching, nodes, length)
         _finish_study(watching, nodes)
     document = demo_document(described, watching.seen, time.monotonic() - start)
@@ -56,7 +60,9 @@ def demo(
         _print_tables(document)
 
 
-def node_commands(bag: Path, machine: str, seed: int, out: Path, samples: int, test: int) -> list[NodeCommand]:
+def node_commands(
+    recording: Recording, machine: str, seed: int, out: Path, samples: int, test: int
+) -> list[NodeCommand]:
     """Give player and nodes; the nodes follow the recording's clock."""
     common: dict[str, ParameterValue] = {"machine": machine, "use_sim_time": True}
     study: dict[str, ParameterValue] = {
@@ -65,12 +71,16 @@ def node_commands(bag: Path, machine: str, seed: int, out: Path, samples: int, t
         "gsa.seed": seed,
         "gsa.folder": str(out / "studies"),
     }
+    mapping = default_mapping_file(recording.path)
+    stated: dict[str, ParameterValue] = {"mapping": str(mapping)} if mapping else {}
+    # The comparison sees every topic from its first message.
+    play: dict[str, ParameterValue] = {"wait_for_subscribers": max(2, len(recording.points)), "wait_timeout": 30.0}
     return [
-        NodeCommand("analysis_node", ANALYSIS_NODE, {**common, **study}),
+        NodeCommand("analysis_node", ANALYSIS_NODE, {**common, **study, **stated}),
         NodeCommand("dynamics_node", DYNAMICS_NODE, {**common, "seed": seed}),
         # Dynamics and this process: both see the stream from its first block.
         NodeCommand("load_node", LOAD_NODE, {**common, "seed": seed, "wait_for_subscribers": 2}),
-        NodeCommand("bag_player", BAG_PLAYER, {"bag": str(bag), "wait_for_subscribers": 2, "wait_timeout": 30.0}),
+        NodeCommand("bag_player", BAG_PLAYER, {"bag": str(recording.path), **play}),
     ]
 
 
@@ -82,7 +92,7 @@ def _play(watching: Watch, nodes: NodeProcesses, length: float) -> None:
         task = bar.add_task("", total=length)
         while nodes.running("bag_player"):
             watching.spin(_LOOK_S)
-            nodes.check()
+            nodes.check(ending="bag_player")
             bar.update(task, completed=min(count.stream_time for count in progress.values()))
             if not announced and watching.seen.gsa.get("state") == "running":
                 notes.print(f"sensitivity analysis {watching.seen.gsa_message}", highlight=False, markup=False)
@@ -95,25 +105,25 @@ def _finish_study(watching: Watch, nodes: NodeProcesses) -> None:
     if seen.gsa.get("state", "idle") == "idle":
         notes.print("the comparison stayed under its threshold: asking for a sensitivity analysis", highlight=False)
         watching.run_gsa()
-        _wait_while(watching, nodes, "idle", _ASKED_S)
+        _wait_while(watching, nodes, lambda: seen.gsa.get("state", "idle") == "idle", _ASKED_S)
     with progress_bar("simulations") as bar:
         task = bar.add_task("", total=int(seen.gsa.get("total", 0)))
         while seen.gsa.get("state") == "running":
             watching.spin(_LOOK_S)
-            nodes.check()
+            nodes.check(ending="bag_player")
             bar.update(task, completed=int(seen.gsa["done"]))
     if seen.gsa.get("state") != "finished":
         raise RuntimeError(f"sensitivity analysis: {seen.gsa_message}")
-    watching.spin(_LOOK_S)
+    _wait_while(watching, nodes, lambda: not seen.result, _ASKED_S)
     if not seen.result:
         raise RuntimeError("sensitivity analysis: finished, but no result came")
 
 
-def _wait_while(watching: Watch, nodes: NodeProcesses, state: str, seconds: float) -> None:
+def _wait_while(watching: Watch, nodes: NodeProcesses, condition: Callable[[], bool], seconds: float) -> None:
     until = time.monotonic() + seconds
-    while watching.seen.gsa.get("state", state) == state and time.monotonic() < until:
+    while condition() and time.monotonic() < until:
         watching.spin(_LOOK_S)
-        nodes.check()
+        nodes.check(ending="bag_player")
 
 
 def demo_document(machine: Machine, seen: Seen, seconds: float) -> dict[str, Any]:

@@ -34,7 +34,7 @@ def run(
     samples: Annotated[int, typer.Option(min=10, help="Training simulations.")] = 200,
     test: Annotated[int, typer.Option(min=2, help="Test simulations.")] = 20,
     machine: Annotated[str, MACHINE_OPTION] = "dz101",
-    duration: Annotated[float, typer.Option(help="Length of a simulation (s).")] = 3.0,
+    duration: Annotated[float, typer.Option(min=0.01, max=3600.0, help="Length of a simulation (s).")] = 3.0,
     inputs: Annotated[
         Path | None, typer.Option(help="YAML file of another input set; default: the paper's Table 4.")
     ] = None,

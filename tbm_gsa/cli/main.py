@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+import os
 import signal
+import sqlite3
 import sys
 
-import click
 import typer
 
 from tbm_gsa.cli import compare, demo, doctor, gsa, machine, run, simulate
@@ -27,28 +28,65 @@ app.add_typer(machine.app, name="machine")
 app.command()(doctor.doctor)
 
 BAD_INPUT = 2
+INTERRUPTED = 130
+
+# typer may carry a click of its own: the class is found where typer's own exceptions come from.
+_UsageError: type[Exception] = next(kind for kind in typer.BadParameter.__mro__ if kind.__name__ == "ClickException")
 
 
 def main() -> None:
-    """Run the command line; exit code 0 on success, 2 on bad input, 130 after Ctrl-C."""
-    # What was started is ended in order, whichever of the two signals comes.
-    signal.signal(signal.SIGTERM, signal.default_int_handler)
-    # -c and -m runs have no useful argv[0]; the name users type stands in messages.
+    """Run the command line; exit code 0 on success, 2 on bad input, 1 on a fault of the program, 130 after Ctrl-C."""
+    # What was started is ended in order, whichever signal comes; SIGHUP is that of a closed terminal.
+    for number in (signal.SIGTERM, signal.SIGHUP):
+        if signal.getsignal(number) != signal.SIG_IGN:  # nohup
+            signal.signal(number, signal.default_int_handler)
+    # Before the clean-up of the exit prints a complaint about a reader that has gone.
+    code = _run()
     try:
+        sys.stdout.flush()
+    except BrokenPipeError:
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+    sys.exit(code)
+
+
+def _run() -> int:  # noqa: PLR0911 - one for each kind of end
+    """Exit code of the command, every error said in one line."""
+    try:
+        # -c and -m runs have no useful argv[0]; the name users type stands in messages.
         code = app(prog_name="tbm-monitor", standalone_mode=False)
-    except click.exceptions.Exit as leave:
-        code = leave.exit_code
-    except click.exceptions.Abort:
-        code = 130
-    except KeyboardInterrupt:
-        code = 130
-    except click.ClickException as error:
-        notes.print(f"tbm-monitor: {error.format_message()}", markup=False, highlight=False)
-        code = BAD_INPUT
-    except (ValueError, OSError, RuntimeError) as error:
-        notes.print(f"tbm-monitor: {' '.join(str(error).split())}", markup=False, highlight=False)
-        code = BAD_INPUT
-    sys.exit(code if isinstance(code, int) else 0)
+    except typer.Exit as leave:
+        return leave.exit_code
+    except (typer.Abort, KeyboardInterrupt):
+        return INTERRUPTED
+    except BrokenPipeError:  # the reader of the output has seen enough
+        return 0
+    except _UsageError as error:
+        _say(_usage_line(error))
+        return BAD_INPUT
+    except OSError as error:
+        _say(f"{error.filename}: {error.strerror}" if error.filename and error.strerror else str(error))
+        return BAD_INPUT
+    except (ValueError, RuntimeError, sqlite3.Error) as error:
+        _say(str(error))
+        return BAD_INPUT
+    except MemoryError as error:
+        _say(f"not enough memory: {error}")
+        return BAD_INPUT
+    except Exception as error:  # noqa: BLE001 - never a traceback
+        _say(f"fault of the program: {type(error).__name__}: {error}")
+        return 1
+    return code if isinstance(code, int) else 0
+
+
+def _usage_line(error: Exception) -> str:
+    """Say what is wrong with the command line; a bare `tbm-monitor` has shown its help already."""
+    if type(error).__name__ == "NoArgsIsHelpError":
+        return "a command is missing, see --help"
+    return str(getattr(error, "format_message", error.__str__)())
+
+
+def _say(message: str) -> None:
+    notes.print(f"tbm-monitor: {' '.join(message.split())}", markup=False, highlight=False)
 
 
 if __name__ == "__main__":

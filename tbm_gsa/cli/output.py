@@ -18,7 +18,7 @@ results = Console(soft_wrap=True)
 notes = Console(stderr=True, soft_wrap=True)
 
 JSON_OPTION = typer.Option("--json", help="Print exactly one JSON document on stdout.")
-SEED_OPTION = typer.Option("--seed", min=0, help="Seed of everything random.")
+SEED_OPTION = typer.Option("--seed", min=0, max=2**31 - 1, help="Seed of everything random.")
 MACHINE_OPTION = typer.Option("--machine", help="Name of a shipped machine, or path of a machine file.")
 
 

@@ -7,13 +7,15 @@ import signal
 import subprocess
 import sys
 import time
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 from types import TracebackType
 from typing import Self
 
 _GRACE_S = 5.0
+_ENDING = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 # One thread a process: the matrices are small and the nodes share the cores. Discovery stays on this computer unless
 # the environment says otherwise.
 _DEFAULT_ENVIRONMENT = {
@@ -64,6 +66,17 @@ def _literal(value: ParameterValue) -> str:
     return repr(value)
 
 
+@contextmanager
+def _deaf() -> Iterator[None]:
+    """Ignore what would break off the end of the nodes and leave some of them behind."""
+    before = {number: signal.signal(number, signal.SIG_IGN) for number in _ENDING}
+    try:
+        yield
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
+
+
 class NodeProcesses:
     """Runs node processes inside a `with` block and ends exactly those.
 
@@ -107,13 +120,18 @@ class NodeProcesses:
             raise RuntimeError(f"{name} ended with exit code {code}: {self._last_line(name)}")
         return code is None
 
-    def check(self) -> None:
-        """Raise `RuntimeError` if a node has ended with an error."""
+    def check(self, ending: str = "") -> None:
+        """Raise `RuntimeError` if a node has ended, be it without an error; `ending` may have."""
         for name in self._running:
-            self.running(name)
+            if not self.running(name) and name != ending:
+                raise RuntimeError(f"{name} was ended from outside")
 
     def stop(self) -> None:
-        """End every node: SIGINT, and after a grace period SIGKILL."""
+        """End every node: SIGINT, and after a grace period SIGKILL; another Ctrl-C meanwhile changes nothing."""
+        with _deaf():
+            self._stop()
+
+    def _stop(self) -> None:
         for process in self._running.values():
             if process.poll() is None:
                 process.send_signal(signal.SIGINT)

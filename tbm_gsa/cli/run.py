@@ -24,7 +24,9 @@ _LOOK_S = 0.2
 
 
 def run(
-    duration: Annotated[float | None, typer.Option(min=0.1, help="Stream time (s); without it until Ctrl-C.")] = None,
+    duration: Annotated[
+        float | None, typer.Option(min=0.1, max=1e9, help="Stream time (s); without it until Ctrl-C.")
+    ] = None,
     machine: Annotated[str, MACHINE_OPTION] = "dz101",
     seed: Annotated[int, SEED_OPTION] = 0,
     out: Annotated[Path, typer.Option(help="Folder for logs and studies.")] = Path("tbm_run"),

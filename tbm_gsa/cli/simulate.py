@@ -27,7 +27,7 @@ UNITS = {
 
 
 def simulate(
-    duration: Annotated[float, typer.Option(help="Simulated time (s).")] = 3.0,
+    duration: Annotated[float, typer.Option(max=3600.0, help="Simulated time (s).")] = 3.0,
     machine: Annotated[str, MACHINE_OPTION] = "dz101",
     seed: Annotated[int, SEED_OPTION] = 0,
     json: Annotated[bool, JSON_OPTION] = False,

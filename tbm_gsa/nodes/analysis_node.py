@@ -3,19 +3,19 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable
 from functools import partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from diagnostic_msgs.msg import DiagnosticArray
-from geometry_msgs.msg import AccelStamped, Vector3Stamped
+from geometry_msgs.msg import Vector3Stamped
 from sensor_msgs.msg import PointCloud2
 from std_srvs.srv import Trigger
 
 from tbm_dynamics.machine import load_machine
 from tbm_gsa.comparison import AlarmRule, WindowedComparison, WindowResult
+from tbm_gsa.nodes.field_topics import FieldTopics
 from tbm_gsa.nodes.gsa_process import GsaOptions, GsaProcess, GsaStatus
 from tbm_gsa.nodes.statuses import comparison_status, gsa_result_statuses, gsa_status
 from tbm_msgs_py import blocks, topics
@@ -64,11 +64,12 @@ class AnalysisNode(ManagedNode):
         rotating = [sensor.point for sensor in self._sensors.values() if sensor.frame == "rotating"]
         self._comparison = WindowedComparison(float(self.value("window")), rotating=rotating)
         self._latest: dict[str, WindowResult] = {}
-        self._refused: dict[str, str] = {}
+        self._refused: dict[tuple[str, str], str] = {}  # by point and source, until a good block comes
         self._gsa = GsaProcess(self._gsa_options())
         self._gsa_shown: GsaStatus | None = None
         self._create_publishers()
-        self._subscribed = [*self._subscribe_model(), *self._subscribe_field()]
+        self._subscribed = self._subscribe_model()
+        self._field_topics = FieldTopics(self, self._sensors, partial(self._on_block, "field"), self._feed_field)
         self._services_made = [
             self.create_service(Trigger, topics.RUN_GSA, self._on_run_gsa),
             self.create_service(Trigger, topics.CANCEL_GSA, self._on_cancel_gsa),
@@ -124,16 +125,6 @@ class AnalysisNode(ManagedNode):
             for point in self._points
         ]
 
-    def _subscribe_field(self) -> list[Any]:
-        made = []
-        for name, sensor in self._sensors.items():
-            kind: Any = AccelStamped if name.endswith("/accel") else PointCloud2
-            callback: Callable[..., None] = self._on_accel if kind is AccelStamped else partial(self._on_block, "field")
-            quality = qos.LIVE if kind is AccelStamped else qos.BLOCK
-            bound = partial(callback, sensor)
-            made.append(self.create_subscription(kind, name, bound, quality))
-        return made
-
     def activate(self) -> None:
         """Start diagnostics and the watch over the analysis process."""
         self._timer = self.create_status_timer(self._diagnose)
@@ -150,6 +141,7 @@ class AnalysisNode(ManagedNode):
             self.destroy_publisher(publisher)
         for subscription in self._subscribed:
             self.destroy_subscription(subscription)
+        self._field_topics.close()
         for service in self._services_made:
             self.destroy_service(service)
 
@@ -161,26 +153,24 @@ class AnalysisNode(ManagedNode):
             if block.layout != blocks.ACCELERATION:
                 raise BlockError(f"block channels {' '.join(block.layout.channels)}, allowed: ax ay az")
         except BlockError as error:
-            self._refuse(sensor.point, f"{source} {sensor.point}: {error}")
+            self._refuse(sensor.point, source, f"{source} {sensor.point}: {error}")
             return
+        self._refused.pop((sensor.point, source), None)
         self._feed(sensor, source, block.stamp_ns, block.offsets, np.asarray(block.values, dtype=float))
 
-    def _on_accel(self, sensor: SensorMapping, message: Any) -> None:
-        if not self.active:
-            return
-        linear = message.accel.linear
-        stamp = messages.stamp_to_ns(message.header.stamp)
-        self._feed(sensor, "field", stamp, np.zeros(1), np.array([[linear.x, linear.y, linear.z]]))
+    def _feed_field(self, sensor: SensorMapping, stamp: int, offsets: np.ndarray, values: np.ndarray) -> None:
+        if self.active:
+            self._feed(sensor, "field", stamp, offsets, values)
 
     def _feed(self, sensor: SensorMapping, source: Any, stamp: int, offsets: np.ndarray, values: np.ndarray) -> None:
         rows = values @ sensor.matrix().T
         for result in self._comparison.feed(sensor.point, source, stamp, offsets, rows):
             self._on_window(result)
 
-    def _refuse(self, point: str, reason: str) -> None:
-        if self._refused.get(point) != reason:
+    def _refuse(self, point: str, source: str, reason: str) -> None:
+        if self._refused.get((point, source)) != reason:
             self.get_logger().warning(f"{reason}; not used")
-        self._refused[point] = reason
+        self._refused[point, source] = reason
 
     def _on_window(self, result: WindowResult) -> None:
         if result.point not in self._points:
@@ -208,6 +198,9 @@ class AnalysisNode(ManagedNode):
         return started
 
     def _on_run_gsa(self, _request: Any, response: Any) -> Any:
+        if not self.active:
+            response.success, response.message = False, "the node is not active"
+            return response
         response.success = self._start_gsa(f"service {topics.RUN_GSA}")
         running = (
             "a sensitivity analysis is running already" if self._gsa.running else "could not be started, see the log"
@@ -231,7 +224,7 @@ class AnalysisNode(ManagedNode):
                 self._latest.get(p),
                 self._comparison.counters.get(p),
                 p in self._alarm.raised,
-                self._refused.get(p, ""),
+                "; ".join(reason for (point, _), reason in self._refused.items() if point == p),
             )
             for p in self._points
         ]

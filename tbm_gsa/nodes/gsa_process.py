@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import signal
+import sqlite3
 import subprocess
 import sys
 from dataclasses import dataclass, field
@@ -101,7 +102,7 @@ class GsaProcess:
         done, failed = _counts(self.status.folder / STORE_NAME)
         code = self._process.poll()
         state: State = "running" if code is None else "finished" if code == 0 else "failed"
-        reason = self.status.reason if state != "failed" else f"exit code {code}: {_last_line(self.status.folder)}"
+        reason = self.status.reason if code is None or code == 0 else f"{_end(code)}: {_last_line(self.status.folder)}"
         self.status = GsaStatus(state, reason, done, self.status.total, failed, self.status.folder)
         return self.status
 
@@ -146,9 +147,14 @@ def _counts(store: Path) -> tuple[int, int]:
     try:
         with Store.open(store) as opened:
             counts = opened.counts()
-    except StudyError:  # caught between creation and the first transaction
+    except (StudyError, sqlite3.Error):  # caught between creation and the first transaction, or locked
         return 0, 0
     return counts.done, counts.failed
+
+
+def _end(code: int) -> str:
+    """How a process ended that did not end well."""
+    return f"killed by {signal.Signals(-code).name}" if code < 0 else f"exit code {code}"
 
 
 def _last_line(folder: Path) -> str:

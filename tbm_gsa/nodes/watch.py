@@ -20,6 +20,7 @@ from sensor_msgs.msg import PointCloud2
 from std_srvs.srv import Trigger
 
 from tbm_msgs_py import topics
+from tbm_msgs_py.blocks import BlockError
 from tbm_msgs_py.nodes import messages, qos
 
 
@@ -121,7 +122,10 @@ class Watch:
 
     @staticmethod
     def _on_block(count: BlockCount, message: Any) -> None:
-        block = messages.block_from(message)
+        try:
+            block = messages.block_from(message)
+        except BlockError:  # somebody else's; the nodes say on /diagnostics what they refuse
+            return
         samples = len(block.offsets)
         spacing = (block.offsets[-1] - block.offsets[0]) / max(1, samples - 1)
         count.count(block.stamp_ns, round(samples * spacing * 1e9))

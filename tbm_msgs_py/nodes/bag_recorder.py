@@ -6,7 +6,6 @@ import sys
 from collections.abc import Callable
 from typing import Any
 
-from rclpy.qos import DurabilityPolicy, HistoryPolicy, ReliabilityPolicy
 from rclpy.subscription import Subscription
 
 from tbm_msgs_py import topics
@@ -81,7 +80,7 @@ class BagRecorder(ManagedNode):
             self.get_logger().error(f"{name}: type {message_type} is not installed, the topic is not recorded")
             self._wanted.remove(name)
             return
-        offered = _offered(publishers)
+        offered = qos.offered(publishers)
         profile = qos.profile(Quality(offered.reliable, offered.latched, DEPTH))
         callback = self._recorder(name, message_type, offered)
         self._subscribed[name] = self.create_subscription(message_class, name, callback, profile, raw=True)
@@ -97,17 +96,6 @@ class BagRecorder(ManagedNode):
     def _flush(self) -> None:
         if self._writer is not None:
             self._writer.flush()
-
-
-def _offered(publishers: list[Any]) -> Quality:
-    """Quality of service that every publisher of a topic offers: asking for it matches all of them."""
-    profiles = [publisher.qos_profile for publisher in publishers]
-    depths = [profile.depth for profile in profiles if profile.history == HistoryPolicy.KEEP_LAST]
-    return Quality(
-        reliable=all(profile.reliability == ReliabilityPolicy.RELIABLE for profile in profiles),
-        latched=all(profile.durability == DurabilityPolicy.TRANSIENT_LOCAL for profile in profiles),
-        depth=max([1, *depths]),
-    )
 
 
 def main(args: list[str] | None = None) -> int:

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import functools
 import math
+import signal
+import threading
 import traceback
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -123,6 +125,7 @@ class ManagedNode(LifecycleNode):  # type: ignore[misc]  # rclpy is untyped
 
     def __init__(self, name: str, parameters: Sequence[Parameter] = (), *, namespace: str = NAMESPACE) -> None:
         super().__init__(name, namespace=namespace)
+        self._survive_bad_transitions()
         self.exit_code = 0
         self.ended = Future()
         self._stage = 0  # 0 unconfigured, 1 inactive, 2 active
@@ -130,6 +133,20 @@ class ManagedNode(LifecycleNode):  # type: ignore[misc]  # rclpy is untyped
         self.add_on_set_parameters_callback(self._check)
         for parameter in self._declared.values():
             self._declare(parameter)
+
+    def _survive_bad_transitions(self) -> None:
+        """Answer a transition that the state does not have with `success: false`; rclpy would end the process."""
+        service = self._service_change_state
+        change = service.callback
+
+        def answer(request: Any, response: Any) -> Any:
+            try:
+                return change(request, response)
+            except RuntimeError:  # rcl has logged which one
+                response.success = False
+                return response
+
+        service.callback = answer
 
     def value(self, name: str) -> Any:
         """Value of a declared parameter; lists of strings come without empty entries."""
@@ -147,6 +164,10 @@ class ManagedNode(LifecycleNode):  # type: ignore[misc]  # rclpy is untyped
         """Subscription as rclpy's; a callback that a shutdown cuts short ends without a trace."""
         return super().create_subscription(kind, topic, self._until_shutdown(callback), *args, **kwargs)
 
+    def create_service(self, kind: Any, name: str, callback: Callable[..., Any], *args: Any, **kwargs: Any) -> Any:
+        """Service as rclpy's; a callback that a shutdown cuts short ends without a trace."""
+        return super().create_service(kind, name, self._until_shutdown(callback), *args, **kwargs)
+
     def create_timer(self, period: float, callback: Callable[..., None], *args: Any, **kwargs: Any) -> Any:
         """Timer as rclpy's; a callback that a shutdown cuts short ends without a trace."""
         return super().create_timer(period, self._until_shutdown(callback), *args, **kwargs)
@@ -155,15 +176,16 @@ class ManagedNode(LifecycleNode):  # type: ignore[misc]  # rclpy is untyped
         """Timer at 1 Hz for `/diagnostics`; it goes on when the simulated time stands still."""
         return self.create_timer(1.0, callback, clock=Clock(clock_type=ClockType.STEADY_TIME))
 
-    def _until_shutdown(self, callback: Callable[..., None]) -> Callable[..., None]:
+    def _until_shutdown(self, callback: Callable[..., Any]) -> Callable[..., Any]:
         @functools.wraps(callback)
-        def guarded(*args: Any) -> None:
+        def guarded(*args: Any) -> Any:
             try:
-                callback(*args)
+                return callback(*args)
             except Exception:
                 # After SIGINT publishing fails at any line: that is the shutdown, not a fault.
                 if self.context.ok():
                     raise
+                return args[-1]  # the response, where a service is cut short
 
         return guarded
 
@@ -219,6 +241,11 @@ class ManagedNode(LifecycleNode):  # type: ignore[misc]  # rclpy is untyped
         """Lifecycle transition; the work is in `cleanup`."""
         return self._run("cleanup", self.cleanup, 0)
 
+    def on_error(self, state: Any) -> TransitionCallbackReturn:  # noqa: ARG002
+        """Release everything after a hook that failed unexpectedly: the node is unconfigured again."""
+        self.finish()
+        return TransitionCallbackReturn.SUCCESS
+
     def on_shutdown(self, state: Any) -> TransitionCallbackReturn:  # noqa: ARG002
         """Lifecycle transition from any state: release everything."""
         self.finish()
@@ -238,7 +265,7 @@ class ManagedNode(LifecycleNode):  # type: ignore[misc]  # rclpy is untyped
 
     def _report(self, message: str) -> None:
         if self.context.ok():  # else the hook tripped over a shutdown that was asked for
-            self.get_logger().error(message)
+            self.get_logger().error(" ".join(message.split()))
             self.get_logger().debug(traceback.format_exc())
 
     def _declare(self, parameter: Parameter) -> None:
@@ -274,6 +301,9 @@ def run_node(factory: Callable[[], ManagedNode], args: Sequence[str] | None = No
     """
     node: ManagedNode | None = None
     try:
+        # Before rclpy.init: rclpy's own handler, which ends the context, calls the one it finds.
+        if threading.current_thread() is threading.main_thread():
+            signal.signal(signal.SIGINT, _on_sigint)
         rclpy.init(args=None if args is None else list(args))
         node = factory()
         return _spin(node)
@@ -291,12 +321,26 @@ def _spin(node: ManagedNode) -> int:
     try:
         if not node.start():
             return 2 if node.context.ok() else node.exit_code
+        _spinning.set()
         while not node.ended.done() and node.context.ok():
             executor.spin_until_future_complete(node.ended, timeout_sec=WAIT)
     finally:
+        _spinning.clear()
         executor.remove_node(node)
         executor.shutdown()
     return node.exit_code
+
+
+_spinning = threading.Event()
+
+
+def _on_sigint(number: int, frame: Any) -> None:
+    """Break off a start that takes long; while spinning the end of the context is enough.
+
+    The executor would log a `KeyboardInterrupt` in a callback as a fault.
+    """
+    if not _spinning.is_set():
+        signal.default_int_handler(number, frame)
 
 
 def _executor() -> Any:
@@ -316,7 +360,7 @@ def _explain(error: Exception, node: ManagedNode | None) -> int:
         return node.exit_code
     logger = node.get_logger() if node else get_logger("tbm_monitor")
     message = " ".join(str(error).split())
-    if node is None and isinstance(error, ValueError | RuntimeError):
+    if node is None and isinstance(error, ValueError | RuntimeError | ParameterException):
         logger.fatal(message)
         return 2
     logger.fatal(f"{type(error).__name__}: {message}")

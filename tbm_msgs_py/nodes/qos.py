@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+from typing import Any
+
 from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
 
 from tbm_msgs_py import topics
@@ -15,6 +18,23 @@ def profile(quality: Quality) -> QoSProfile:
         depth=quality.depth,
         reliability=ReliabilityPolicy.RELIABLE if quality.reliable else ReliabilityPolicy.BEST_EFFORT,
         durability=DurabilityPolicy.TRANSIENT_LOCAL if quality.latched else DurabilityPolicy.VOLATILE,
+    )
+
+
+def offered(publishers: Iterable[Any]) -> Quality:
+    """Quality of service that every publisher of a topic offers: asking for it matches all of them.
+
+    Parameters
+    ----------
+    publishers : iterable
+        What `Node.get_publishers_info_by_topic` gives.
+    """
+    profiles = [publisher.qos_profile for publisher in publishers]
+    depths = [known.depth for known in profiles if known.history == HistoryPolicy.KEEP_LAST]
+    return Quality(
+        reliable=all(known.reliability == ReliabilityPolicy.RELIABLE for known in profiles),
+        latched=all(known.durability == DurabilityPolicy.TRANSIENT_LOCAL for known in profiles),
+        depth=max([1, *depths]),
     )
 
 

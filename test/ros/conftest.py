@@ -1,5 +1,6 @@
 """Nodes in processes of their own."""
 
+import signal
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
@@ -9,7 +10,7 @@ from processes import NodeProcess, ros_text
 
 @pytest.fixture
 def run_node(tmp_path: Path) -> Iterator[Callable[..., NodeProcess]]:
-    """Start nodes by module, with parameters as keywords; whatever still runs afterwards is killed by its id."""
+    """Start nodes by module, with parameters as keywords; whatever still runs afterwards has to end on a signal."""
     started: list[NodeProcess] = []
 
     def start(module: str, *arguments: str, **parameters: object) -> NodeProcess:
@@ -19,7 +20,8 @@ def run_node(tmp_path: Path) -> Iterator[Callable[..., NodeProcess]]:
         return node
 
     yield start
-    for node in started:
-        if node.process.poll() is None:
-            node.process.kill()
-            node.process.wait()
+    running = [node for node in started if node.process.poll() is None]
+    for place, node in enumerate(running):
+        node.send((signal.SIGINT, signal.SIGTERM)[place % 2])
+    faults = [fault for node in running if (fault := node.fault_at_end())]
+    assert not faults, "\n".join(faults)

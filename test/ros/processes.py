@@ -51,6 +51,16 @@ class NodeProcess:
     def send(self, number: signal.Signals) -> None:
         self.process.send_signal(number)
 
+    def fault_at_end(self, deadline: float = 4.0) -> str:
+        """What went wrong with the end that a signal asked for; killed by its id if it did not come."""
+        try:
+            code = self.process.wait(deadline)
+        except subprocess.TimeoutExpired:
+            self.process.kill()
+            self.process.wait()
+            return f"did not end within {deadline} s of a signal:\n{self.output}"
+        return f"exit code {code}:\n{self.output}" if code or "Traceback" in self.output else ""
+
     def exit_code(self, deadline: float = DEADLINE) -> int:
         return self.process.wait(deadline)
 

@@ -1,0 +1,127 @@
+"""A node of the test process that listens, publishes, calls services and drives other nodes' lifecycles."""
+
+import os
+import time
+from pathlib import Path
+
+import rclpy
+from diagnostic_msgs.msg import DiagnosticArray
+from lifecycle_msgs.srv import ChangeState, GetState
+from processes import wait_for
+from rclpy.executors import SingleThreadedExecutor
+
+from tbm_msgs_py.nodes import messages, qos
+
+TRANSITIONS = {"configure": 1, "cleanup": 2, "activate": 3, "deactivate": 4}
+
+
+class Peer:
+    """Context manager around a node in the contract's namespace."""
+
+    def __enter__(self):
+        rclpy.init()
+        self.node = rclpy.create_node("peer", namespace="/tbm")
+        self.executor = SingleThreadedExecutor()
+        self.executor.add_node(self.node)
+        self.diagnostics = {}
+        self.node.create_subscription(DiagnosticArray, "/diagnostics", self._on_diagnostics, qos.DIAGNOSTICS)
+        self._clients = {}
+        return self
+
+    def __exit__(self, *_):
+        self.executor.shutdown()
+        self.node.destroy_node()
+        rclpy.try_shutdown()
+
+    def _on_diagnostics(self, message):
+        for status in message.status:
+            self.diagnostics[status.name] = Status(status)
+
+    def spin(self):
+        self.executor.spin_once(timeout_sec=0.02)
+
+    def spin_for(self, seconds):
+        end = time.monotonic() + seconds
+        while (left := end - time.monotonic()) > 0:
+            self.executor.spin_once(timeout_sec=left)
+
+    def wait_for(self, condition, deadline=20.0):
+        wait_for(condition, deadline, self.spin)
+
+    def listen(self, kind, topic, profile):
+        """List that fills with what comes."""
+        received = []
+        self.node.create_subscription(kind, topic, received.append, profile)
+        return received
+
+    def publisher(self, kind, topic, profile, matched=1):
+        """Publisher that has its subscribers."""
+        made = self.node.create_publisher(kind, topic, profile)
+        self.wait_for(lambda: made.get_subscription_count() >= matched)
+        return made
+
+    def call(self, kind, name, request=None, deadline=20.0):
+        if name not in self._clients:
+            self._clients[name] = self.node.create_client(kind, name)
+        client = self._clients[name]
+        self.wait_for(client.service_is_ready)
+        future = client.call_async(request or kind.Request())
+        self.wait_for(future.done, deadline)
+        return future.result()
+
+    def value(self, status, key):
+        """Latest value on `/diagnostics`; None while there is none."""
+        return self.diagnostics[status].values.get(key) if status in self.diagnostics else None
+
+    def text(self, status):
+        return self.diagnostics[status].message if status in self.diagnostics else ""
+
+    def transition(self, node, name):
+        request = ChangeState.Request()
+        request.transition.id = TRANSITIONS[name]
+        return self.call(ChangeState, f"{node}/change_state", request).success
+
+    def state(self, node):
+        return self.call(GetState, f"{node}/get_state").current_state.label
+
+
+class Status:
+    """One status of `/diagnostics`."""
+
+    def __init__(self, status):
+        self.level = int.from_bytes(status.level, "little")
+        self.message = status.message
+        self.values = {pair.key: pair.value for pair in status.values}
+
+
+def stamps(received):
+    return [messages.stamp_to_ns(message.header.stamp) for message in received]
+
+
+def children(pid):
+    """Ids of the processes below a process, at any depth."""
+    found = []
+    try:
+        tasks = list(Path(f"/proc/{pid}/task").iterdir())
+        direct = [int(child) for task in tasks for child in (task / "children").read_text().split()]
+    except (FileNotFoundError, ProcessLookupError):
+        return found
+    for child in direct:
+        found += [child, *children(child)]
+    return found
+
+
+def alive(pid):
+    """Whether a process is there and no zombie."""
+    try:
+        os.kill(pid, 0)
+        return Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0] != "Z"
+    except (ProcessLookupError, FileNotFoundError):
+        return False
+
+
+def command_line(pid):
+    try:
+        return Path(f"/proc/{pid}/cmdline").read_bytes().decode(errors="replace").split("\0")
+    except (FileNotFoundError, ProcessLookupError):
+        return []

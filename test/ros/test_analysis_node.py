@@ -1,0 +1,235 @@
+"""`analysis_node` as a process: known sines, the alarm, one sensitivity analysis at a time."""
+
+import os
+import signal
+
+import numpy as np
+import pytest
+
+rclpy = pytest.importorskip("rclpy")
+
+from diagnostic_msgs.msg import DiagnosticArray  # noqa: E402
+from geometry_msgs.msg import Vector3Stamped  # noqa: E402
+from peer import Peer, alive, children, command_line, stamps  # noqa: E402
+from processes import wait_for  # noqa: E402
+from sensor_msgs.msg import Imu, PointCloud2  # noqa: E402
+from std_srvs.srv import Trigger  # noqa: E402
+
+from tbm_msgs_py import ACCELERATION  # noqa: E402
+from tbm_msgs_py.nodes import messages, qos  # noqa: E402
+from tbm_msgs_py.topics import ANALYSIS_QUANTITIES  # noqa: E402
+
+pytestmark = pytest.mark.ros
+
+ANALYSIS_NODE = "tbm_gsa.nodes.analysis_node"
+NODE, GSA = "/tbm/analysis_node", "tbm: sensitivity analysis"
+START_NS = 1_700_000_000_000_000_000
+BLOCK_NS, SAMPLES, RATE = 50_000_000, 250, 5000.0
+OFFSETS = np.arange(SAMPLES) / RATE
+MODEL, FIELD = np.array([3.0, 1.0, 2.0]), np.array([2.0, 1.0, 4.0])  # amplitudes, m/s²
+TINY = {"gsa.samples": 12, "gsa.test": 3, "gsa.duration": 0.1}
+
+
+@pytest.fixture
+def peer():
+    with Peer() as made:
+        yield made
+
+
+def sine(amplitudes, block, offsets=OFFSETS):
+    """50 Hz on a constant, as gravity is; (n, 3)."""
+    phase = 2 * np.pi * 50.0 * (block * BLOCK_NS * 1e-9 + offsets)
+    return np.sin(phase)[:, None] * amplitudes + [0.0, 0.0, 9.81]
+
+
+def block_message(block, values):
+    return messages.block(ACCELERATION, START_NS + block * BLOCK_NS, OFFSETS, values)
+
+
+def listen_to(peer, point):
+    return {q: peer.listen(Vector3Stamped, f"/tbm/analysis/{point}/{q}", qos.ANALYSIS) for q in ANALYSIS_QUANTITIES}
+
+
+def feed(peer, windows, count, pairs):
+    """Publish blocks of (publisher, block number → message) until so many windows came."""
+    block = 0
+    peer.wait_for(lambda: all(publisher.get_subscription_count() for publisher, _ in pairs))
+
+    def step():
+        nonlocal block
+        for publisher, make in pairs:
+            publisher.publish(make(block))
+        block += 1
+        peer.spin_for(0.005)
+
+    wait_for(lambda: all(len(values) >= count for values in windows.values()), step=step)
+
+
+def vectors(received):
+    return np.array([[m.vector.x, m.vector.y, m.vector.z] for m in received])
+
+
+def gsa_pid(node):
+    """Process of the running study: the direct child of the node."""
+    return next(pid for pid in children(node.process.pid) if "gsa" in command_line(pid))
+
+
+class Study:
+    """What the node says about its sensitivity analysis."""
+
+    def __init__(self, peer):
+        self._peer = peer
+        self.messages = peer.listen(DiagnosticArray, "/tbm/analysis/gsa_status", qos.GSA)
+
+    @property
+    def states(self):
+        values = [{pair.key: pair.value for pair in message.status[0].values} for message in self.messages]
+        return [value["state"] for value in values]
+
+    @property
+    def text(self):
+        return self.messages[-1].status[0].message
+
+    def wait_for(self, state, deadline=40.0):
+        self._peer.wait_for(lambda: self.states and self.states[-1] == state, deadline)
+
+
+def test_windows_alarm_and_study(run_node, peer, tmp_path):
+    windows = listen_to(peer, "shield")
+    study = Study(peer)
+    node = run_node(
+        ANALYSIS_NODE, window=0.5, threshold=0.3, threshold_windows=2, **TINY, **{"gsa.folder": tmp_path / "studies"}
+    )
+    model = peer.node.create_publisher(PointCloud2, "/tbm/model/shield/block", qos.BLOCK)
+    field = peer.node.create_publisher(PointCloud2, "/tbm/field/shield/block", qos.BLOCK)
+    pairs = [
+        (model, lambda k: block_message(k, sine(MODEL, k))),
+        (field, lambda k: block_message(k, sine(FIELD, k))),
+    ]
+    feed(peer, windows, 4, pairs)
+    starts = stamps(windows["model_rms"])
+    assert set(np.diff(starts)) == {500_000_000}
+    assert START_NS < starts[0] < START_NS + 4_000_000_000
+    assert starts[0] % 500_000_000 == 0
+    assert stamps(windows["field_rms"]) == stamps(windows["relative_error"]) == starts
+    assert vectors(windows["model_rms"]) == pytest.approx(np.tile(MODEL / np.sqrt(2), (4, 1)), rel=0.01)
+    assert vectors(windows["field_rms"]) == pytest.approx(np.tile(FIELD / np.sqrt(2), (4, 1)), rel=0.01)
+    error = np.abs(FIELD - MODEL) / FIELD  # equation (4)
+    assert vectors(windows["relative_error"]) == pytest.approx(np.tile(error, (4, 1)), abs=0.02)
+
+    study.wait_for("running")  # 50 % on x, twice
+    assert "shield" in study.text
+    refused = peer.call(Trigger, "/tbm/analysis/run_gsa")
+    assert not refused.success
+    assert "running already" in refused.message
+    study.wait_for("finished")
+    assert study.states[0] in ("idle", "running")
+    results = peer.listen(DiagnosticArray, "/tbm/analysis/gsa_result", qos.GSA)  # latched: comes to the late
+    peer.wait_for(lambda: results)
+    names = {status.name.removeprefix("tbm: sensitivity of ") for status in results[0].status}
+    assert names == {"RDef_A", "RDef_L", "RDef_R", "PAcc_A", "PAcc_L", "PAcc_R", "MF_M", "MF_Se"}
+    assert len(list((tmp_path / "studies").glob("gsa_*/report.html"))) == 1
+    peer.wait_for(lambda: peer.value(GSA, "state") == "finished")
+    assert peer.text("tbm: comparison shield") == "relative error over its threshold"
+    assert peer.text("tbm: comparison girder") == "no window yet"
+
+    model.publish(messages.block(ACCELERATION, 0, [float("inf")] * SAMPLES, np.zeros((SAMPLES, 3))))
+    peer.wait_for(lambda: "not finite" in peer.text("tbm: comparison shield"))
+    feed(peer, {"model_rms": windows["model_rms"]}, len(windows["model_rms"]) + 1, pairs)
+    peer.wait_for(lambda: "not finite" not in peer.text("tbm: comparison shield"))
+    assert len(node.output.strip().splitlines()) == 4, node.output  # alarm, start, end, wrong block
+
+
+def test_one_study_at_a_time_cancelled_or_killed(run_node, peer, tmp_path):
+    study = Study(peer)
+    node = run_node(ANALYSIS_NODE, autostart=False, **{**TINY, "gsa.samples": 2000, "gsa.folder": tmp_path})
+    assert peer.transition(NODE, "configure")
+    assert not peer.call(Trigger, "/tbm/analysis/run_gsa").success, "not active"
+    assert not peer.call(Trigger, "/tbm/analysis/cancel_gsa").success
+    assert peer.transition(NODE, "activate")
+    study.wait_for("idle")
+
+    assert peer.call(Trigger, "/tbm/analysis/run_gsa").success
+    study.wait_for("running")
+    peer.wait_for(lambda: int(peer.value(GSA, "done") or 0) > 0)
+    cancelled = children(node.process.pid)
+    assert len(cancelled) >= 3  # the study and its two workers
+    assert peer.call(Trigger, "/tbm/analysis/cancel_gsa").success
+    study.wait_for("cancelled")
+    wait_for(lambda: not any(map(alive, cancelled)))
+
+    assert peer.call(Trigger, "/tbm/analysis/run_gsa").success
+    peer.wait_for(lambda: len(children(node.process.pid)) >= 3)
+    killed = children(node.process.pid)
+    os.kill(gsa_pid(node), signal.SIGKILL)
+    study.wait_for("failed")
+    assert "killed" in study.text
+    peer.wait_for(lambda: peer.text(GSA) == study.text)
+    assert peer.diagnostics[GSA].level == 2
+    wait_for(lambda: not any(map(alive, killed)))
+
+    assert peer.call(Trigger, "/tbm/analysis/run_gsa").success
+    study.wait_for("running")
+    left = children(node.process.pid)
+    assert left
+    node.send(signal.SIGTERM)
+    assert node.exit_code(6.0) == 0, node.output
+    wait_for(lambda: not any(map(alive, left)))
+    assert "Traceback" not in node.output
+    assert len(list(tmp_path.glob("gsa_*"))) == 3
+
+
+def test_mapped_topics_with_their_units_axes_and_types(run_node, peer, tmp_path):
+    """A block in g with turned axes, and an Imu whose driver publishes as sensors do."""
+    mapping = tmp_path / "mapping.yaml"
+    mapping.write_text(
+        "topics:\n"
+        "  /rig/head: {point: cutterhead, units: g, gravity: included, frame: fixed, axes: ['-z', x, y]}\n"
+        "  /rig/imu: {point: gripper, units: m/s2, gravity: included, frame: fixed}\n"
+    )
+    windows = {**listen_to(peer, "cutterhead"), **{f"gripper {k}": v for k, v in listen_to(peer, "gripper").items()}}
+    run_node(ANALYSIS_NODE, window=0.5, mapping=mapping, threshold=10.0)
+    sensor = qos.LIVE  # best effort
+    head = peer.node.create_publisher(PointCloud2, "/rig/head", sensor)
+    imu = peer.node.create_publisher(Imu, "/rig/imu", sensor)
+    models = [
+        peer.node.create_publisher(PointCloud2, f"/tbm/model/{point}/block", qos.BLOCK)
+        for point in ("cutterhead", "gripper")
+    ]
+
+    def turned(k):
+        x, y, z = sine(FIELD, k).T / 9.80665
+        return block_message(k, np.column_stack([y, z, -x]))
+
+    class Samples:
+        """Ten samples of 200 Hz a block."""
+
+        def get_subscription_count(self):
+            return imu.get_subscription_count()
+
+        def publish(self, k):
+            for offset in np.arange(10) * 5e-3:
+                x, y, z = sine(FIELD, k, np.array([offset]))[0].tolist()
+                message = Imu(header=messages.header(START_NS + k * BLOCK_NS + round(offset * 1e9)))
+                message.linear_acceleration = messages.vector((x, y, z))
+                imu.publish(message)
+
+    pairs = [(model, lambda k: block_message(k, sine(MODEL, k))) for model in models]
+    feed(peer, windows, 3, [*pairs, (head, turned), (Samples(), lambda k: k)])
+    assert vectors(windows["field_rms"])[-1] == pytest.approx(FIELD / np.sqrt(2), rel=0.01)
+    assert vectors(windows["relative_error"])[-1] == pytest.approx(np.abs(FIELD - MODEL) / FIELD, abs=0.02)
+    assert vectors(windows["gripper field_rms"])[-1] == pytest.approx(FIELD / np.sqrt(2), rel=0.05)
+
+
+@pytest.mark.parametrize(
+    ("parameters", "named"),
+    [
+        ({"alarm_axes": "[x,w]"}, "alarm_axes"),
+        ({"mapping": "/nowhere.yaml"}, "/nowhere.yaml"),
+    ],
+)
+def test_bad_parameters_are_one_line(run_node, parameters, named):
+    node = run_node(ANALYSIS_NODE, **parameters)
+    assert node.exit_code() == 2, node.output
+    assert named in node.output
+    assert len(node.output.strip().splitlines()) == 1

@@ -1,0 +1,213 @@
+"""`tbm-monitor` as a user starts it, outside the source tree: documents, bad input, signals."""
+
+import json
+import signal
+import subprocess
+import sys
+
+import pytest
+from processes import wait_for
+
+from tbm_gsa.cli.main import main
+from tbm_gsa.cli.processes import NodeCommand, NodeProcesses
+from tbm_gsa.study.inputs import PAPER_INPUTS
+from tbm_msgs_py.topics import TEST_POINTS
+
+INDICATORS = {"RDef_A", "RDef_L", "RDef_R", "PAcc_A", "PAcc_L", "PAcc_R", "MF_M", "MF_Se"}
+TINY_STUDY = ["--samples", "12", "--test", "3", "--duration", "0.1"]
+COMMAND = [sys.executable, "-m", "tbm_gsa.cli.main"]
+
+
+@pytest.fixture
+def command(tmp_path):
+    """Run a command to its end in an empty folder: exit code, stdout, stderr."""
+
+    def run(*arguments, deadline=60.0):
+        done = subprocess.run(
+            [*COMMAND, *arguments], cwd=tmp_path, capture_output=True, text=True, timeout=deadline, check=False
+        )
+        assert "Traceback" not in done.stderr, done.stderr
+        return done.returncode, done.stdout, done.stderr
+
+    return run
+
+
+def test_simulate(command):
+    code, out, err = command("simulate", "--duration", "0.5", "--seed", "3", "--json")
+    assert code == 0, err
+    assert not err
+    document = json.loads(out)  # exactly one document
+    assert set(document["indicators"]) == INDICATORS
+    assert set(document["rms_g"]) == set(TEST_POINTS)
+    assert set(document["rms_g"]["gripper"]) == {"x", "y", "z"}
+    assert document["seed"] == 3
+    assert document["real_time_factor"] > 1.0
+
+
+def test_study_resume_and_report(command, tmp_path):
+    code, out, err = command("gsa", "run", *TINY_STUDY, "--out", "study", "--json")
+    assert code == 0, err
+    document = json.loads(out)
+    assert set(document["outputs"]) == INDICATORS
+    codes = {item.code for item in PAPER_INPUTS.inputs}
+    for output in document["outputs"].values():
+        assert {"surrogate", "r2_test", "r2_cv", "first", "total", "first_interval", "total_interval"} <= set(output)
+        assert set(output["first"]) == set(output["total"]) == set(output["first_interval"]) == codes
+        low, high = output["total_interval"]["x1"]
+        assert low <= high
+    assert document["seconds"] > 0
+    store = tmp_path / "study" / "store.sqlite"
+    assert {"store.sqlite", "result.json", "report.html"} <= {path.name for path in store.parent.iterdir()}
+
+    before = store.read_bytes()
+    code, out, err = command("gsa", "resume", "--out", "study", "--json")
+    assert code == 0, err
+    again = json.loads(out)
+    assert again["outputs"] == document["outputs"]
+    assert store.read_bytes() == before, "nothing was simulated again"
+
+
+MACHINE = "tbm_dynamics/machines/dz101.yaml"
+BAD = {
+    "no such bag": (["compare", "nowhere"], "nowhere"),
+    "an empty folder": (["compare", "empty", "--json"], "empty"),
+    "no mapped topic": (["compare", "strange", "--html", "page.html"], "no topic"),
+    "demo without a bag": (["demo", "--bag", "nowhere", "--out", "new"], "nowhere"),
+    "demo of an empty folder": (["demo", "--bag", "empty", "--out", "new"], "empty"),
+    "demo without a mapped topic": (["demo", "--bag", "strange", "--out", "new"], "no topic"),
+    "negative stiffness": (["simulate", "--machine", "stiffness.yaml"], "stiffness"),
+    "unknown node": (["machine", "check", "node.yaml"], "999"),
+    "negative seed": (["simulate", "--seed", "-1"], "--seed"),
+    "unknown option": (["simulate", "--sed", "1"], "--sed"),
+    "unknown command": (["simulat"], "simulat"),
+    "missing argument": (["compare"], "bag"),
+    "out of range": (["gsa", "run", "--samples", "2", "--out", "new"], "--samples"),
+    "too short": (["gsa", "run", "--duration", "0", "--out", "new"], "--duration"),
+    "unknown surrogate": (["gsa", "run", "--method", "magic", "--out", "new"], "magic"),
+    "study into a file": (["gsa", "run", *TINY_STUDY, "--out", "file"], "file"),
+    "run into a file": (["run", "--duration", "1", "--out", "file"], "file"),
+    "nothing to resume": (["gsa", "resume", "--out", "new"], "no such store"),
+}
+
+
+@pytest.fixture(scope="module")
+def bad_files(tmp_path_factory, request):
+    """A folder with everything that is wrong."""
+    import yaml
+
+    from tbm_msgs_py import ACCELERATION, BagWriter
+
+    folder = tmp_path_factory.mktemp("bad")
+    (folder / "empty").mkdir()
+    (folder / "file").write_text("x")
+    with BagWriter(folder / "strange") as writer:
+        writer.write_block("/other/topic", 10**18, ACCELERATION, [0.0, 0.1], [[1.0, 2.0, 3.0]] * 2)
+    (folder / "strange" / "mapping.yaml").write_text(
+        "topics: {/rig: {point: shield, units: g, gravity: removed, frame: fixed}}"
+    )
+    text = (request.config.rootpath / MACHINE).read_text()
+    machine = yaml.safe_load(text)
+    machine["test_points"]["shield"] = 999
+    (folder / "node.yaml").write_text(yaml.safe_dump(machine))
+    machine = yaml.safe_load(text)
+    machine["connections"][0]["stiffness"][0] = -1.0
+    (folder / "stiffness.yaml").write_text(yaml.safe_dump(machine))
+    return folder
+
+
+@pytest.fixture
+def handlers():
+    """The command line sets signal handlers; they are those of a test process again afterwards."""
+    numbers = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+    before = [signal.getsignal(number) for number in numbers]
+    yield
+    for number, handler in zip(numbers, before, strict=True):
+        signal.signal(number, handler)
+
+
+@pytest.mark.parametrize("name", BAD)
+def test_bad_input_is_one_line_and_leaves_nothing(name, bad_files, handlers, monkeypatch, capsys):
+    given, named = BAD[name]
+    before = sorted(bad_files.rglob("*"))
+    monkeypatch.chdir(bad_files)
+    monkeypatch.setattr(sys, "argv", ["tbm-monitor", *given])
+    with pytest.raises(SystemExit) as end:
+        main()
+    out, err = capsys.readouterr()
+    assert end.value.code == 2, err
+    assert not out
+    assert len(err.strip().splitlines()) == 1, err
+    assert named in err
+    assert sorted(bad_files.rglob("*")) == before
+    assert (bad_files / "file").read_text() == "x"
+
+
+@pytest.mark.parametrize("given", [["compare", "nowhere", "--json"], ["simulate", "--sed", "1"]])
+def test_bad_input_of_a_process(command, given):
+    code, out, err = command(*given)
+    assert (code, out) == (2, "")
+    assert len(err.strip().splitlines()) == 1, err
+
+
+def test_doctor(command):
+    code, out, err = command("doctor", "--json")
+    assert code == 0, err
+    assert json.loads(out)["ok"] is True
+
+
+@pytest.mark.ros
+def test_run_counts_no_loss(command):
+    pytest.importorskip("rclpy")
+    code, out, err = command("run", "--duration", "3", "--json")
+    assert code == 0, err
+    document = json.loads(out)
+    assert document["first_block_seconds"] < 10.0
+    assert set(document["topics"]) == {
+        "/tbm/loads/block",
+        "/tbm/model/mesh_forces",
+        *(f"/tbm/model/{point}/block" for point in TEST_POINTS),
+    }
+    for name, topic in document["topics"].items():
+        assert topic["lost"] == 0, name
+        assert topic["stream_time"] >= 3.0, name
+    assert document["diagnostics"]["tbm: dynamics"]["message"] == "integrating"
+
+
+@pytest.mark.ros
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_signals_end_run_and_its_nodes(tmp_path, number):
+    pytest.importorskip("rclpy")
+    from peer import Peer, alive, children
+    from sensor_msgs.msg import PointCloud2
+
+    from tbm_msgs_py.nodes import qos
+
+    with (tmp_path / "out").open("wb") as out, (tmp_path / "err").open("wb") as err, Peer() as peer:
+        process = subprocess.Popen([*COMMAND, "run", "--json"], cwd=tmp_path, stdout=out, stderr=err)
+        try:
+            blocks = peer.listen(PointCloud2, "/tbm/model/girder/block", qos.BLOCK)
+            peer.wait_for(lambda: len(blocks) > 10)
+            nodes = children(process.pid)
+            assert len(nodes) == 3
+            process.send_signal(number)
+            process.send_signal(number)  # an impatient user
+            code = process.wait(10)
+        finally:
+            if process.poll() is None:
+                process.kill()
+        wait_for(lambda: not any(map(alive, nodes)), 2.0)
+    assert "Traceback" not in (tmp_path / "err").read_text()
+    for log in (tmp_path / "tbm_run" / "logs").iterdir():
+        assert "Traceback" not in log.read_text(), log.name
+    assert code in (0, 130)  # the second signal may come before the summary
+    if code == 0:
+        assert json.loads((tmp_path / "out").read_text())["topics"]["/tbm/loads/block"]["blocks"] > 5
+
+
+def test_a_node_that_ends_by_itself_is_noticed(tmp_path):
+    with NodeProcesses(tmp_path) as nodes:
+        nodes.start(NodeCommand("one", "this"))
+        wait_for(lambda: not nodes.running("one"))
+        nodes.check(ending="one")
+        with pytest.raises(RuntimeError, match="one was ended"):
+            nodes.check()

@@ -1,0 +1,202 @@
+"""`dynamics_node` as a process: the bits of its blocks, lost and wrong loads, signals, a load node that dies."""
+
+import signal
+import time
+
+import numpy as np
+import pytest
+
+rclpy = pytest.importorskip("rclpy")
+
+from geometry_msgs.msg import AccelStamped  # noqa: E402
+from peer import Peer, stamps  # noqa: E402
+from sensor_msgs.msg import JointState, PointCloud2  # noqa: E402
+
+from tbm_dynamics import load_machine, simulate  # noqa: E402
+from tbm_msgs_py import ACCELERATION, LOADS  # noqa: E402
+from tbm_msgs_py.blocks import mesh_forces  # noqa: E402
+from tbm_msgs_py.nodes import messages, qos  # noqa: E402
+from tbm_msgs_py.topics import TEST_POINTS  # noqa: E402
+
+pytestmark = pytest.mark.ros
+
+LOAD_NODE, DYNAMICS_NODE = "tbm_dynamics.nodes.load_node", "tbm_dynamics.nodes.dynamics_node"
+NODE, STATUS = "/tbm/dynamics_node", "tbm: dynamics"
+BLOCK_NS, SAMPLES, DT = 50_000_000, 500, 1e-4
+START_NS = 1_700_000_000_000_000_000
+
+
+@pytest.fixture
+def peer():
+    with Peer() as made:
+        yield made
+
+
+class Loads:
+    """Publishes load blocks of the library, any of them."""
+
+    def __init__(self, peer, seed=4):
+        self._peer = peer
+        self._loads = load_machine("dz101").loads(seed=seed)
+        self._publisher = peer.publisher(PointCloud2, "/tbm/loads/block", qos.BLOCK)
+
+    def values(self, block):
+        return self._loads.evaluate(np.arange(block * SAMPLES, (block + 1) * SAMPLES) * DT)
+
+    def send(self, block, values=None, layout=LOADS, spacing=DT):
+        values = self.values(block) if values is None else values
+        message = messages.block(layout, START_NS + block * BLOCK_NS, np.arange(len(values)) * spacing, values)
+        self._publisher.publish(message)
+
+
+def listen_to_model(peer):
+    received = {point: peer.listen(PointCloud2, f"/tbm/model/{point}/block", qos.BLOCK) for point in TEST_POINTS}
+    received["meshes"] = peer.listen(PointCloud2, "/tbm/model/mesh_forces", qos.BLOCK)
+    return received
+
+
+def test_live_equals_offline_bit_for_bit(run_node, peer):
+    loads = peer.listen(PointCloud2, "/tbm/loads/block", qos.BLOCK)
+    model = listen_to_model(peer)
+    accel = peer.listen(AccelStamped, "/tbm/model/shield/accel", qos.LIVE)
+    drives = peer.listen(JointState, "/tbm/model/drives", qos.LIVE)
+    nodes = [run_node(DYNAMICS_NODE, seed=5), run_node(LOAD_NODE, seed=5, wait_for_subscribers=2)]
+    peer.wait_for(lambda: all(len(blocks) >= 20 for blocks in model.values()))
+    epoch = stamps(loads)[0]
+    last = max(stamps(blocks)[-1] for blocks in model.values())
+    machine = load_machine("dz101")
+    response = simulate(machine, duration=(last - epoch) / 1e9 + 0.05, seed=5)
+    for name, blocks in model.items():
+        decoded = [messages.block_from(message) for message in blocks]
+        assert set(np.diff(stamps(blocks))) == {BLOCK_NS}
+        if name == "meshes":
+            layout, offline = mesh_forces(10), response.mesh_force[::2]
+        else:
+            layout = ACCELERATION
+            offline = response.acceleration(machine.description.test_points[name])[::2, :3].astype(np.float32)
+        for block in decoded:
+            assert block.layout == layout
+            first = (block.stamp_ns - epoch) // 200_000
+            assert np.allclose(block.offsets, np.arange(250) / 5000, rtol=0.0, atol=1e-12)
+            assert np.array_equal(block.values, offline[first : first + 250]), f"{name} at sample {first}"
+    for live in (accel, drives):
+        spacing = np.diff(stamps(live))
+        assert np.median(spacing) == 10_000_000  # 100 Hz; best effort
+        assert len(live) > 80
+    assert list(drives[0].name) == [f"drive_{i}" for i in range(1, 11)]
+    torque = np.mean([message.effort for message in drives])
+    gear = machine.description.driveshaft.gear
+    assert torque == pytest.approx(3.04e6 / 10 * gear.pinion_teeth / gear.ring_teeth, rel=0.3)
+    peer.wait_for(lambda: peer.text(STATUS) == "integrating")
+    assert peer.value(STATUS, "lost_steps") == "0"
+    assert float(peer.value(STATUS, "real_time_factor")) > 1.0
+    end_all(nodes, signal.SIGINT)
+
+
+def test_lost_and_wrong_blocks(run_node, peer):
+    model = listen_to_model(peer)
+    run_node(DYNAMICS_NODE)
+    loads = Loads(peer)
+    meshes = model["meshes"]
+    peer.wait_for(lambda: peer.text(STATUS) == "no block on loads/block yet")
+    for k in range(6):
+        loads.send(k)
+    for k in range(7, 10):  # block 6 is lost
+        loads.send(k)
+    peer.wait_for(lambda: len(meshes) == 10)
+    peer.wait_for(lambda: "500 lost steps bridged" in peer.text(STATUS))
+    assert peer.diagnostics[STATUS].level == 1
+    assert peer.value(STATUS, "lost_steps") == "500"
+    assert peer.value(STATUS, "restarts") == "0"
+    for blocks in model.values():
+        assert stamps(blocks) == [START_NS + k * BLOCK_NS for k in range(10)]
+    force = np.concatenate([messages.block_from(message).values for message in meshes])
+    jumps = np.abs(np.diff(force, axis=0)).max(axis=1)
+    border = slice(6 * 250 - 2, 7 * 250 + 2)
+    assert jumps[border].max() < 2.0 * jumps[250 : 6 * 250].max()
+
+    nan = loads.values(10)
+    nan[3, 2] = np.nan
+    for wrong, reason in [
+        ({"values": np.zeros((500, 3)), "layout": ACCELERATION}, "block channels ax ay az"),
+        ({"values": nan}, "not finite"),
+        ({"values": loads.values(10)[::2], "spacing": 2e-4}, "load_rate 10000 Hz needs 0.0001 s"),
+    ]:
+        loads.send(10, **wrong)
+        peer.wait_for(lambda reason=reason: reason in peer.text(STATUS))
+        assert peer.diagnostics[STATUS].level == 1
+    assert peer.value(STATUS, "refused_blocks") == "3"
+    loads.send(12, nan)  # wrong, and after a gap
+    peer.wait_for(lambda: peer.value(STATUS, "refused_blocks") == "4")
+    for k in range(10, 13):
+        loads.send(k)
+    peer.wait_for(lambda: len(meshes) == 13)
+    peer.wait_for(lambda: peer.text(STATUS) == "integrating")
+    assert peer.value(STATUS, "lost_steps") == "500"
+    assert stamps(meshes) == [START_NS + k * BLOCK_NS for k in range(13)]
+
+    loads.send(2)  # a stream that starts again
+    peer.wait_for(lambda: peer.value(STATUS, "restarts") == "1")
+    peer.wait_for(lambda: len(meshes) == 14)
+    assert stamps(meshes)[-1] == START_NS + 2 * BLOCK_NS
+
+
+def test_lifecycle(run_node, peer):
+    meshes = peer.listen(PointCloud2, "/tbm/model/mesh_forces", qos.BLOCK)
+    node = run_node(DYNAMICS_NODE, autostart=False)
+    for _ in range(2):
+        assert peer.transition(NODE, "configure")
+        loads = Loads(peer)
+        loads.send(0)  # inactive: not answered
+        assert peer.transition(NODE, "activate")
+        before = len(meshes)
+        peer.wait_for(lambda: peer.node.count_publishers("/tbm/model/mesh_forces") == 1)
+        for k in range(50, 60):
+            loads.send(k)
+        peer.wait_for(lambda before=before: len(meshes) > before)
+        assert stamps(meshes)[before] >= START_NS + 50 * BLOCK_NS
+        assert peer.transition(NODE, "deactivate")
+        assert peer.transition(NODE, "cleanup")
+        peer.wait_for(lambda: peer.node.count_publishers("/tbm/model/mesh_forces") == 0)
+    assert "Traceback" not in node.output
+
+
+def end_all(nodes, number):
+    """A signal while blocks stream: every node ends well, soon and without a word."""
+    for node in nodes:
+        sent = time.monotonic()
+        node.send(number)
+        assert node.exit_code(3.0) == 0, node.output
+        assert time.monotonic() - sent < 3.0
+        assert not node.output.strip()
+
+
+def test_a_load_node_that_dies(run_node, peer):
+    meshes = peer.listen(PointCloud2, "/tbm/model/mesh_forces", qos.BLOCK)
+    dynamics = run_node(DYNAMICS_NODE)
+    first = run_node(LOAD_NODE, wait_for_subscribers=1)
+    peer.wait_for(lambda: len(meshes) > 2)
+    first.send(signal.SIGKILL)
+    first.exit_code()
+    died = time.time()
+    peer.wait_for(lambda: time.time() > died + 2.1)  # longer than what is bridged
+    before = len(meshes)
+    second = run_node(LOAD_NODE)
+    peer.wait_for(lambda: len(meshes) > before + 2)
+    peer.wait_for(lambda: peer.value(STATUS, "restarts") == "1")
+    assert peer.text(STATUS) == "integrating"
+    end_all([dynamics, second], signal.SIGTERM)
+
+
+@pytest.mark.parametrize(
+    ("parameters", "named"),
+    [
+        ({"block_rate": 3000}, "must divide"),
+        ({"sensor.range": 1.0, "sensor.quantisation": 2.0}, "must not exceed the range"),
+    ],
+)
+def test_bad_parameters_are_one_line(run_node, parameters, named):
+    node = run_node(DYNAMICS_NODE, **parameters)
+    assert node.exit_code() == 2, node.output
+    assert named in node.output
+    assert len(node.output.strip().splitlines()) == 1

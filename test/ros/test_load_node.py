@@ -1,0 +1,206 @@
+"""`load_node` as a process: lifecycle, the bits of its blocks, the operating point, the clock, bad parameters."""
+
+import math
+from itertools import pairwise
+
+import numpy as np
+import pytest
+
+rclpy = pytest.importorskip("rclpy")
+
+from geometry_msgs.msg import WrenchStamped  # noqa: E402
+from peer import Peer, stamps  # noqa: E402
+from rosgraph_msgs.msg import Clock  # noqa: E402
+from sensor_msgs.msg import JointState, PointCloud2  # noqa: E402
+
+import tbm_dynamics.machine  # noqa: E402
+from tbm_dynamics import load_machine  # noqa: E402
+from tbm_msgs_py import LOADS, OperatingPoint  # noqa: E402
+from tbm_msgs_py.nodes import messages, qos  # noqa: E402
+
+pytestmark = pytest.mark.ros
+
+LOAD_NODE = "tbm_dynamics.nodes.load_node"
+NODE = "/tbm/load_node"
+BLOCK_NS, SAMPLES, DT = 50_000_000, 500, 1e-4
+TABLE_1 = (5.6 * 2 * math.pi / 60, 3.04e6, 1.20e7)
+
+
+@pytest.fixture
+def peer():
+    with Peer() as made:
+        yield made
+
+
+def expected(seed, block):
+    """Loads of a block by the library, (500, 6)."""
+    return load_machine("dz101").loads(seed=seed).evaluate(np.arange(block * SAMPLES, (block + 1) * SAMPLES) * DT)
+
+
+def drive(message):
+    point = messages.operating_point_from(message)
+    return point.speed, point.torque, point.thrust
+
+
+def scale_of(point):
+    return load_machine("dz101").load_scale(
+        tbm_dynamics.machine.OperatingPoint(point.speed, point.torque, point.thrust)
+    )
+
+
+def test_lifecycle_and_the_bits_of_the_blocks(run_node, peer):
+    node = run_node(LOAD_NODE, autostart=False, seed=3, wait_for_subscribers=1)
+    blocks = peer.listen(PointCloud2, "/tbm/loads/block", qos.BLOCK)
+    assert peer.state(NODE) == "unconfigured"
+    assert peer.transition(NODE, "configure")
+    assert peer.state(NODE) == "inactive"
+    wrenches = peer.listen(WrenchStamped, "/tbm/loads/wrench", qos.BLOCK)
+    peer.wait_for(lambda: peer.node.count_publishers("/tbm/loads/wrench") == 1)
+    asked = peer.node.get_clock().now().nanoseconds
+    assert peer.transition(NODE, "activate")
+    peer.wait_for(lambda: len(blocks) >= 8 and len(wrenches) >= 30)
+    decoded = [messages.block_from(message) for message in blocks[:8]]
+    epoch = decoded[0].stamp_ns
+    assert epoch >= asked - 100_000  # rounded to the step
+    assert epoch % 100_000 == 0
+    for k, block in enumerate(decoded):
+        assert block.layout == LOADS
+        assert block.stamp_ns == epoch + k * BLOCK_NS
+        assert np.array_equal(block.offsets, np.arange(SAMPLES) * 1e5 / 1e9)
+        assert np.array_equal(block.values, expected(3, k)), f"block {k}"
+    step, late = np.divmod(stamps(wrenches)[0] - epoch, 10_000_000)
+    assert late == 0
+    assert set(np.diff(stamps(wrenches))) == {10_000_000}
+    sample = int(step) * 100
+    assert wrenches[0].wrench.torque.x == expected(3, sample // SAMPLES)[sample % SAMPLES, 3]
+
+    points = peer.listen(JointState, "/tbm/loads/operating_point", qos.OPERATING_POINT)  # latched: comes to the late
+    peer.wait_for(lambda: points)
+    assert drive(points[0]) == pytest.approx(TABLE_1)
+
+    assert not peer.transition(NODE, "activate"), "it is active already"
+    assert peer.state(NODE) == "active"
+    assert peer.transition(NODE, "deactivate")
+    assert peer.state(NODE) == "inactive"
+    stopped = peer.node.get_clock().now().nanoseconds
+    assert peer.transition(NODE, "activate")
+    peer.wait_for(lambda: stamps(blocks)[-1] >= stopped + 2 * BLOCK_NS)
+    again = [message for message in blocks if messages.stamp_to_ns(message.header.stamp) >= stopped - BLOCK_NS]
+    first = next(m for m in again if np.array_equal(messages.block_from(m).values, expected(3, 0)))
+    assert messages.stamp_to_ns(first.header.stamp) >= stopped - 100_000, "the stream starts afresh"
+
+    assert peer.transition(NODE, "deactivate")
+    assert peer.transition(NODE, "cleanup")
+    peer.wait_for(lambda: peer.node.count_publishers("/tbm/loads/block") == 0)
+    assert peer.transition(NODE, "configure")
+    assert peer.transition(NODE, "activate")
+    peer.wait_for(lambda: peer.node.count_publishers("/tbm/loads/block") == 1)
+    before = len(blocks)
+    peer.wait_for(lambda: len(blocks) > before + 2)
+    assert "Traceback" not in node.output
+
+
+def test_operating_point(run_node, peer):
+    blocks = peer.listen(PointCloud2, "/tbm/loads/block", qos.BLOCK)
+    points = peer.listen(JointState, "/tbm/loads/operating_point", qos.OPERATING_POINT)
+    node = run_node(LOAD_NODE, seed=1, wait_for_subscribers=1)
+    peer.wait_for(lambda: len(blocks) > 2 and points)
+    publisher = peer.publisher(JointState, "/tbm/operating_point", qos.OPERATING_POINT)
+
+    for refused, reason in [
+        (OperatingPoint(-0.5, 3e6, 1e7), "speed must be positive"),
+        (OperatingPoint(0.5, float("nan"), 1e7), "not finite"),
+        (JointState(name=["cutter"], velocity=[1.0], effort=[1.0]), "cutter, allowed: both cutterhead, thrust"),
+    ]:
+        message = refused if isinstance(refused, JointState) else messages.operating_point_message(0, refused)
+        publisher.publish(message)
+        peer.wait_for(lambda reason=reason: node.says(reason))
+    peer.wait_for(lambda: peer.value("tbm: loads", "refused_operating_points") == "3")
+    assert len(node.output.strip().splitlines()) == 3, node.output
+    assert len(points) == 1
+
+    wanted = OperatingPoint(TABLE_1[0] * 1.1, 2.0e6, 0.9e7)
+    publisher.publish(messages.operating_point_message(0, wanted))
+    peer.wait_for(lambda: len(points) == 2)
+    assert drive(points[1]) == (wanted.speed, wanted.torque, wanted.thrust)
+    changed = stamps(points)[1]
+    peer.wait_for(lambda: stamps(blocks)[-1] > changed)
+    scale = scale_of(wanted)
+    decoded = [messages.block_from(message) for message in blocks]
+    assert {b.stamp_ns - a.stamp_ns for a, b in pairwise(decoded)} == {BLOCK_NS}
+    for k, block in enumerate(decoded):
+        share = np.arange(1, SAMPLES + 1)[:, None] / SAMPLES
+        share = np.clip(share + (block.stamp_ns - changed) // BLOCK_NS, 0.0, 1.0)
+        np.testing.assert_allclose(block.values, expected(1, k) * (1.0 + share * (scale - 1.0)), rtol=1e-9)
+
+
+def test_an_operating_point_before_the_start_holds_from_the_first_sample(run_node, peer):
+    wanted = OperatingPoint(TABLE_1[0], 1.52e6, 1.0e7)
+    blocks = peer.listen(PointCloud2, "/tbm/loads/block", qos.BLOCK)
+    run_node(LOAD_NODE, autostart=False, seed=1)
+    assert peer.transition(NODE, "configure")
+    peer.publisher(JointState, "/tbm/operating_point", qos.OPERATING_POINT).publish(
+        messages.operating_point_message(0, wanted)
+    )
+    peer.wait_for(lambda: peer.node.count_publishers("/tbm/loads/block") == 1)
+    points = peer.listen(JointState, "/tbm/loads/operating_point", qos.OPERATING_POINT)
+    assert peer.transition(NODE, "activate")
+    peer.wait_for(lambda: blocks and points)
+    assert drive(points[0]) == (wanted.speed, wanted.torque, wanted.thrust)
+    first = messages.block_from(blocks[0])
+    np.testing.assert_allclose(first.values, expected(1, 0) * scale_of(wanted), rtol=1e-9)
+
+
+def test_simulated_time(run_node, peer):
+    blocks = peer.listen(PointCloud2, "/tbm/loads/block", qos.BLOCK)
+    node = run_node(LOAD_NODE, seed=2, use_sim_time=True, wait_for_subscribers=1)
+    clock = peer.publisher(Clock, "/clock", qos.CLOCK)
+    start = 1_000_000_000_000
+    now = start
+
+    def tick(step=10_000_000):
+        nonlocal now
+        now += step
+        clock.publish(messages.clock(now))
+        peer.spin_for(0.002)
+
+    def run_until(blocks_wanted):
+        peer.wait_for(lambda: len(blocks) >= blocks_wanted or tick())
+
+    run_until(5)
+    assert stamps(blocks)[0] >= start
+    assert stamps(blocks)[-1] + BLOCK_NS <= now
+    peer.spin_for(0.1)  # what is under way arrives
+    standing = len(blocks)
+    for _ in range(20):
+        tick(0)
+    assert peer.state(NODE) == "active"
+    assert len(blocks) == standing, "nothing comes while the clock stands"
+    run_until(standing + 2)
+    assert set(np.diff(stamps(blocks))) == {BLOCK_NS}
+
+    now = back = start - 60_000_000_000
+    before = len(blocks)
+    run_until(before + 3)
+    assert node.says("starts afresh")
+    fresh = blocks[before:]
+    assert back <= stamps(fresh)[0] < back + 1_000_000_000
+    assert set(np.diff(stamps(fresh))) == {BLOCK_NS}
+    assert np.array_equal(messages.block_from(fresh[0]).values, expected(2, 0))
+
+
+@pytest.mark.parametrize(
+    ("parameters", "named"),
+    [
+        ({"block_rate": 100.0}, "block_rate"),
+        ({"block_rate": 3000.0}, "whole number of ns"),
+        ({"machine": "nowhere"}, "nowhere"),
+        ({"use_sim_time": 3}, "use_sim_time"),
+    ],
+)
+def test_bad_parameters_are_one_line(run_node, parameters, named):
+    node = run_node(LOAD_NODE, **parameters)
+    assert node.exit_code() == 2, node.output
+    assert named in node.output
+    assert "Traceback" not in node.output
+    assert len(node.output.strip().splitlines()) == 1
