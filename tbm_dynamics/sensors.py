@@ -228,5 +228,6 @@ class _AntiAlias:
             return values
         if self._state is None:
             self._state = self._steady * values[0]
+        filtered: FloatArray
         filtered, self._state = scipy.signal.sosfilt(self._sections, values, axis=0, zi=self._state)
         return filtered

@@ -12,6 +12,9 @@ DEFAULT_CUTOFF_HZ = 200.0
 # With these the pinions strike as on every unknown: without, their peak acceleration is off by 10 % when teeth part.
 _STRIKE_HZ = (300.0, 1000.0, 3000.0)
 
+# Share of the largest mass below which a vector is rounding.
+_NOTHING = 1e-20
+
 
 def full_basis(system: System) -> np.ndarray:
     """Every unknown, shape (n, n)."""
@@ -31,14 +34,22 @@ def reduced_basis(system: System, cutoff_hz: float = DEFAULT_CUTOFF_HZ) -> np.nd
     attachments = _attachments(system)
     # Twice: one pass of Gram-Schmidt leaves rounding of the large kept part behind.
     for _ in range(2):
+        attachments = _normalised(system, attachments)
         attachments = attachments - kept @ (kept.T @ (system.M @ attachments))
-        attachments = attachments / np.sqrt(np.einsum("ij,ij->j", attachments, system.M @ attachments))
+    attachments = _normalised(system, attachments)
     values, vectors = np.linalg.eigh(attachments.T @ system.M @ attachments)
     independent = values > 1e-9 * values[-1]
     residual = attachments @ (vectors[:, independent] / np.sqrt(values[independent]))
     basis = np.hstack([kept, residual])
     _, rotation = scipy.linalg.eigh(basis.T @ system.K @ basis, basis.T @ system.M @ basis)
     return np.asarray(basis @ rotation)
+
+
+def _normalised(system: System, vectors: np.ndarray) -> np.ndarray:
+    """Give the columns unit mass; those that the kept modes hold already, but for rounding, are left out."""
+    masses = np.einsum("ij,ij->j", vectors, system.M @ vectors)
+    lasting = masses > _NOTHING * masses.max()
+    return np.asarray(vectors[:, lasting] / np.sqrt(masses[lasting]))
 
 
 def _attachments(system: System) -> np.ndarray:
