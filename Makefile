@@ -3,7 +3,11 @@ PYTHON ?= python3
 VENV ?= .venv
 BIN := $(VENV)/bin
 READY := $(VENV)/.ready
-PACKAGES := tbm_dynamics tbm_gsa tbm_msgs_py
+
+# One BLAS thread a process: small matrices, and several processes on few cores.
+export OMP_NUM_THREADS ?= 1
+export OPENBLAS_NUM_THREADS ?= 1
+
 
 .PHONY: demo test lint types bag clean
 

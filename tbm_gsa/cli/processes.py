@@ -16,21 +16,14 @@ from typing import Self
 
 _GRACE_S = 5.0
 _ENDING = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
-# One thread a process: the matrices are small and the nodes share the cores. Discovery stays on this computer unless
-# the environment says otherwise.
-_DEFAULT_ENVIRONMENT = {
-    "OMP_NUM_THREADS": "1",
-    "OPENBLAS_NUM_THREADS": "1",
-    "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST",
-}
+_DISCOVERY = "ROS_AUTOMATIC_DISCOVERY_RANGE"
 
 ParameterValue = bool | int | float | str
 
 
-def set_default_environment() -> None:
-    """Environment of this process and of all it starts; what is set already stays."""
-    for name, value in _DEFAULT_ENVIRONMENT.items():
-        os.environ.setdefault(name, value)
+def keep_discovery_local() -> None:
+    """Limit ROS discovery, of this process and of all it starts, to this computer unless the environment differs."""
+    os.environ.setdefault(_DISCOVERY, "LOCALHOST")
 
 
 @dataclass(frozen=True)

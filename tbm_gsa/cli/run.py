@@ -11,7 +11,7 @@ from rich.table import Table
 
 from tbm_dynamics import load_machine
 from tbm_gsa.cli.output import JSON_OPTION, MACHINE_OPTION, SEED_OPTION, notes, print_json, progress_bar, results
-from tbm_gsa.cli.processes import NodeCommand, NodeProcesses, ParameterValue, set_default_environment
+from tbm_gsa.cli.processes import NodeCommand, NodeProcesses, ParameterValue, keep_discovery_local
 from tbm_gsa.cli.ros import ANALYSIS_NODE, DYNAMICS_NODE, LOAD_NODE, watch
 from tbm_msgs_py import topics
 
@@ -33,7 +33,7 @@ def run(
     json: Annotated[bool, JSON_OPTION] = False,
 ) -> None:
     """Run loads, dynamics and analysis as ROS 2 nodes and count what they publish."""
-    set_default_environment()
+    keep_discovery_local()
     described = load_machine(machine)
     described.assemble()
     start = time.monotonic()
