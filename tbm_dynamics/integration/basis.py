@@ -7,7 +7,7 @@ import scipy.linalg
 
 from tbm_dynamics.structure.system import System
 
-DEFAULT_CUTOFF_HZ = 200.0
+DEFAULT_CUTOFF_HZ = 230.0
 
 # With these the pinions strike as on every unknown: without, their peak acceleration is off by 10 % when teeth part.
 _STRIKE_HZ = (300.0, 1000.0, 3000.0)

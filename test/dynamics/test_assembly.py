@@ -161,14 +161,15 @@ def test_rock_and_gripper_take_the_loads(system, data):
     assert total[5] - 16.0 * reaction[50][1] == pytest.approx(-loads["mz"], rel=1e-5)
 
 
-def test_axial_shortening_by_hand(system):
+def test_axial_shortening_by_hand(system, data):
     # Springs side by side: the rock in front, and behind it the chain to the gripper, held by the rock there.
     q = system.equilibrium().displacement
     front, back = q[system.dof(1, "ux")], q[system.dof(50, "ux")]
     assert 1e9 * front + 1e10 * back == pytest.approx(-1.2e7, rel=1e-6)
     E, steel = 210e9, 0.0
-    for length, outer, inner in ((1.8, 5.8, 5.4), (0.4, 4.2, 3.4), (0.6, 3.9, 3.4), (0.8, 4.4, 3.6), (12.0, 1.8, 1.47)):
-        steel += length / (E * np.pi / 4.0 * (outer**2 - inner**2))
+    shafts = [*data["cutterhead_bearing_gear"]["shafts"], *data["carrier_girder"]["shafts"]]
+    for length, shaft in zip((1.8, 0.4, 0.6, 0.8, 12.0), shafts, strict=True):
+        steel += length / (E * np.pi / 4.0 * (shaft["outer_diameter"] ** 2 - shaft["inner_diameter"] ** 2))
     chain = steel + 6.0 / 1e10  # 4–5, 6–7, 9–10, 10–11, 12–44, 49–50
     # The pinions bridge the main bearing a little along their seats (spur teeth slide along x): nothing axial.
     assert front - back == pytest.approx(1e10 * back * chain, rel=1e-6)
@@ -252,7 +253,9 @@ def test_each_type_damps_its_own_connections(data):
 
 def test_mesh_damping_is_a_ratio_of_pinion_and_ring(machine, system, data):
     # c = 2ζ√(k m_e) with the polar inertias of a solid pinion shaft and of the ring's tube.
-    ring, pinion = 14e3 / 8 * (3.9**2 + 3.4**2), 550.0 / 8 * 0.30**2
+    tube = data["cutterhead_bearing_gear"]["shafts"][2]
+    ring = tube["mass"] / 8 * (tube["outer_diameter"] ** 2 + tube["inner_diameter"] ** 2)
+    pinion = 550.0 / 8 * 0.30**2
     base = np.cos(np.radians(25.0)) * 0.022 / 2.0
     mass = 1.0 / ((base * 16) ** 2 / pinion + (base * 152) ** 2 / ring)
     assert system.meshes.damping == pytest.approx(2 * 0.05 * np.sqrt(8.1e9 * mass), rel=1e-9)

@@ -53,9 +53,9 @@ WRONG = {
     "node in two groups": ("    43: [-2.5", "    3: [-2.5", "nodes [3] are defined twice", "used once"),
     "drives on used nodes": ("nodes_from: 13", "nodes_from: 12", "nodes [12] are defined twice", "used once"),
     "shaft without wall": (
-        "inner_diameter: 5.4",
-        "inner_diameter: 5.8",
-        "shafts.0: inner_diameter 5.8",
+        "outer_diameter: 5.8",
+        "outer_diameter: 5.0",
+        "shafts.0",
         "smaller than",
     ),
     "pinion shaft without wall": ("[0.30, 0.0,", "[0.30, 0.3,", "driveshaft: pinion_shaft: inner", "smaller than"),
@@ -74,7 +74,7 @@ WRONG = {
     "ring of nothing": ("ring_shaft_nodes: [7, 8, 9]", "ring_shaft_nodes: []", "ring_shaft_nodes", "at least 1"),
     "unknown source": ("source: table5", "source: paper", "connections.0.source", "'table5', 'assumed'"),
     "unknown reading": ("reading: stiffness_proportional", "reading: modal", "damping.reading", "'ratio'"),
-    "massless": ("mass: 150e3", "mass: 0", "shafts.0.mass", "greater than 0"),
+    "massless": ("rotor: [1100, ", "rotor: [0, ", "driveshaft.rotor.0", "greater than 0"),
     "grade": ("accuracy_grade: 6", "accuracy_grade: 13", "gear.accuracy_grade", "less than or equal to 12"),
     "text for a number": ("speed_r_min: 5.6", "speed_r_min: fast", "operating_point.speed_r_min", "valid number"),
 }

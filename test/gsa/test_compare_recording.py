@@ -46,10 +46,11 @@ def test_every_window_is_held_against_the_whole_model_run(own):
 
 
 def test_other_loads_err_as_much_as_chance_allows(own):
-    # 10 Hz of noise over 10 s: the RMS scatters by 1 / (2 √100) = 5 % on either side; a resonance is narrower.
+    # The axial level comes from a mode at 9.6 Hz about 0.6 Hz wide: over 10 s its RMS scatters by 1 / (2 √6) = 20 % on
+    # either side, the difference by 30 %; three times that is chance.
     axial, lateral, vertical = errors(own, "gripper")
-    assert 0.0 < axial < 0.25
-    assert max(lateral, vertical) < 0.6
+    assert 0.0 < axial < 0.9
+    assert max(lateral, vertical) < 0.9
 
 
 def test_the_document_follows_the_contract(own):
