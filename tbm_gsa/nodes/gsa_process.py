@@ -116,7 +116,7 @@ class GsaProcess:
         """End the running analysis; what it has simulated stays in its store."""
         if not self.running or self._process is None:
             return False
-        self._process.send_signal(signal.SIGINT)
+        self._process.send_signal(signal.SIGTERM)  # SIGINT is ignored where the node runs in the background
         try:
             self._process.wait(_GRACE_S)
         except subprocess.TimeoutExpired:

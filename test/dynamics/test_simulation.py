@@ -125,8 +125,8 @@ def test_reduced_against_full_on_the_shipped_machine():
     assert full.states == 840
     assert list(reduced.indicators().values()) == pytest.approx(list(full.indicators().values()), rel=0.01)
     for node in machine.description.test_points.values():
-        # The first 20 ms hold the step from the mean load to the fluctuating one, which strikes every mode; at the head,
-        # on which the loads act, modes above the cut-off answer with 1.3 % later too.
+        # The first 20 ms hold the step from the mean load to the fluctuating one, which strikes every mode; at the
+        # head, on which the loads act, modes above the cut-off answer with 1.3 % later too.
         found, expected = (response.acceleration(node)[200:, :3] for response in (reduced, full))
         assert np.sqrt(np.mean((found - expected) ** 2)) < 0.02 * np.sqrt(np.mean(expected**2))
 

@@ -139,7 +139,7 @@ def test_a_killed_campaign_leaves_no_worker_and_resumes_to_the_same_result(tmp_p
     with Store.create_or_open(tmp_path / "store.sqlite", problem) as store:
         stored = store.counts().ok
         before = len(list(calls.iterdir()))
-        assert stored > 0
+        assert 0 < stored < 36
         assert before - stored <= 4  # what was running, and nothing more, is lost
         run_campaign(store, Traced(str(calls)))
         assert len(list(calls.iterdir())) - before == 36 - stored
