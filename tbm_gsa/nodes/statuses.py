@@ -35,6 +35,9 @@ def comparison_status(
     values |= {"model_coverage": latest.model_coverage, "field_coverage": latest.field_coverage}
     if refused:
         return messages.status(name, "error", refused, values, point)
+    missing = [source for source in ("model", "field") if getattr(latest, f"{source}_coverage") == 0.0]
+    if missing:
+        return messages.status(name, "stale", f"no signal of the {' and the '.join(missing)}", values, point)
     if alarm:
         return messages.status(name, "warn", "relative error over its threshold", values, point)
     return messages.status(name, "ok", "compared", values, point)
