@@ -6,6 +6,7 @@ import os
 import signal
 import sqlite3
 import sys
+from types import FrameType
 
 import typer
 
@@ -34,14 +35,28 @@ INTERRUPTED = 130
 _UsageError: type[Exception] = next(kind for kind in typer.BadParameter.__mro__ if kind.__name__ == "ClickException")
 
 
+class _Interruption:
+    """Signal handler that remembers; it raises KeyboardInterrupt where the program stands."""
+
+    received = False
+
+    @classmethod
+    def handle(cls, number: int, frame: FrameType | None) -> None:
+        """Handle a signal."""
+        cls.received = True
+        signal.default_int_handler(number, frame)
+
+
 def main() -> None:
     """Run the command line; exit code 0 on success, 2 on bad input, 1 on a fault of the program, 130 after Ctrl-C."""
     # What was started is ended in order, whichever signal comes; SIGHUP is that of a closed terminal.
-    for number in (signal.SIGTERM, signal.SIGHUP):
+    for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
         if signal.getsignal(number) != signal.SIG_IGN:  # nohup
-            signal.signal(number, signal.default_int_handler)
-    # Before the clean-up of the exit prints a complaint about a reader that has gone.
+            signal.signal(number, _Interruption.handle)
     code = _run()
+    if _Interruption.received and code != 0:
+        code = INTERRUPTED  # a library may have turned the interruption into an error of its own
+    # Before the clean-up of the exit prints a complaint about a reader that has gone.
     try:
         sys.stdout.flush()
     except BrokenPipeError:
