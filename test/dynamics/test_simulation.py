@@ -149,11 +149,11 @@ def test_reduced_against_full_in_every_indicator_while_the_teeth_strike(rattling
 def test_the_reduced_basis_keeps_the_static_forces():
     # Without error the mean over whole mesh cycles is the static share, but for the slow torsion that still rings.
     machine = built(quiet(plain())).with_inputs(x8=0.0)
-    response = simulate(machine, 0.3)
+    response = simulate(machine, 1.5)
     cycles = round(4 / machine.mesh_frequency / 1e-4)
     share = static_mesh_force(machine)
     assert response.mesh_force[-cycles:].mean(axis=0) == pytest.approx(np.full(10, share), rel=5e-3)
-    assert response.mesh_force[-cycles:].mean() == pytest.approx(share, rel=2e-3)
+    assert response.mesh_force[-cycles:].mean() == pytest.approx(share, rel=1e-3)
 
 
 def test_a_run_starts_without_a_jolt():
