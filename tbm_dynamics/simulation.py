@@ -7,9 +7,10 @@ from collections.abc import Callable, Iterable
 import numpy as np
 
 from tbm_dynamics.integration.errors import SimulationError
-from tbm_dynamics.integration.simulator import DEFAULT_STEP, MethodName, Simulator
+from tbm_dynamics.integration.simulator import DEFAULT_STEP, Chunk, MethodName, Simulator
 from tbm_dynamics.machine.machine import Machine
 from tbm_dynamics.response import Response
+from tbm_dynamics.structure.drive import gear_pair
 
 _CHUNK_STEPS = 8192
 
@@ -65,27 +66,21 @@ def simulate(
     simulator = Simulator(system, nodes, time_step, method)
     loads = machine.loads(seed)
     time = np.arange(steps) * time_step
-    displacements, accelerations = np.empty((2, steps, len(nodes), 6))
-    mesh_force = np.empty((steps, system.meshes.count))
+    run = Chunk(0, np.empty((steps, 2, len(nodes), 6)), np.empty((steps, system.couplings.drives)))
     for first in range(0, steps, _CHUNK_STEPS):
         part = slice(first, min(first + _CHUNK_STEPS, steps))
-        chunk = simulator.step(loads.evaluate(time[part]))
-        displacements[part], accelerations[part], mesh_force[part] = (
-            chunk.displacement,
-            chunk.acceleration,
-            chunk.mesh_force,
-        )
+        simulator.step(loads.evaluate(time[part]), Chunk(first, run.motion[part], run.mesh_force[part]))
         if progress is not None:
             progress(part.stop / steps)
     drive = machine.description.driveshaft
     return Response(
         time=time,
         nodes=nodes,
-        displacements=displacements,
-        accelerations=accelerations,
-        mesh_force=mesh_force,
+        displacements=run.displacement,
+        accelerations=run.acceleration,
+        mesh_force=run.mesh_force,
         ring_node=drive.ring_node,
         pinion_node=drive.pinion_nodes_from + 1,
-        static_mesh_force=machine.operating_point.torque / (system.meshes.count * system.meshes.ring_base_radius),
+        static_mesh_force=machine.operating_point.torque / (drive.count * gear_pair(drive).ring_base_radius),
         states=simulator.states,
     )

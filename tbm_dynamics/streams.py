@@ -127,7 +127,7 @@ class DynamicsStream:
         self.nodes = default_outputs(machine)
         self.lost_steps = 0
         self.restarts = 0
-        self.meshes = self._system.meshes.count
+        self.meshes = self._system.couplings.drives
         self._point: OperatingPoint | None = None
         self._last = np.zeros(6)
         self.epoch_ns = 0

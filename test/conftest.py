@@ -1,6 +1,11 @@
 """What every test may rely on."""
 
+import os
 import signal
+
+# One BLAS thread, as the command line and its processes have it: sums over more threads differ in their last bit.
+for _name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"):
+    os.environ.setdefault(_name, "1")
 
 # A job in the background of a script inherits an ignored SIGINT, and so would every process that a test starts and
 # interrupts. The ones under test are to behave as at a terminal.

@@ -66,6 +66,8 @@ FREE_VALUES: tuple[FreeValue, ...] = (
     FreeValue("  fx:", "band: [0, 10], rms", 1e5, 2.2e6, logarithmic=True),
     FreeValue("  fx:", "band: [125, 135], rms", 2e5, 2e6, logarithmic=True),
     FreeValue("  fx:", "frequency: 130.3, amplitude", 2e5, 2e6, logarithmic=True),
+    FreeValue("  mx:", "frequency: 0.9, amplitude", 5e4, 1.2e6, logarithmic=True),
+    FreeValue("  mx:", "frequency: 130.3, amplitude", 5e4, 8e5, logarithmic=True),
 )
 
 

@@ -1,11 +1,11 @@
-"""The linear part in a basis, as first-order matrices that every method starts from.
+"""The linear part in a basis, as first-order matrices.
 
 State v = (p, ṗ) of the perturbation about the static equilibrium, q = q_s + V p:
 
     v̇ = H v + E_u u(t) + E_g g(t, v)
 
-u: fluctuation of the six cutterhead loads and of the torque. g: what the meshes' forces are above their mean linear
-part, F − F_s = k̄ B V p + c_m B V ṗ + g.
+u: fluctuation of the six cutterhead loads and of the torque. g: what the couplings' forces are above their mean linear
+part, F − F_s = k̄ B V p + c B V ṗ + g.
 """
 
 from __future__ import annotations
@@ -23,40 +23,45 @@ INPUTS = 7
 
 @dataclass(frozen=True)
 class LinearSystem:
-    """First-order matrices; s = 2m states, p meshes.
+    """First-order matrices; s = 2m states, k couplings.
 
     Attributes
     ----------
     H : (s, s) ndarray
-    E : (s, 7 + p) ndarray
+    E : (s, i + k) ndarray
         Inputs u, then g.
-    observe : (2p, s) ndarray
-        Mesh deflections and rates from the state.
-    output : (s + 7 + p, o) ndarray
-        From (v, u, g): the rows asked for of q − q_s, then of q̈.
+    observe : (2k, s) ndarray
+        Deflections and rates of the couplings from the state.
     """
 
     H: np.ndarray
     E: np.ndarray
     observe: np.ndarray
-    output: np.ndarray
+
+    @property
+    def acceleration(self) -> np.ndarray:
+        """p̈ from (v, u, g), shape (m, s + i + k)."""
+        m = len(self.H) // 2
+        return np.hstack([self.H[m:], self.E[m:]])
 
 
-def linear_system(system: System, basis: np.ndarray, output_dofs: np.ndarray) -> LinearSystem:
-    """First-order matrices of a system in a basis (n, m), with outputs at some unknowns (o/2,)."""
-    solve = scipy.linalg.cho_factor(basis.T @ system.M @ basis)
-    rows = system.meshes.rows @ basis
-    inputs = np.hstack([basis[system.load_dofs].T, (basis.T @ system.motor_pattern)[:, None]])
+def input_columns(system: System) -> np.ndarray:
+    """Generalised forces of unit inputs u, shape (n, 7)."""
+    columns = np.zeros((system.size, INPUTS))
+    columns[system.load_dofs, np.arange(6)] = 1.0
+    columns[:, 6] = system.motor_pattern
+    return columns
+
+
+def first_order(M: np.ndarray, C: np.ndarray, K: np.ndarray, inputs: np.ndarray, rows: np.ndarray) -> LinearSystem:
+    """First-order matrices of M, C, K (m, m) with inputs (m, i) and coupling rows (k, m)."""
+    solve = scipy.linalg.cho_factor(M)
     pushes = scipy.linalg.cho_solve(solve, np.hstack([inputs, -rows.T]))
-    stiffness = scipy.linalg.cho_solve(solve, basis.T @ system.K @ basis)
-    damping = scipy.linalg.cho_solve(solve, basis.T @ system.C @ basis)
-    p, m = rows.shape
+    stiffness, damping = scipy.linalg.cho_solve(solve, K), scipy.linalg.cho_solve(solve, C)
+    k, m = rows.shape
     zero = np.zeros((m, m))
-    selected = basis[output_dofs]
-    silent = np.zeros((len(selected), m + INPUTS + p))
     return LinearSystem(
         H=np.block([[zero, np.eye(m)], [-stiffness, -damping]]),
-        E=np.vstack([np.zeros((m, INPUTS + p)), pushes]),
-        observe=np.block([[rows, np.zeros((p, m))], [np.zeros((p, m)), rows]]),
-        output=np.block([[selected, silent], [selected @ np.hstack([-stiffness, -damping, pushes])]]).T,
+        E=np.vstack([np.zeros_like(pushes), pushes]),
+        observe=np.block([[rows, np.zeros((k, m))], [np.zeros((k, m)), rows]]),
     )

@@ -1,9 +1,9 @@
-"""The reference method: precise time integration with a Lobatto Runge–Kutta quadrature of the mesh excess.
+"""The reference method: precise time integration with a Lobatto Runge–Kutta quadrature of the couplings' excess.
 
-Order 4 where the excess g is smooth; stages at the start, the middle and the end of a step. The linear part is exact by
-one exponential (Zhong and Williams, J. Mech. Eng. Sci. 208, 1994); g is the quadratic through its three stages, whose
-response is exact too. The values of g in the middle and at the end depend only on the mesh deflections and rates there,
-2 × count scalars, and are found by iteration among them.
+Every unknown of the system. Order 4 where the excess g is smooth; stages at the start, the middle and the end of a
+step. The linear part is exact by one exponential (Zhong and Williams, J. Mech. Eng. Sci. 208, 1994); g is the quadratic
+through its three stages, whose response is exact too. The values of g in the middle and at the end depend only on the
+deflections and rates of the couplings there, and are found by iteration among them.
 """
 
 from __future__ import annotations
@@ -13,79 +13,83 @@ import math
 import numpy as np
 from numba import njit
 
-from tbm_dynamics.integration.kernel import MeshLaws, mesh_condition, mesh_forces
-from tbm_dynamics.integration.linear import INPUTS, LinearSystem
+from tbm_dynamics.integration.iteration import refuse_coarse
+from tbm_dynamics.integration.laws import Laws, forces, widened
+from tbm_dynamics.integration.linear import INPUTS, first_order, input_columns
 from tbm_dynamics.integration.precise import polynomial_response
+from tbm_dynamics.structure.system import System
 
 # Rounds over the middle and end values of g. A round shrinks the error by about (ω_mesh τ)²/2 of the change.
 _ROUNDS = 3
 
 
 class Lobatto:
-    """Integration method on dense transfer matrices, see `method.Method`; s states, p meshes.
+    """Integration method on dense transfer matrices, see `method.Method`; s = 2n states, k = 2L couplings.
 
-    Attributes
-    ----------
-    free : (s + 2·7 + p, s + 4p) ndarray
-        Rows are the known quantities (v, u now, u next, g now); columns the state at the end and the mesh
-        deflections and rates in the middle (2p) and at the end (2p), all before the unknown g is added.
-    from_middle, from_end : (p, s + 4p) ndarray
-        What g in the middle and at the end adds to the same columns.
+    Columns of its arrays: the state at the end, then deflections (k) and rates (k) in the middle and at the end.
     """
 
-    def __init__(self, linear: LinearSystem, step: float) -> None:
-        s, p = len(linear.H), linear.E.shape[1] - INPUTS
+    stages = (0.5, 1.0)
+    tail = INPUTS
+
+    def __init__(self, system: System, output_dofs: np.ndarray, step: float) -> None:
+        rows = widened(system.couplings.rows.T, system.couplings.drives).T
+        linear = first_order(system.M, system.C, system.K, input_columns(system), rows)
+        s, k = len(linear.H), len(rows)
         half, whole = polynomial_response(linear.H, linear.E, step)
-        blocks = [_by_inputs(response, s, p, step) for response in (half, whole)]
+        blocks = [_by_inputs(response, s, k, step) for response in (half, whole)]
         columns = np.vstack([blocks[1], linear.observe @ blocks[0], linear.observe @ blocks[1]])
-        known = s + 2 * INPUTS + p
+        pieces = np.split(columns, np.cumsum([s, 2 * INPUTS, k, k]), axis=1)
+        from_state, forced, now, middle, end = (np.ascontiguousarray(piece.T) for piece in pieces)
         self.states = s
-        self.output = np.ascontiguousarray(linear.output)
-        self.free = np.ascontiguousarray(columns[:, :known].T)
-        self.from_middle = np.ascontiguousarray(columns[:, known : known + p].T)
-        self.from_end = np.ascontiguousarray(columns[:, known + p :].T)
-        self._couple = [np.ascontiguousarray(matrix[:, s:]) for matrix in (self.from_middle, self.from_end)]
-        self._state = np.zeros(s + p)
+        self.forced = np.vstack([forced[INPUTS:], forced[:INPUTS]])
+        self._free = np.vstack([from_state, now])
+        self._middle, self._end = middle, end
+        self._couple = (np.ascontiguousarray(middle[:, s:]), np.ascontiguousarray(end[:, s:]))
+        refuse_coarse(_mesh_gain(system, *self._couple), step)
+        n = system.size
+        acceleration = linear.acceleration[output_dofs].T
+        displacement = np.zeros((s + INPUTS + k, len(output_dofs)))
+        displacement[output_dofs, np.arange(len(output_dofs))] = 1.0
+        order = np.r_[0:s, s + INPUTS : s + INPUTS + k, s : s + INPUTS]
+        self.output = np.ascontiguousarray(np.hstack([displacement, acceleration])[order])
+        self._state = np.zeros(2 * n + k)
 
-    def begin(self, state: np.ndarray, excess: np.ndarray) -> None:
-        """Stand at v with the meshes' excess g."""
-        self._state = np.concatenate([state, excess])
-
-    def start_row(self, inputs: np.ndarray) -> np.ndarray:
-        """Row of the record where the state stands."""
-        return np.concatenate([self._state[: self.states], inputs, self._state[self.states :]])
+    def begin(self, displacement: np.ndarray, velocity: np.ndarray, excess: np.ndarray, held: np.ndarray) -> np.ndarray:
+        """Stand at a displacement and velocity with the couplings' excess."""
+        del held  # nothing is held over from step to step
+        self._state = np.concatenate([displacement, velocity, excess[1]])
+        return self._state
 
     def advance(
         self,
-        laws: MeshLaws,
+        laws: Laws,
+        held: np.ndarray,
         inputs: np.ndarray,
-        phase: np.ndarray,
-        first: int,
+        forced: np.ndarray,
         record: np.ndarray,
         force: np.ndarray,
     ) -> int:
         """Advance by n steps; see `method.Method`."""
-        return int(
-            _advance(
-                self.free,
-                self.from_middle,
-                self.from_end,
-                self._couple[0],
-                self._couple[1],
-                laws,
-                inputs,
-                phase,
-                first,
-                self._state,
-                record,
-                force,
-            )
-        )
+        del inputs  # `forced` holds all of their effect
+        arrays = (self._free, self._middle, self._end, *self._couple)
+        return int(_advance(*arrays, laws, held, forced, self._state, record, force))
 
 
-def _by_inputs(response: np.ndarray, s: int, p: int, step: float) -> np.ndarray:
+def _mesh_gain(system: System, middle: np.ndarray, end: np.ndarray) -> np.ndarray:
+    """How the excess of open meshes, in the middle and at the end of a step, comes back on itself, (2p, 2p)."""
+    p, k = system.couplings.drives, len(middle)
+    stiffness, damping = system.couplings.stiffness[0], system.couplings.damping[0]
+    blocks = [
+        [stiffness * pushed[:p, at : at + p] + damping * pushed[:p, at + k : at + k + p] for at in (0, 2 * k)]
+        for pushed in (middle, end)
+    ]
+    return np.block(blocks)
+
+
+def _by_inputs(response: np.ndarray, s: int, k: int, step: float) -> np.ndarray:
     """From polynomial coefficients to values: columns (v, u now, u next, g now, g middle, g end)."""
-    T, P0, P1, P2 = np.split(response, [s, s + INPUTS + p, s + 2 * (INPUTS + p)], axis=1)
+    T, P0, P1, P2 = np.split(response, [s, s + INPUTS + k, s + 2 * (INPUTS + k)], axis=1)
     u0, u1 = P0[:, :INPUTS], P1[:, :INPUTS] / step
     g0, g1, g2 = P0[:, INPUTS:], P1[:, INPUTS:] / step, P2[:, INPUTS:] / step**2
     now = g0 - 3.0 * g1 + 4.0 * g2
@@ -108,48 +112,36 @@ def _advance(
     from_end: np.ndarray,
     couple_middle: np.ndarray,
     couple_end: np.ndarray,
-    laws: MeshLaws,
-    inputs: np.ndarray,
-    phase: np.ndarray,
-    first: int,
+    laws: Laws,
+    held: np.ndarray,
+    forced: np.ndarray,
     state: np.ndarray,
     record: np.ndarray,
     force: np.ndarray,
 ) -> int:
-    """Compiled `Lobatto.advance`; couple_… are the mesh columns of from_…, state (s + p,) is v and g, updated."""
-    p = laws.shifts.shape[1]
-    s = len(state) - p
-    u = inputs.shape[1]
-    known, result, motion = np.empty(s + 2 * u + p), np.empty(s + 4 * p), np.empty(4 * p)
-    middle, end = np.empty((4, p)), np.empty((4, p))
-    g_middle, g_end, scratch = np.empty(p), np.empty(p), np.empty(p)
-    known[:s] = state[:s]
-    known[s + 2 * u :] = state[s:]
-    for k in range(len(record)):
-        known[s : s + u] = inputs[k]
-        known[s + u : s + 2 * u] = inputs[k + 1]
-        mesh_condition(phase[0] + (first + k + 0.5) * phase[1], phase[2], laws, middle)
-        mesh_condition(phase[0] + (first + k + 1.0) * phase[1], phase[2], laws, end)
-        result[:] = 0.0
+    """Compiled `Lobatto.advance`; couple_… are the coupling columns of from_…, state (s + k,) is v and g, updated."""
+    k = force.shape[1]
+    s = len(state) - k
+    known, result, motion = state.copy(), np.empty(s + 4 * k), np.empty(4 * k)
+    stages = motion.reshape(2, 2, k)
+    g_middle, g_end, scratch = np.empty(k), np.empty(k), np.empty(k)
+    for n in range(len(record)):
+        result[:] = forced[n]
         _add_product(free, known, result)
-        g_middle[:] = known[s + 2 * u :]
-        g_end[:] = g_middle
+        g_middle[:] = known[s:]
+        g_end[:] = known[s:]
         for _ in range(_ROUNDS):
             motion[:] = result[s:]
             _add_product(couple_middle, g_middle, motion)
             _add_product(couple_end, g_end, motion)
-            mesh_forces(motion[: 2 * p], middle, laws.constants, scratch, g_middle)
-            mesh_forces(motion[2 * p :], end, laws.constants, force[k], g_end)
+            forces(stages[0], held, 2 * n, laws, scratch, g_middle)
+            forces(stages[1], held, 2 * n + 1, laws, force[n], g_end)
         _add_product(from_middle, g_middle, result)
         _add_product(from_end, g_end, result)
-        mesh_forces(result[s + 2 * p :], end, laws.constants, force[k], g_end)
         known[:s] = result[:s]
-        known[s + 2 * u :] = g_end
-        record[k, :s] = result[:s]
-        record[k, s : s + u] = inputs[k + 1]
-        record[k, s + u :] = g_end
-        if not math.isfinite(force[k, 0]) or not math.isfinite(result[0]):
-            return k
-    state[:s] = known[:s]
-    state[s:] = known[s + 2 * u :]
+        known[s:] = g_end
+        record[n, : s + k] = known
+        if not math.isfinite(force[n, 0]) or not math.isfinite(result[0]):
+            return n
+    state[:] = known
     return len(record)

@@ -1,11 +1,16 @@
 """The contract of an integration method.
 
-1. A method is built from a `LinearSystem` and a step τ; it holds constant arrays and the state, and never prints.
-2. `begin` sets the state v and the excess g at the start.
-3. `advance` takes the inputs u where the state stands and at the n steps after it, fills one row of `record` and of
-   `force` for each step, and returns how many steps it did: fewer than n when the motion is no longer finite.
-4. A row of `record` holds the method's own s states, u (7) and g (p); `output` turns it into the outputs asked for.
-5. The same steps give the same bits in whatever pieces `advance` is called.
+1. A method is built from a system, the unknowns whose motion is wanted and a step τ; it holds constant arrays and the
+   state, and never prints. The p drives stand in L lanes (`laws`).
+2. `begin` sets displacement and velocity about the static equilibrium, the couplings' excess g and what is held of them
+   at the start, and gives the row of the record there.
+3. What is known beforehand is handed over for a block of steps of always the same size, so that the bits do not depend
+   on the pieces: what the inputs u add (`forced`), and what is held of the couplings at the `stages` of a step.
+4. `advance` takes n steps, fills one row of `record` and of `force` for each, and returns how many it did: fewer than n
+   when the motion is no longer finite.
+5. A row of `record` begins with the method's own columns and ends with u (7); `output` turns it into the outputs asked
+   for.
+6. The same steps give the same bits in whatever pieces `advance` is called.
 """
 
 from __future__ import annotations
@@ -14,7 +19,7 @@ from typing import Protocol
 
 import numpy as np
 
-from tbm_dynamics.integration.kernel import MeshLaws
+from tbm_dynamics.integration.laws import Laws
 
 
 class Method(Protocol):
@@ -22,24 +27,39 @@ class Method(Protocol):
 
     @property
     def states(self) -> int:
-        """Number of states s."""
+        """Number of states integrated."""
+
+    @property
+    def stages(self) -> tuple[float, ...]:
+        """Instants within a step, as shares of it, at which the couplings' laws are wanted."""
+
+    @property
+    def forced(self) -> np.ndarray:
+        """What u at the end of a step and at its start add, shape (14, w)."""
 
     @property
     def output(self) -> np.ndarray:
-        """Outputs from a row of the record, shape (s + 7 + p, o)."""
+        """Outputs from a row of the record, shape (r, o): the rows wanted of q − q_s, then of q̈."""
 
-    def begin(self, state: np.ndarray, excess: np.ndarray) -> None:
-        """Stand at v (s,) with the meshes' excess g (p,)."""
+    @property
+    def tail(self) -> int:
+        """Last columns of a row of the record that any output may need (see `output.Output`)."""
 
-    def start_row(self, inputs: np.ndarray) -> np.ndarray:
-        """Row of the record where the state stands, inputs u (7,), shape (s + 7 + p,)."""
+    def begin(self, displacement: np.ndarray, velocity: np.ndarray, excess: np.ndarray, held: np.ndarray) -> np.ndarray:
+        """Stand at q − q_s and q̇, each (n,), with the couplings' g a step before and now (2, 2L) and what is held.
+
+        Returns
+        -------
+        (r − 7,) ndarray
+            Row of the record there, without its u.
+        """
 
     def advance(
         self,
-        laws: MeshLaws,
+        laws: Laws,
+        held: np.ndarray,
         inputs: np.ndarray,
-        phase: np.ndarray,
-        first: int,
+        forced: np.ndarray,
         record: np.ndarray,
         force: np.ndarray,
     ) -> int:
@@ -47,15 +67,15 @@ class Method(Protocol):
 
         Parameters
         ----------
-        laws : MeshLaws
-        inputs : (n + 1, 7) ndarray
-            u where the state stands and at the n steps after it.
-        phase : (3,) ndarray
-            Mesh phase at a reference step (cycles), cycles per step, mesh frequency (Hz).
-        first : int
-            Steps from the reference step to where the state stands.
-        record : (n, s + 7 + p) ndarray
-            Written.
-        force : (n, p) ndarray
-            Written: mesh forces (N).
+        laws : Laws
+        held : (n · stages, 3, 2L) ndarray
+            From `laws.Held`.
+        inputs : (n, 14) ndarray
+            u at the end and at the start of each step.
+        forced : (n, w) ndarray
+            Inputs times `forced`.
+        record : (n, r) ndarray
+            Written, but for the last 7 columns.
+        force : (n, 2L) ndarray
+            Written: forces of the couplings (N, N·m).
         """

@@ -9,15 +9,15 @@ from typing import Literal
 
 import numpy as np
 
-from tbm_dynamics.integration.basis import full_basis, reduced_basis
-from tbm_dynamics.integration.eigen import Eigen
+from tbm_dynamics.integration.condensed import Condensed
 from tbm_dynamics.integration.errors import SimulationError
-from tbm_dynamics.integration.kernel import MeshLaws, mesh_condition, mesh_forces
-from tbm_dynamics.integration.linear import INPUTS, linear_system
+from tbm_dynamics.integration.laws import Held, Laws, forces, lanes_for, widened
+from tbm_dynamics.integration.linear import INPUTS
 from tbm_dynamics.integration.lobatto import Lobatto
 from tbm_dynamics.integration.method import Method
+from tbm_dynamics.integration.output import Output
 from tbm_dynamics.machine.machine import OperatingPoint
-from tbm_dynamics.structure.system import DIRECTIONS, Equilibrium, Meshes, System
+from tbm_dynamics.structure.system import DIRECTIONS, System
 
 DEFAULT_STEP = 1e-4
 MethodName = Literal["reduced", "full"]
@@ -34,16 +34,26 @@ class Chunk:
     ----------
     first_step : int
         Step number of the first row, from the start of the run.
-    displacement, acceleration : (n, nodes, 6) ndarray
-        m and rad, m/s² and rad/s², in the order of the simulator's `nodes`; the displacement holds the static part.
+    motion : (n, 2, nodes, 6) ndarray
+        Displacement (m and rad, static part included) and acceleration (m/s² and rad/s²), in the order of the
+        simulator's `nodes`.
     mesh_force : (n, p) ndarray
         N, compression positive.
     """
 
     first_step: int
-    displacement: np.ndarray
-    acceleration: np.ndarray
+    motion: np.ndarray
     mesh_force: np.ndarray
+
+    @property
+    def displacement(self) -> np.ndarray:
+        """Displacement, (n, nodes, 6)."""
+        return self.motion[:, 0]
+
+    @property
+    def acceleration(self) -> np.ndarray:
+        """Acceleration, (n, nodes, 6)."""
+        return self.motion[:, 1]
 
 
 class Simulator:
@@ -73,72 +83,68 @@ class Simulator:
         self.nodes = tuple(nodes)
         self.time_step = time_step
         self.next_step = 0
-        self._meshes = system.meshes
+        self._drives = system.couplings.drives
+        self._ring_teeth = system.couplings.ring_teeth
         self._mean_load = system.mean_load
         self._mean_torque = system.operating_point.torque
         dofs = np.array([system.dof(node, direction) for node in self.nodes for direction in DIRECTIONS], dtype=np.intp)
-        basis = reduced_basis(system) if method == "reduced" else full_basis(system)
-        linear = linear_system(system, basis, dofs)
-        self._method: Method = (Eigen if method == "reduced" else Lobatto)(linear, time_step)
-        self._turn(0, 0.0, system.operating_point)
+        self._method: Method = (Condensed if method == "reduced" else Lobatto)(system, dofs, time_step)
+        self._phase_step, self._phase_base = 0, 0.0
+        self._apply(system.operating_point)
+        self._inputs = np.zeros((_BLOCK, 2 * INPUTS))
+        self._forced = np.empty((_BLOCK, self._method.forced.shape[1]))
         self._record = np.zeros((_BLOCK, len(self._method.output)))
-        self._product = np.empty((_BLOCK, self._method.output.shape[1]))
-        self._start(system, basis, dofs)
+        self._force = np.empty((_BLOCK, 2 * lanes_for(self._drives)))
+        self._last_inputs = np.zeros(INPUTS)
+        self._start(system, dofs)
 
     @property
     def states(self) -> int:
         """Number of states integrated."""
         return self._method.states
 
-    def _start(self, system: System, basis: np.ndarray, dofs: np.ndarray) -> None:
+    def _start(self, system: System, dofs: np.ndarray) -> None:
         """Stand in the static equilibrium at mesh phase 0, moving with it as the teeth turn.
 
         Without that motion the error rate of the meshes would strike the pinions at the first step.
         """
-        meshes = self._meshes
-        # Without statics yet: stiffness and error only.
-        laws = mesh_laws(meshes, np.zeros((2, meshes.count)))
+        couplings = system.couplings
         instant = 1e-6
-        before, still, after = (self._equilibrium(system, laws, cycle) for cycle in (-instant, 0.0, instant))
-        velocity = (after.displacement - before.displacement) * (self._rate / (2.0 * instant))
-        self._laws = mesh_laws(meshes, np.array([meshes.rows @ still.displacement, still.mesh_force]))
-        self._static_outputs = still.displacement[dofs].reshape(len(self.nodes), 6)
-        mass, damping, stiffness = (basis.T @ matrix @ basis for matrix in (system.M, system.C, system.K))
-        rows = meshes.rows @ basis
-        rates = np.linalg.solve(mass, basis.T @ (system.M @ velocity))
+        cycles = np.array([-self._rate * self.time_step, 0.0, -instant, instant])
+        stiffness, error, slope = couplings.waves.evaluate(cycles)
+        slope *= self._rate
+        before, still, *around = (system.equilibrium(k, e) for k, e in zip(stiffness, error, strict=True))
+        velocity = (around[1].displacement - around[0].displacement) * (self._rate / (2.0 * instant))
+        constant = np.concatenate([still.displacement[dofs], np.zeros(len(dofs))])
+        self._output = Output(self._method.output, self._method.tail, constant, _BLOCK)
         # The dampers hold that motion back a little: shift the start to where no net force is left.
-        condition = self._condition(self._laws, 0.0)
-        drag = damping @ rates + meshes.damping * rows.T @ condition[2]
-        offsets = -np.linalg.solve(stiffness, drag)
-        self._start_force, excess = np.empty((2, meshes.count))
-        motion = np.concatenate([rows @ offsets, rows @ rates])
-        mesh_forces(motion, condition, self._laws.constants, self._start_force, excess)
-        self._method.begin(np.concatenate([offsets, rates]), excess)
-        self._last_inputs = np.zeros(INPUTS)
-
-    def _equilibrium(self, system: System, laws: MeshLaws, cycle: float) -> Equilibrium:
-        condition = self._condition(laws, cycle)
-        return system.equilibrium(condition[0], condition[1])
-
-    def _condition(self, laws: MeshLaws, cycle: float) -> np.ndarray:
-        """Ask `mesh_condition` at a mesh phase, shape (4, p)."""
-        condition = np.empty((4, self._meshes.count))
-        mesh_condition(cycle, self._rate, laws, condition)
-        return condition
+        rows = couplings.rows
+        offset = -system.solve(system.C @ velocity + rows.T @ (couplings.damping * slope[1]))
+        deflection, p = rows @ still.displacement, couplings.drives
+        self._laws = Laws(
+            statics=widened(still.force[None], p)[0],
+            constants=widened(np.array([couplings.stiffness, couplings.damping, couplings.half_gap]), p),
+        )
+        self._held = Held(couplings, deflection, _BLOCK, self._method.stages)
+        held = np.array([widened(np.array([stiffness[i], deflection + error[i], slope[i]]), p) for i in (0, 1)])
+        start, *excess = np.empty((3, held.shape[2]))
+        for i, place in enumerate((before.displacement - still.displacement + offset, offset)):
+            forces(widened(np.array([rows @ place, rows @ velocity]), p), held, i, self._laws, start, excess[i])
+        self._from = offset, velocity, np.array(excess), held[1]
+        self._start_force = start
 
     def set_operating_point(self, point: OperatingPoint) -> None:
         """Change speed and torque from the next step on; the mesh phase goes on without a jump."""
         reached = max(self.next_step - 1, 0)  # the next step starts where the last one ended
-        cycles = self._phase_base + (reached - self._phase_step) * self._rate * self.time_step
-        self._turn(reached, math.fmod(cycles, self._meshes.pinion_teeth), point)
+        self._phase_base += (reached - self._phase_step) * self._rate * self.time_step
+        self._phase_step = reached
+        self._apply(point)
 
-    def _turn(self, step: int, cycles: float, point: OperatingPoint) -> None:
-        # Whole turns of the pinion are dropped: stiffness and error repeat with them.
-        self._phase_step, self._phase_base = step, cycles
-        self._rate = self._meshes.ring_teeth * point.speed / (2.0 * math.pi)
+    def _apply(self, point: OperatingPoint) -> None:
+        self._rate = self._ring_teeth * point.speed / (2.0 * math.pi)
         self._torque = point.torque
 
-    def step(self, loads: np.ndarray) -> Chunk:
+    def step(self, loads: np.ndarray, into: Chunk | None = None) -> Chunk:
         """Integrate to each of the given loads in turn.
 
         Parameters
@@ -146,6 +152,8 @@ class Simulator:
         loads : (n, 6) ndarray
             Cutterhead loads at steps `next_step` … `next_step + n − 1` (N, N·m). The first row of a run is where
             it starts, at the static equilibrium under the mean load.
+        into : Chunk, optional
+            Of n rows, written and returned.
 
         Raises
         ------
@@ -158,11 +166,8 @@ class Simulator:
         if not np.all(np.isfinite(loads)):
             bad = int(np.argmin(np.isfinite(loads).all(axis=1))) + self.next_step
             raise SimulationError(f"loads at t = {bad * self.time_step:.4f} s are not finite")
-        chunk = Chunk(
-            self.next_step,
-            np.empty((len(loads), len(self.nodes), 6)),
-            np.empty((len(loads), len(self.nodes), 6)),
-            np.empty((len(loads), self._meshes.count)),
+        chunk = into or Chunk(
+            self.next_step, np.empty((len(loads), 2, len(self.nodes), 6)), np.empty((len(loads), self._drives))
         )
         done = 0
         while done < len(loads):
@@ -174,44 +179,38 @@ class Simulator:
 
     def _step_block(self, loads: np.ndarray, chunk: Chunk, rows: slice) -> None:
         """Take steps within one output block: loads (n, 6) to n rows of the chunk."""
+        lead = self.next_step % _BLOCK
+        block = slice(lead, lead + len(loads))
         inputs = np.empty((len(loads), INPUTS))
         inputs[:, :6] = loads - self._mean_load
         inputs[:, 6] = self._torque - self._mean_torque
-        lead = self.next_step % _BLOCK
-        record = self._record[lead : lead + len(loads)]
-        force = chunk.mesh_force[rows]
+        known, record = self._inputs[block], self._record[block]
+        known[:, :INPUTS], known[0, INPUTS:], known[1:, INPUTS:] = inputs, self._last_inputs, inputs[:-1]
+        record[:, -INPUTS:] = inputs
         done = 0
         if self.next_step == 0:
-            record[0], force[0] = self._method.start_row(inputs[0]), self._start_force
-            self._last_inputs = inputs[0].copy()
+            record[0, :-INPUTS], self._force[0] = self._method.begin(*self._from), self._start_force
             done = 1
-        self._advance(inputs[done:], record[done:], force[done:], self.next_step + done)
-        np.matmul(self._record, self._method.output, out=self._product)
-        wanted = self._product[lead : lead + len(loads)].reshape(len(loads), 2, len(self.nodes), 6)
-        np.add(wanted[:, 0], self._static_outputs, out=chunk.displacement[rows])
-        chunk.acceleration[rows] = wanted[:, 1]
+        self._advance(lead + done, lead + len(loads), self.next_step + done)
+        self._output.of(self._record, block, chunk.motion[rows].reshape(len(loads), -1))
+        chunk.mesh_force[rows] = self._force[block, : self._drives]
+        self._last_inputs = inputs[-1].copy()
         self.next_step += len(loads)
 
-    def _advance(self, inputs: np.ndarray, record: np.ndarray, force: np.ndarray, target: int) -> None:
-        """Fill the rows of the steps from `target` on."""
-        if len(inputs) == 0:
+    def _advance(self, begin: int, stop: int, target: int) -> None:
+        """Fill rows `begin` to `stop` of the block, the first of which is step `target`."""
+        if stop == begin:
             return
-        phase = np.array([self._phase_base, self._rate * self.time_step, self._rate])
-        known = np.vstack([self._last_inputs, inputs])
-        done = self._method.advance(self._laws, known, phase, target - 1 - self._phase_step, record, force)
-        if done < len(inputs):
+        np.matmul(self._inputs, self._method.forced, out=self._forced)
+        turn = self._rate * self.time_step
+        # The block's first row is the step that begins here.
+        block_start = target - begin - 1 - self._phase_step
+        stages = len(self._method.stages)
+        held = self._held.block(self._phase_base + block_start * turn, turn, self._rate)[stages * begin : stages * stop]
+        block = slice(begin, stop)
+        done = self._method.advance(
+            self._laws, held, self._inputs[block], self._forced[block], self._record[block], self._force[block]
+        )
+        if done < stop - begin:
             when = (target + done) * self.time_step
             raise SimulationError(f"the motion diverges at t = {when:.4f} s; reduce time_step or check the machine")
-        self._last_inputs = inputs[-1].copy()
-
-
-def mesh_laws(meshes: Meshes, statics: np.ndarray) -> MeshLaws:
-    """Meshes as the compiled methods want them; statics (2, p): deflection and force at equilibrium."""
-    mesh, shaft = 2.0 * np.pi * meshes.phases, 2.0 * np.pi * meshes.shaft_phases
-    return MeshLaws(
-        table=meshes.stiffness_table,
-        shifts=np.array([meshes.phases, np.cos(mesh), np.sin(mesh), np.cos(shaft), np.sin(shaft)]),
-        errors=np.array([meshes.tooth_error, meshes.shaft_error, 1.0 / meshes.pinion_teeth]),
-        statics=statics,
-        constants=np.array([meshes.mean_stiffness, meshes.damping, meshes.half_gap]),
-    )

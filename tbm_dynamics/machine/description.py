@@ -8,24 +8,21 @@ from __future__ import annotations
 
 from typing import Annotated, Literal
 
-from pydantic import BaseModel, ConfigDict, Field, FiniteFloat, PositiveFloat, model_validator
+from pydantic import Field, model_validator
 
 from tbm_dynamics.loads.description import LoadDescription
-
-Node = Annotated[int, Field(ge=1)]
-NonNegative = Annotated[float, Field(ge=0.0, allow_inf_nan=False)]
-Positive = Annotated[PositiveFloat, Field(allow_inf_nan=False)]
-Vector3 = tuple[FiniteFloat, FiniteFloat, FiniteFloat]
-SixPositiveOrZero = tuple[NonNegative, NonNegative, NonNegative, NonNegative, NonNegative, NonNegative]
-Source = Literal["table1", "table4", "table5", "assumed", "calibrated"]
-ConnectionType = Literal["rock", "bolt", "bearing", "spline", "hydraulic", "steel"]
-GROUND: Literal["ground"] = "ground"
-
-
-class Entry(BaseModel):
-    """Base of every entry: immutable, and a misspelt key is an error."""
-
-    model_config = ConfigDict(frozen=True, extra="forbid")
+from tbm_dynamics.machine.drive import DriveTemplate
+from tbm_dynamics.machine.entries import (
+    GROUND,
+    ConnectionType,
+    Entry,
+    Node,
+    NonNegative,
+    Positive,
+    SixPositiveOrZero,
+    Source,
+    Vector3,
+)
 
 
 class OperatingPointEntry(Entry):
@@ -118,103 +115,20 @@ class Connection(Entry):
 
 
 class Subsystem(Entry):
-    """A named group of nodes with their shafts and bodies."""
+    """A named group of nodes with its shafts, bodies and the connections inside it or to the ground.
 
-    nodes: dict[Node, Vector3]
-    shafts: tuple[Shaft, ...] = ()
-    bodies: tuple[Body, ...] = ()
-
-
-class Gear(Entry):
-    """The pinion–ring pair (internal spur gear)."""
-
-    pinion_teeth: Annotated[int, Field(ge=5)]
-    ring_teeth: Annotated[int, Field(ge=10)]
-    module: Positive
-    pressure_angle_deg: Annotated[float, Field(gt=10.0, lt=35.0)]
-    face_width: Positive
-    accuracy_grade: Annotated[int, Field(ge=0, le=12)]
-    source: Source
-
-    @model_validator(mode="after")
-    def _pinion_inside(self) -> Gear:
-        if self.pinion_teeth >= self.ring_teeth:
-            raise ValueError(f"pinion_teeth {self.pinion_teeth} must be fewer than ring_teeth {self.ring_teeth}")
-        return self
-
-
-class Mesh(Entry):
-    """Meshing parameters (paper, Table 4: x7 … x10)."""
-
-    mean_stiffness: Positive
-    variation: Annotated[float, Field(ge=0.0, le=1.0)] = 1.0
-    """Share of Ishikawa's variation about the mean that is kept."""
-    backlash: NonNegative
-    error_factor: NonNegative = 1.0
-    damping_ratio: NonNegative
-    source: Source
-
-
-class DrivePlacement(Entry):
-    """x positions of the five nodes of one drive (m): front seat, mesh, rear seat, gearbox output, rotor."""
-
-    front_seat: FiniteFloat
-    mesh: FiniteFloat
-    rear_seat: FiniteFloat
-    gearbox: FiniteFloat
-    rotor: FiniteFloat
-
-
-class DriveTemplate(Entry):
-    """One drive, repeated `count` times around the ring.
-
-    Drive i has the pinion nodes `pinion_nodes_from + 3i …` (front seat, mesh, rear seat) and
-    `gearbox_nodes_from + 2i …` (gearbox output, motor rotor reflected through the ratio).
+    `source` is that of the nodes' places.
     """
 
-    count: Annotated[int, Field(ge=1, le=40)]
-    pinion_nodes_from: Node
-    gearbox_nodes_from: Node
-    ring_node: Node
-    ring_shaft_nodes: Annotated[tuple[Node, ...], Field(min_length=1)]
-    mount_node: Node
-    first_angle_deg: FiniteFloat = 0.0
-    x: DrivePlacement
-    pinion_shaft: tuple[Positive, NonNegative, Positive]
-    """Outer and inner diameter (m) and mass (kg) of the pinion shaft."""
-    gearbox_output: tuple[Positive, Positive, Positive]
-    """Mass (kg), polar and transverse inertia (kg·m²)."""
-    rotor: tuple[Positive, Positive, Positive]
-    """Mass (kg), polar inertia reflected to the pinion side and transverse inertia (kg·m²)."""
-    pinion_bearing: SixPositiveOrZero
-    """k_b,pc of each of the two seats."""
-    spline: SixPositiveOrZero
-    """k_s,pg from the rear seat to the gearbox output."""
-    gearbox_torsion: Positive
-    """Torsional stiffness of the planetary gearbox, output to rotor, pinion side (N·m/rad)."""
-    gearbox_mount: SixPositiveOrZero
-    """Mount of gearbox output and of rotor on the carrier; about x it must be free."""
-    gear: Gear
-    mesh: Mesh
-    sources: dict[str, Source]
-
-    @model_validator(mode="after")
-    def _hollow_pinion_shaft(self) -> DriveTemplate:
-        outer, inner, _ = self.pinion_shaft
-        if inner >= outer:
-            raise ValueError(f"pinion_shaft: inner diameter {inner} must be smaller than outer diameter {outer}")
-        return self
-
-    @model_validator(mode="after")
-    def _free_rotation(self) -> DriveTemplate:
-        for key in ("gearbox_mount", "pinion_bearing"):
-            if getattr(self, key)[3] != 0.0:
-                raise ValueError(f"{key}: the stiffness about x must be 0, the drive turns in it")
-        return self
+    nodes: dict[Node, Vector3]
+    source: Source
+    shafts: tuple[Shaft, ...] = ()
+    bodies: tuple[Body, ...] = ()
+    connections: tuple[Connection, ...] = ()
 
 
 class MachineDescription(Entry):
-    """A whole machine: three subsystems, their connections, and the loads on the cutterhead."""
+    """A whole machine: three subsystems, the connections between them, and the loads on the cutterhead."""
 
     name: Annotated[str, Field(pattern=r"^[A-Za-z0-9_\-]+$")]
     title: str
@@ -223,8 +137,8 @@ class MachineDescription(Entry):
     damping: DampingReading = DampingReading()
     connection_damping: ConnectionDamping
     cutterhead_bearing_gear: Subsystem
-    carrier_girder: Subsystem
     driveshaft: DriveTemplate
+    carrier_girder: Subsystem
     connections: tuple[Connection, ...]
     load_node: Node
     test_points: dict[str, Node]
@@ -233,6 +147,10 @@ class MachineDescription(Entry):
     def structural_nodes(self) -> dict[int, Vector3]:
         """Positions of the nodes that are not part of a drive."""
         return {**self.cutterhead_bearing_gear.nodes, **self.carrier_girder.nodes}
+
+    def all_connections(self) -> tuple[Connection, ...]:
+        """All connections inside and between the subsystems; those of the drives are in their template."""
+        return (*self.cutterhead_bearing_gear.connections, *self.carrier_girder.connections, *self.connections)
 
     @model_validator(mode="after")
     def _known_nodes(self) -> MachineDescription:
@@ -251,6 +169,16 @@ class MachineDescription(Entry):
         return self
 
     @model_validator(mode="after")
+    def _drives_on_the_axis(self) -> MachineDescription:
+        # The drives stand around the x axis: what they act on lies on it.
+        known = self.structural_nodes()
+        for key in ("ring_node", "mount_node"):
+            node = getattr(self.driveshaft, key)
+            if node not in known or known[node][1:] != (0.0, 0.0):
+                raise ValueError(f"driveshaft.{key}: node {node} must be a structural node on the x axis (y = z = 0)")
+        return self
+
+    @model_validator(mode="after")
     def _scalable_loads(self) -> MachineDescription:
         # The loads follow thrust and torque by their ratio to these means.
         for name in ("fx", "mx"):
@@ -266,11 +194,15 @@ class MachineDescription(Entry):
             subsystem: Subsystem = getattr(self, name)
             found += [(f"{name}.shafts", node) for shaft in subsystem.shafts for node in shaft.nodes]
             found += [(f"{name}.bodies", body.node) for body in subsystem.bodies]
-        for connection in self.connections:
-            found += [(f"connections.{connection.name}.between", n) for n in connection.between if n != GROUND]
+            found += _ends(f"{name}.connections", subsystem.connections)
+        found += _ends("connections", self.connections)
         drive = self.driveshaft
         found += [("driveshaft.ring_node", drive.ring_node), ("driveshaft.mount_node", drive.mount_node)]
         return found + [("driveshaft.ring_shaft_nodes", node) for node in drive.ring_shaft_nodes]
+
+
+def _ends(where: str, connections: tuple[Connection, ...]) -> list[tuple[str, int]]:
+    return [(f"{where}.{c.name}.between", node) for c in connections for node in c.between if node != GROUND]
 
 
 def _ranges(numbers: list[int]) -> str:

@@ -45,8 +45,8 @@ _MULTIPLIED: dict[str, str] = {
     "x20": "k_c_bc",
     "x21": "k_c_cg",
     "x22": "k_b_io",
-    "x23": "driveshaft.pinion_bearing",
-    "x24": "driveshaft.spline",
+    "x23": "driveshaft.pinion_bearing.stiffness",
+    "x24": "driveshaft.spline.stiffness",
     "x25": "k_h_gd",
 }
 
@@ -108,7 +108,8 @@ def _multiply(data: dict[str, Any], code: str, factor: float) -> None:
         _edit(data, target, scaled)
         return
     # Table 5's values are per connection element: every connection of that name follows.
-    followers = [connection for connection in data["connections"] if connection["name"] == target]
+    groups = (data["cutterhead_bearing_gear"], data["carrier_girder"], data)
+    followers = [found for group in groups for found in group["connections"] if found["name"] == target]
     if not followers:
         raise MachineError(f"input {code}: machine {data['name']} has no connection named {target}")
     for connection in followers:

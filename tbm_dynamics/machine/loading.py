@@ -55,9 +55,9 @@ def _read_text(machine: str | Path) -> tuple[str, str]:
             f"{machine}: no such machine; shipped are {', '.join(shipped_machines())}, or give the path of a YAML file"
         )
     try:
-        return str(path), path.read_text("utf-8")
+        return str(machine), path.read_text("utf-8")
     except (OSError, UnicodeDecodeError) as error:
-        raise MachineError(f"{path}: cannot be read: {error}") from None
+        raise MachineError(f"{machine}: cannot be read: {error}") from None
 
 
 def _one_line(label: str, error: ValidationError) -> str:

@@ -15,7 +15,7 @@ import numpy as np
 from tbm_dynamics.loads.spectral import SpectralLoads
 from tbm_dynamics.machine.description import MachineDescription
 from tbm_dynamics.machine.inputs import apply_inputs
-from tbm_dynamics.machine.loading import read_description
+from tbm_dynamics.machine.loading import MachineError, read_description
 
 if TYPE_CHECKING:
     from tbm_dynamics.structure.system import System
@@ -39,11 +39,22 @@ class Machine:
     base : MachineDescription
         What the file says.
     inputs : mapping
-        Inputs changed since, x1 … x25 in Table 4's units. A multiplier is relative to the file.
+        Inputs changed since, x1 … x25 in Table 4's units, read-only. A multiplier is relative to the file.
+    origin : str
+        What error messages call it: the file or shipped name it was loaded from, else the name in the description.
     """
 
     base: MachineDescription
-    inputs: Mapping[str, float] = field(default_factory=lambda: MappingProxyType({}))
+    inputs: Mapping[str, float] = field(default_factory=dict)
+    origin: str = field(default="", compare=False)
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "inputs", MappingProxyType(dict(self.inputs)))
+        object.__setattr__(self, "origin", self.origin or self.base.name)
+
+    def __reduce__(self) -> tuple[type[Machine], tuple[MachineDescription, dict[str, float], str]]:
+        # A read-only view does not pickle, and processes are sent machines.
+        return Machine, (self.base, dict(self.inputs), self.origin)
 
     @cached_property
     def description(self) -> MachineDescription:
@@ -78,7 +89,7 @@ class Machine:
         MachineError
             Unknown input or a value that is not allowed.
         """
-        variant = Machine(self.base, MappingProxyType({**self.inputs, **inputs}))
+        variant = Machine(self.base, {**self.inputs, **inputs}, self.origin)
         _ = variant.description  # refuse a bad value here, where it was given
         return variant
 
@@ -96,16 +107,21 @@ class Machine:
         return SpectralLoads(self.description.loads, scale=self.load_scale(), seed=seed)
 
     def assemble(self) -> System:
-        """Assemble M, C, K and the mesh rows.
+        """Assemble M, C, K and the couplings.
 
         Raises
         ------
         MachineError
-            A part that floats, or a mesh that cannot mesh.
+            A part that floats, or gears that cannot mesh; one line that names the file and the changed inputs.
         """
         from tbm_dynamics.structure.assembly import assemble  # noqa: PLC0415 - assembly needs Machine
 
-        return assemble(self)
+        try:
+            return assemble(self)
+        except MachineError as error:
+            changed = ", ".join(f"{code}={float(value):.10g}" for code, value in self.inputs.items())
+            label = f"{self.origin} with {changed}" if changed else self.origin
+            raise MachineError(f"{label}: {error}") from None
 
 
 def load_machine(machine: str | Path) -> Machine:
@@ -116,4 +132,4 @@ def load_machine(machine: str | Path) -> Machine:
     MachineError
         One line that names file, key and what is allowed.
     """
-    return Machine(read_description(machine))
+    return Machine(read_description(machine), origin=str(machine))

@@ -1,4 +1,4 @@
-"""Tooth stiffness along the path of contact: Ishikawa's formula for the pinion, ISO 6336-1 for the ring tooth.
+"""Tooth stiffness along the path of contact: Ishikawa's formula for external teeth, ISO 6336-1 for the ring tooth.
 
 Ishikawa takes a tooth as a trapezoid on a rectangle and adds, for a normal force F at the radius r_x,
 
@@ -16,11 +16,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from tbm_dynamics.mesh.geometry import InternalPair
+from tbm_dynamics.mesh.geometry import ExternalPair, InternalPair
 
 # ISO 6336-1: q' = 0.04723 + 0.15551/z1 + 0.25791/z2 + … (mm·µm/N); half of the constant belongs to either gear.
 _ISO_CONSTANT = 0.04723e-9
 _ISO_WHEEL = 0.25791e-9
+# C_M: measured teeth against theoretical ones, c' = C_M/q'.
+_ISO_CORRECTION = 0.8
 
 
 @dataclass(frozen=True)
@@ -99,27 +101,50 @@ def contact_compliance(width: float, elasticity: float, poisson: float) -> float
 
 def ring_compliance(teeth: int, width: float) -> float:
     """Deflection of an internal tooth per normal force, ISO 6336-1's share of a gear, m/N."""
-    return (_ISO_CONSTANT / 2.0 + _ISO_WHEEL / teeth) / width
+    return (_ISO_CONSTANT / 2.0 + _ISO_WHEEL / teeth) / (_ISO_CORRECTION * width)
 
 
 def mesh_stiffness(
-    pair: InternalPair, width: float, elasticity: float, poisson: float, phase: np.ndarray
+    pair: ExternalPair | InternalPair, width: float, elasticity: float, poisson: float, phase: np.ndarray
 ) -> np.ndarray:
     """Stiffness of all tooth pairs in contact at phases of the mesh cycle, shape of `phase`, N/m.
 
     Phase 0 is where a pair enters; with a contact ratio ε two pairs carry up to ε − 1, one after it.
+
+    Parameters
+    ----------
+    pair : ExternalPair or InternalPair
+    width : float
+        Common face width (m).
+    elasticity, poisson : float
+        Pa, one.
+    phase : ndarray
+        Cycles, in [0, 1).
     """
-    tooth = Tooth(pair.pinion_teeth, pair.module, pair.pressure_angle)
-    pitch = math.pi * pair.module * math.cos(pair.pressure_angle)
-    # Radius of curvature of the pinion flank where contact ends at its tip, and back along the path.
-    end = math.sqrt(tooth.tip_radius**2 - tooth.base_radius**2)
-    start = end - pair.contact_ratio * pitch
-    fixed = contact_compliance(width, elasticity, poisson) + ring_compliance(pair.ring_teeth, width)
+    ratio = pair.contact_ratio
     total = np.zeros_like(phase)
-    for j in range(math.ceil(pair.contact_ratio)):
+    for j in range(math.ceil(ratio)):
         along = phase + j
-        inside = along < pair.contact_ratio
-        radius = np.hypot(tooth.base_radius, start + np.minimum(along, pair.contact_ratio) * pitch)
-        compliance = tooth_compliance(tooth, radius, width, elasticity, poisson) + fixed
+        inside = along < ratio
+        curvature = pair.path_start + np.minimum(along, ratio) * pair.base_pitch
+        compliance = _pair_compliance(pair, curvature, width, elasticity, poisson)
         total += np.where(inside, 1.0 / compliance, 0.0)
     return total
+
+
+def _pair_compliance(
+    pair: ExternalPair | InternalPair, curvature: np.ndarray, width: float, elasticity: float, poisson: float
+) -> np.ndarray:
+    """Deflection of a tooth pair per normal force at the pinion flank's radii of curvature (m), m/N."""
+    fixed = contact_compliance(width, elasticity, poisson)
+    if isinstance(pair, InternalPair):
+        fixed += ring_compliance(pair.ring_teeth, width)
+    pinion = Tooth(pair.pinion_teeth, pair.module, pair.pressure_angle)
+    radius = np.hypot(pinion.base_radius, curvature)
+    compliance = fixed + tooth_compliance(pinion, radius, width, elasticity, poisson)
+    if isinstance(pair, ExternalPair):
+        wheel = Tooth(pair.wheel_teeth, pair.module, pair.pressure_angle)
+        # Between the points where the line of action touches the base circles the radii of curvature add up.
+        radius = np.hypot(wheel.base_radius, pair.centre_distance * math.sin(pair.pressure_angle) - curvature)
+        compliance = compliance + tooth_compliance(wheel, radius, width, elasticity, poisson)
+    return compliance

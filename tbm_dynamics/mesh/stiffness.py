@@ -1,40 +1,35 @@
 """Time-varying mesh stiffness over one mesh cycle (paper, Figure 3).
 
-The shape comes from Ishikawa's tooth stiffness along the path of contact, one or two pairs carrying; the mean is the
-machine file's. The steps where pairs enter and leave are rounded by a Fourier sum with Lanczos factors: teeth do not
-load at once.
+The shape comes from Ishikawa's tooth stiffness along the path of contact, one or two pairs carrying. The steps where
+pairs enter and leave are rounded by a Fourier sum with Lanczos factors: teeth do not load at once.
 """
 
 from __future__ import annotations
 
 import numpy as np
 
-# Fine enough that straight lines between the steps do not excite the pinions.
-TABLE_SIZE = 4096
 HARMONICS = 12
 
 
-def stiffness_table(shape: np.ndarray, mean: float, variation: float = 1.0) -> np.ndarray:
-    """Round a stiffness pattern and scale it to its mean.
+def rounded_variation(shape: np.ndarray, harmonics: int = HARMONICS) -> np.ndarray:
+    """Fourier coefficients of a stiffness pattern over its mean, rounded.
 
     Parameters
     ----------
     shape : (n,) ndarray
         Stiffness in the middle of n equal parts of a mesh cycle, any unit.
-    mean : float
-        k̄ (N/m), kept exactly.
-    variation : float
-        Share of the variation about the mean that is kept.
+    harmonics : int
+        h.
 
     Returns
     -------
-    (TABLE_SIZE,) ndarray
-        Stiffness at TABLE_SIZE equal steps of the cycle, from phase 0 (N/m).
+    (2h,) ndarray
+        Cosine and sine coefficient of each harmonic, over the mean.
     """
-    harmonics = np.arange(1, HARMONICS + 1)
-    coefficients = np.fft.rfft(shape)[1 : HARMONICS + 1] / np.sum(shape)
-    # The middle of a part lies half a part after its start, where the table has its step.
-    coefficients = coefficients * np.exp(-1j * np.pi * harmonics / len(shape)) * np.sinc(harmonics / (HARMONICS + 1))
-    phase = np.arange(TABLE_SIZE) / TABLE_SIZE
-    ripple = 2.0 * np.real(np.exp(2j * np.pi * np.outer(phase, harmonics)) @ coefficients)
-    return np.asarray(mean * (1.0 + variation * ripple))
+    numbers = np.arange(1, harmonics + 1)
+    coefficients = 2.0 * np.fft.rfft(shape)[1 : harmonics + 1] / np.sum(shape)
+    # The middle of a part lies half a part after its start, where the cycle begins.
+    coefficients = coefficients * np.exp(-1j * np.pi * numbers / len(shape)) * np.sinc(numbers / (harmonics + 1))
+    found = np.empty(2 * harmonics)
+    found[0::2], found[1::2] = coefficients.real, -coefficients.imag
+    return found

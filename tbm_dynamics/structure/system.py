@@ -11,71 +11,61 @@ import scipy.linalg
 
 from tbm_dynamics.machine.loading import MachineError
 from tbm_dynamics.machine.machine import OperatingPoint
+from tbm_dynamics.structure.couplings import Couplings
 
 DIRECTIONS = ("ux", "uy", "uz", "rx", "ry", "rz")
 
 
 @dataclass(frozen=True)
-class Meshes:
-    """All pinion–ring meshes of a machine.
+class Drives:
+    """Where the drives are, and how their unknowns relate to those of the drive at angle 0.
 
     Attributes
     ----------
-    rows : (p, n) ndarray
-        Deflection along each line of action, compression on the drive flank positive: δ = rows q + e.
-    mean_stiffness, damping : float
-        k̄ (N/m) and c_m (N·s/m).
-    half_gap : float
-        Half the total backlash (m).
-    stiffness_table : (s,) ndarray
-        k over one mesh cycle (N/m), the same for every mesh.
-    phases, shaft_phases : (p,) ndarray
-        Mesh phase γ_i and phase of the shaft-frequency error (cycles).
-    tooth_error, shaft_error : float
-        Amplitudes of the error at mesh and at pinion shaft frequency (m).
-    ring_teeth, pinion_teeth : int
-    ring_base_radius : float
-        m.
+    angles : (p,) ndarray
+        Places around the x axis (rad).
+    dofs : (p, d) ndarray of int
+        Unknowns of each drive's own nodes.
+    turns : (p, d, d) ndarray
+        From those to the axes of the drive.
     """
 
-    rows: np.ndarray
-    mean_stiffness: float
-    damping: float
-    half_gap: float
-    stiffness_table: np.ndarray
-    phases: np.ndarray
-    shaft_phases: np.ndarray
-    tooth_error: float
-    shaft_error: float
-    ring_teeth: int
-    pinion_teeth: int
-    ring_base_radius: float
+    angles: np.ndarray
+    dofs: np.ndarray
+    turns: np.ndarray
 
-    @property
-    def count(self) -> int:
-        """Number of meshes p."""
-        return len(self.rows)
+    @cached_property
+    def shared(self) -> np.ndarray:
+        """Orthonormal columns (p, c) spanning 1, cos and sin of the angles.
+
+        Ring and mount, on the axis, feel of the drives only these sums: what the drives do beyond them, they do each
+        for itself.
+        """
+        patterns = np.column_stack([np.ones_like(self.angles), np.cos(self.angles), np.sin(self.angles)])
+        columns, sizes, _ = np.linalg.svd(patterns, full_matrices=False)
+        return np.asarray(columns[:, sizes > 1e-9 * sizes[0]])
 
 
 @dataclass(frozen=True)
 class Equilibrium:
-    """Static state under the mean load: displacement (n,) m and rad, mesh forces (p,) N."""
+    """Static state under the mean load: displacement (n,) m and rad, forces of the couplings (2p,) N and N·m."""
 
     displacement: np.ndarray
-    mesh_force: np.ndarray
+    force: np.ndarray
 
 
 @dataclass(frozen=True)
 class System:
-    """M q̈ + C q̇ + K q = loads, with the meshes at their mean stiffness and closed on the drive flank.
+    """M q̈ + C q̇ + K q = loads, with the couplings at their mean stiffness and closed on the drive flank.
 
     Attributes
     ----------
     M, C, K : (n, n) ndarray
-        Mass, damping and stiffness; C and K hold the meshes' mean part.
+        Mass, damping and stiffness; C and K hold the couplings' mean part.
     nodes : tuple of int
         Node numbers in the order of the unknowns, six each.
-    meshes : Meshes
+    couplings : Couplings
+    drives : Drives
     load_dofs : (6,) ndarray of int
         Unknowns of the node that takes the cutterhead loads.
     motor_pattern : (n,) ndarray
@@ -89,7 +79,8 @@ class System:
     C: np.ndarray
     K: np.ndarray
     nodes: tuple[int, ...]
-    meshes: Meshes
+    couplings: Couplings
+    drives: Drives
     load_dofs: np.ndarray
     motor_pattern: np.ndarray
     mean_load: np.ndarray
@@ -126,6 +117,15 @@ class System:
         """Lowest undamped natural frequencies (count,) in Hz, meshes at their mean stiffness."""
         return self.modes[0][:count]
 
+    @cached_property
+    def _factor(self) -> tuple[np.ndarray, bool]:
+        factor, lower = scipy.linalg.cho_factor(self.K, lower=True)
+        return np.asarray(factor), bool(lower)
+
+    def solve(self, force: np.ndarray) -> np.ndarray:
+        """Solve for the static displacement (n,) or (n, k) under forces, couplings at their mean stiffness."""
+        return np.asarray(scipy.linalg.cho_solve(self._factor, force))
+
     def mean_force(self) -> np.ndarray:
         """Mean generalised force of rock and motors, shape (n,)."""
         force = self.operating_point.torque * self.motor_pattern
@@ -135,30 +135,38 @@ class System:
     def equilibrium(self, stiffness: np.ndarray | None = None, error: np.ndarray | None = None) -> Equilibrium:
         """Find the static equilibrium under the mean load, the rotors having taken up the gap.
 
-        Contact is found by iteration over the state of the meshes (drive flank, open, back flank).
+        Contact is found by iteration over the state of the couplings (drive flank, open, back flank).
 
         Parameters
         ----------
-        stiffness, error : (p,) ndarray, optional
-            Mesh stiffness (N/m) and error (m) to hold; the mean and none by default.
+        stiffness, error : (2p,) ndarray, optional
+            Stiffness and error of the couplings to hold; the mean and none by default.
 
         Raises
         ------
         MachineError
             The meshes in contact do not settle.
         """
-        rows, gap = self.meshes.rows, self.meshes.half_gap
-        k = np.full(len(rows), self.meshes.mean_stiffness) if stiffness is None else stiffness
+        rows, gap, mean = self.couplings.rows, self.couplings.half_gap, self.couplings.stiffness
+        k = mean if stiffness is None else stiffness
         e = np.zeros(len(rows)) if error is None else error
-        force = self.mean_force()
+        # K + rowsᵀ (k − k̄) rows, solved among the deflections: what the couplings do beyond their mean is a force.
+        free, bent = self._static_shapes
+        flexibility, given = rows @ bent, rows @ free
         flank = np.ones(len(rows))
-        for _ in range(4 * len(rows)):
-            correction = k * np.abs(flank) - self.meshes.mean_stiffness
-            K = self.K + rows.T @ (correction[:, None] * rows)
-            q = scipy.linalg.solve(K, force + rows.T @ (k * (gap * flank - e) * np.abs(flank)), assume_a="sym")
-            deflection = rows @ q + e
-            new = np.sign(deflection) * (np.abs(deflection) > gap)
+        for _ in range(2 * len(rows)):
+            closed = np.abs(flank)
+            correction, push = k * closed - mean, k * (gap * flank - e) * closed
+            deflection = np.linalg.solve(np.eye(len(rows)) + flexibility * correction, given + flexibility @ push)
+            new = np.sign(deflection + e) * (np.abs(deflection + e) > gap)
             if np.array_equal(new, flank):
-                return Equilibrium(q, k * (deflection - gap * flank) * np.abs(flank))
+                displacement = free + bent @ (push - correction * deflection)
+                return Equilibrium(displacement, k * (deflection + e - gap * flank) * closed)
             flank = new
         raise MachineError("static equilibrium: the meshes in contact do not settle; check torque and backlash")
+
+    @cached_property
+    def _static_shapes(self) -> tuple[np.ndarray, np.ndarray]:
+        """Displacement under the mean force (n,), and under unit forces of the couplings (n, 2p)."""
+        found = self.solve(np.column_stack([self.mean_force(), self.couplings.rows.T]))
+        return found[:, 0], found[:, 1:]

@@ -24,9 +24,10 @@ def numbers(value):
         return value
 
 
-def plain():
-    """The dz101 file as nested dictionaries and lists, read by PyYAML alone."""
-    return numbers(yaml.safe_load(TEXT))
+def plain(name="dz101"):
+    """A shipped file as nested dictionaries and lists, read by PyYAML alone."""
+    text = (resources.files("tbm_dynamics") / "machines" / f"{name}.yaml").read_text("utf-8")
+    return numbers(yaml.safe_load(text))
 
 
 def built(data):
@@ -34,11 +35,24 @@ def built(data):
     return Machine(MachineDescription.model_validate(copy.deepcopy(data)))
 
 
+def groups(data):
+    """The places of a file that hold connections between nodes."""
+    return data["cutterhead_bearing_gear"], data["carrier_girder"], data
+
+
+def all_connections(data):
+    """Every connection between nodes, in and between the subsystems."""
+    return [connection for group in groups(data) for connection in group.get("connections", [])]
+
+
 def without(data, *connections):
     """A copy without the connections (name, first node)."""
-    kept = [c for c in data["connections"] if (c["name"], c["between"][0]) not in connections]
-    assert len(kept) == len(data["connections"]) - len(connections)
-    return {**copy.deepcopy(data), "connections": kept}
+    fewer = copy.deepcopy(data)
+    for group in groups(fewer):
+        kept = [c for c in group["connections"] if (c["name"], c["between"][0]) not in connections]
+        group["connections"] = kept
+    assert len(all_connections(fewer)) == len(all_connections(data)) - len(connections)
+    return fewer
 
 
 def quiet(data):
@@ -64,14 +78,14 @@ def small():
         for node, mass in ((10, 12e3), (12, 60e3))
     ]
     data["driveshaft"].update(count=2, ring_shaft_nodes=[8])
-    rock, bearing = data["connections"][0], next(c for c in data["connections"] if c["name"] == "k_b_io")
-    bolt = next(c for c in data["connections"] if c["name"] == "k_c_bc")
-    data["connections"] = [
-        rock,
-        {**bearing, "between": [8, 10]},
+    by_name = {connection["name"]: connection for connection in all_connections(data)}
+    rock, bearing, bolt = by_name["k_r_ct"], by_name["k_b_io"], by_name["k_c_bc"]
+    head["connections"] = [rock]
+    carrier["connections"] = [
         {**bolt, "between": [10, 12]},
         {**rock, "name": "k_r_gd", "between": [12, "ground"], "stiffness": [1e10, 5e9, 5e9, 1e10, 5e10, 5e10]},
     ]
+    data["connections"] = [{**bearing, "between": [8, 10]}]
     data["test_points"] = {"cutterhead": 1}
     return data
 

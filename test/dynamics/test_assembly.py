@@ -10,9 +10,10 @@ import pytest
 import scipy.linalg
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from machine_files import built, plain, static_mesh_force, without
+from machine_files import all_connections, built, plain, static_mesh_force, without
 
 from tbm_dynamics import MachineError, load_machine
+from tbm_dynamics.mesh.planetary import PlanetaryStage, stage_law
 from tbm_dynamics.structure.assembly import node_positions
 from tbm_dynamics.structure.system import DIRECTIONS
 
@@ -43,7 +44,7 @@ def positions(machine):
 def free_stiffness(system, data):
     """K without the springs to the rock."""
     K = system.K.copy()
-    for connection in data["connections"]:
+    for connection in all_connections(data):
         node, other = connection["between"]
         if other == "ground":
             dofs = [system.dof(node, direction) for direction in DIRECTIONS]
@@ -85,11 +86,11 @@ def test_mass_and_its_centre_are_those_of_the_file(system, data, positions):
         for shaft in group["shafts"]:
             ends = [group["nodes"][shaft["nodes"][end]][0] for end in (0, -1)]
             bodies.append((shaft["mass"], sum(ends) / 2.0))
-    drive, x = data["driveshaft"], data["driveshaft"]["x"]
+    drive, x = data["driveshaft"], data["driveshaft"]["placement"]
     one = [
-        (drive["pinion_shaft"][2], (x["front_seat"] + x["rear_seat"]) / 2.0),
-        (drive["gearbox_output"][0], x["gearbox"]),
-        (drive["rotor"][0], x["rotor"]),
+        (drive["pinion_shaft"]["mass"], (x["front_seat"] + x["rear_seat"]) / 2.0),
+        (drive["gearbox_output"]["mass"], x["gearbox"]),
+        (drive["rotor"]["mass"], x["rotor"]),
     ]
     bodies += one * drive["count"]
     mass = sum(m for m, _ in bodies)
@@ -136,11 +137,11 @@ def test_every_mesh_carries_its_share_on_the_drive_flank(machine, system):
     still = system.equilibrium()
     share = static_mesh_force(machine)
     assert share == pytest.approx(3.04e6 / (10 * 1.5153), rel=1e-3)  # base radius 1.672 m × cos 25°
-    assert still.mesh_force == pytest.approx(np.full(10, share), rel=1e-6)
+    assert still.force[:10] == pytest.approx(np.full(10, share), rel=1e-6)
 
 
 def test_the_teeth_bend_by_hand(machine, system):
-    deflection = system.meshes.rows @ system.equilibrium().displacement
+    deflection = system.couplings.rows[:10] @ system.equilibrium().displacement
     expected = 150e-6 + static_mesh_force(machine) / 8.1e9
     assert deflection == pytest.approx(np.full(10, expected), rel=1e-6)
 
@@ -148,7 +149,7 @@ def test_the_teeth_bend_by_hand(machine, system):
 def test_rock_and_gripper_take_the_loads(system, data):
     q = system.equilibrium().displacement
     loads = {name: load["mean"] for name, load in data["loads"].items()}
-    grounded = {c["between"][0]: c["stiffness"] for c in data["connections"] if c["between"][1] == "ground"}
+    grounded = {c["between"][0]: c["stiffness"] for c in all_connections(data) if c["between"][1] == "ground"}
     reaction = {node: -np.array(k) * [q[system.dof(node, d)] for d in DIRECTIONS] for node, k in grounded.items()}
     total = sum(reaction.values())
     for i, name in enumerate(("fx", "fy", "fz")):
@@ -178,17 +179,17 @@ def test_axial_shortening_by_hand(system, data):
 @settings(max_examples=25, deadline=None)
 @given(seed=st.integers(0, 10**6), size=st.floats(0.0, 4e-4))
 def test_equilibrium_satisfies_the_law_of_the_teeth(system, seed, size):
-    # Residual of the equations as the design states them, backlash and open meshes included.
-    meshes, random = system.meshes, np.random.default_rng(seed)
-    k = meshes.mean_stiffness * random.uniform(0.7, 1.3, meshes.count)
-    e = size * random.standard_normal(meshes.count)
+    # Residual of the equations as the design states them, backlash, open meshes and gearboxes included.
+    couplings, random = system.couplings, np.random.default_rng(seed)
+    k = couplings.stiffness * random.uniform(0.7, 1.3, 20)
+    e = size * random.standard_normal(20) * np.repeat([1.0, 0.5], 10)
     still = system.equilibrium(k, e)
-    deflection = meshes.rows @ still.displacement + e
-    gap = meshes.half_gap
+    deflection = couplings.rows @ still.displacement + e
+    gap = couplings.half_gap
+    assert np.array_equal(gap, np.repeat([150e-6, 0.0], 10))
     force = k * np.where(deflection > gap, deflection - gap, np.where(deflection < -gap, deflection + gap, 0.0))
-    assert still.mesh_force == pytest.approx(force, abs=1e-3)
-    without_meshes = system.K - meshes.mean_stiffness * meshes.rows.T @ meshes.rows
-    residual = system.mean_force() - without_meshes @ still.displacement - meshes.rows.T @ force
+    assert still.force == pytest.approx(force, abs=1e-3)
+    residual = system.mean_force() - uncoupled(system) @ still.displacement - couplings.rows.T @ force
     assert np.abs(residual).max() < 1e-6 * 1.2e7
 
 
@@ -211,9 +212,16 @@ def test_a_node_without_mass_is_named(data):
         built(data).assemble()
 
 
+def uncoupled(system):
+    """K without meshes and gearboxes."""
+    rows = system.couplings.rows
+    return system.K - rows.T @ (system.couplings.stiffness[:, None] * rows)
+
+
 def damping_of(data, **changes):
     system = built({**data, **changes}).assemble()
-    return system, system.C - system.meshes.damping * system.meshes.rows.T @ system.meshes.rows
+    rows = system.couplings.rows
+    return system, system.C - rows.T @ (system.couplings.damping[:, None] * rows)
 
 
 ALL = dict.fromkeys(("rock", "bolt", "bearing", "spline", "hydraulic"), 5e-3)
@@ -223,8 +231,9 @@ def test_proportional_damping_is_a_time_of_the_stiffness(data):
     steel = {**data["steel"], "damping": 5e-3}
     every = {**ALL, "source": "assumed"}
     system, C = damping_of(data, steel=steel, connection_damping=every)
-    K = system.K - system.meshes.mean_stiffness * system.meshes.rows.T @ system.meshes.rows
-    assert np.abs(C - 5e-3 * K).max() <= 1e-12 * np.abs(C).max()
+    assert np.abs(C - 5e-3 * uncoupled(system)).max() <= 1e-12 * np.abs(C).max()
+    # The gearbox, of steel, is damped in the same way.
+    assert system.couplings.damping[10:] == pytest.approx(5e-3 * system.couplings.stiffness[10:])
 
 
 def test_a_ratio_is_that_of_a_mode_at_the_frequency(data):
@@ -232,9 +241,8 @@ def test_a_ratio_is_that_of_a_mode_at_the_frequency(data):
     steel = {**data["steel"], "damping": 5e-3}
     reading = {"reading": "ratio", "frequency": 40.0}
     system, C = damping_of(data, steel=steel, connection_damping={**ALL, "source": "assumed"}, damping=reading)
-    K = system.K - system.meshes.mean_stiffness * system.meshes.rows.T @ system.meshes.rows
-    squares, shapes = scipy.linalg.eigh(K, system.M)
-    kept = slice(10, 40)  # above the free turn of the drives, whose mesh is taken away
+    squares, shapes = scipy.linalg.eigh(uncoupled(system), system.M)
+    kept = slice(20, 50)  # above the free turns of pinions and rotors, whose meshes and gearboxes are taken away
     ratios = np.einsum("in,ij,jn->n", shapes, C, shapes)[kept] / (2.0 * np.sqrt(squares[kept]))
     assert ratios == pytest.approx(5e-3 * np.sqrt(squares[kept]) / (2.0 * np.pi * 40.0), rel=1e-6)
 
@@ -258,7 +266,57 @@ def test_mesh_damping_is_a_ratio_of_pinion_and_ring(machine, system, data):
     pinion = 550.0 / 8 * 0.30**2
     base = np.cos(np.radians(25.0)) * 0.022 / 2.0
     mass = 1.0 / ((base * 16) ** 2 / pinion + (base * 152) ** 2 / ring)
-    assert system.meshes.damping == pytest.approx(2 * 0.05 * np.sqrt(8.1e9 * mass), rel=1e-9)
+    assert system.couplings.damping[:10] == pytest.approx(np.full(10, 2 * 0.05 * np.sqrt(8.1e9 * mass)), rel=1e-9)
+
+
+def test_the_chain_behind_a_pinion_twists_by_hand(machine, system, data):
+    # Motor torque over each spring in series: spline, shaft and stages of the gearbox; half the pinion shaft.
+    drive = data["driveshaft"]
+    torque = 3.04e6 * 16 / 152 / 10
+    q = system.equilibrium().displacement
+    rear, output, rotor = (q[system.dof(node, "rx")] for node in (15, 51, 52))
+    assert output - rear == pytest.approx(torque / drive["spline"]["stiffness"][3], rel=1e-6)
+    stages = [
+        PlanetaryStage(20, 25, 70, 3, module, np.radians(20.0), width, 6)
+        for module, width in ((0.007, 0.14), (0.0045, 0.08))
+    ]
+    first, second = (stage_law(stage, 210e9, 0.3, 4).compliance[0] for stage in stages)
+    compliance = 1.0 / drive["gearbox"]["shaft_stiffness"] + first + second / 4.5**2
+    assert rotor - output == pytest.approx(torque * compliance, rel=1e-6)
+    mesh = q[system.dof(14, "rx")]
+    G, polar = 210e9 / 2.6, np.pi / 32 * 0.30**4
+    assert rear - mesh == pytest.approx(torque * 0.35 / (G * polar), rel=1e-6)
+
+
+def test_rotors_turn_with_the_ratio_squared(system):
+    # Kinetic energy at the motor's speed: 5 kg·m² at 4.5 × 4.5 times the pinion's.
+    motion = np.zeros(system.size)
+    motion[system.dof(52, "rx")] = 1.0
+    assert motion @ system.M @ motion == pytest.approx(5.0 * 20.25**2)
+
+
+def test_a_drive_turned_to_its_place_is_the_drive_built_there(machine, system, data):
+    # Pinion bearing of the fourth drive: six springs along global axes, alike across, so the same in any axes.
+    drive, place = data["driveshaft"], node_positions(machine.description)
+    node, mount = 13 + 3 * 3, 12
+    arm = place[node] - place[mount]
+    rigid = np.eye(6)
+    rigid[:3, 3:] = [[0, arm[2], -arm[1]], [-arm[2], 0, arm[0]], [arm[1], -arm[0], 0]]
+    rows, columns = (range(system.dof(n, "ux"), system.dof(n, "ux") + 6) for n in (node, mount))
+    expected = -np.diag(drive["pinion_bearing"]["stiffness"]) @ rigid
+    assert system.K[np.ix_(rows, columns)] == pytest.approx(expected, abs=1e-5 * 1e10)
+
+
+def test_stiffness_of_a_drive_is_radial_and_tangential():
+    data = plain()
+    data["driveshaft"]["pinion_bearing"]["stiffness"] = [1e10, 1e9, 3e9, 0.0, 1e10, 1e10]
+    system, angle = built(data).assemble(), 2.0 * np.pi * 3 / 10
+    y, z = (system.dof(22, direction) for direction in ("uy", "uz"))
+    mount = [system.dof(12, direction) for direction in ("uy", "uz")]
+    radial, tangential = np.array([np.cos(angle), np.sin(angle)]), np.array([-np.sin(angle), np.cos(angle)])
+    between = -system.K[np.ix_([y, z], mount)]
+    assert between @ radial == pytest.approx(1e9 * radial, abs=1.0)
+    assert between @ tangential == pytest.approx(3e9 * tangential, abs=1.0)
 
 
 def test_unknown_node_and_direction(system):

@@ -4,13 +4,14 @@ Source: design, sections 3 and 11, and Table 4's units; every expected number is
 it, so equality is exact up to one rounding of the unit's factor.
 """
 
+import pickle
 import re
 
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from machine_files import TEXT, built, plain, without
+from machine_files import TEXT, all_connections, built, plain, without
 
 from tbm_dynamics import MachineError, load_machine, shipped_machines
 from tbm_dynamics.machine.inputs import INPUT_CODES
@@ -58,14 +59,19 @@ WRONG = {
         "shafts.0",
         "smaller than",
     ),
-    "pinion shaft without wall": ("[0.30, 0.0,", "[0.30, 0.3,", "driveshaft: pinion_shaft: inner", "smaller than"),
+    "pinion shaft without wall": (
+        "pinion_shaft: {outer_diameter: 0.30,",
+        "pinion_shaft: {outer_diameter: 0.30, inner_diameter: 0.3,",
+        "driveshaft: pinion_shaft: inner",
+        "smaller than",
+    ),
     "pinion as big as the ring": ("pinion_teeth: 16", "pinion_teeth: 152", "gear: pinion_teeth 152", "fewer than"),
     "place not a number": ("    1: [0.0,", "    1: [.nan,", "cutterhead_bearing_gear.nodes.1.0", "finite"),
-    "endless place": ("rotor: -4.5", "rotor: -.inf", "driveshaft.x.rotor", "finite"),
+    "endless place": ("rotor: -4.5", "rotor: -.inf", "driveshaft.placement.rotor", "finite"),
     "angle not a number": ("first_angle_deg: 0.0", "first_angle_deg: .nan", "first_angle_deg", "finite"),
     "drive that cannot turn": (
-        "1e9, 1e9, 0, 1e10, 1e10]      #",
-        "1e9, 1e9, 1, 1e10, 1e10] #",
+        "{type: bearing, stiffness: [1e10, 1e9, 1e9, 0,",
+        "{type: bearing, stiffness: [1e10, 1e9, 1e9, 1,",
         "pinion_bearing",
         "be 0",
     ),
@@ -73,8 +79,23 @@ WRONG = {
     "loads without torque": ("mean: -3.04e+6", "mean: 0.0", "loads.mx.mean", "not be 0"),
     "ring of nothing": ("ring_shaft_nodes: [7, 8, 9]", "ring_shaft_nodes: []", "ring_shaft_nodes", "at least 1"),
     "unknown source": ("source: table5", "source: paper", "connections.0.source", "'table5', 'assumed'"),
+    "value without source": (
+        "rotor: {mass: 1100, inertia: [5, 60, 60], source: assumed}",
+        "rotor: {mass: 1100, inertia: [5, 60, 60]}",
+        "driveshaft.rotor.source",
+        "required",
+    ),
+    "ring beside the axis": ("    8: [-2.5, 0.0,", "    8: [-2.5, 0.1,", "driveshaft.ring_node: node 8", "x axis"),
+    "mount on a pinion": ("mount_node: 12", "mount_node: 14", "driveshaft.mount_node: node 14", "x axis"),
+    "no planets": ("planets: 3", "planets: 0", "gearbox.stages.0.planets", "greater than or equal to 1"),
+    "stiffness of a shaft": (
+        "shaft_stiffness: 4.0e8",
+        "shaft_stiffness: 0",
+        "gearbox.shaft_stiffness",
+        "greater than 0",
+    ),
     "unknown reading": ("reading: stiffness_proportional", "reading: modal", "damping.reading", "'ratio'"),
-    "massless": ("rotor: [1100, ", "rotor: [0, ", "driveshaft.rotor.0", "greater than 0"),
+    "massless": ("rotor: {mass: 1100,", "rotor: {mass: 0,", "driveshaft.rotor.mass", "greater than 0"),
     "grade": ("accuracy_grade: 6", "accuracy_grade: 13", "gear.accuracy_grade", "less than or equal to 12"),
     "text for a number": ("speed_r_min: 5.6", "speed_r_min: fast", "operating_point.speed_r_min", "valid number"),
 }
@@ -94,14 +115,63 @@ def test_a_wrong_file_is_refused_with_place_and_remedy(tmp_path, name):
 @pytest.mark.parametrize(
     ("old", "new", "where"),
     [
-        ("pressure_angle_deg: 25", "pressure_angle_deg: 10.5", "driveshaft.gear: contact ratio 3.359"),
+        ("pressure_angle_deg: 25", "pressure_angle_deg: 10.5", "driveshaft.gear: pinion of 16 teeth is undercut"),
+        ("ring_teeth: 152", "ring_teeth: 17", "driveshaft.gear: "),
+        ("planet_teeth: 25", "planet_teeth: 24", "driveshaft.gearbox.stages.0: "),
+        ("planets: 3", "planets: 4", "driveshaft.gearbox.stages.0: "),
+        ("planets: 3", "planets: 9", "driveshaft.gearbox.stages.0: "),
+        ("sun_teeth: 20", "sun_teeth: 10", "driveshaft.gearbox.stages.0: "),
         ("mesh: -2.5, rear", "mesh: -2.15, rear", "two of its nodes are at the same place"),
     ],
 )
 def test_a_machine_that_cannot_be_built(tmp_path, old, new, where):
-    message = refused(tmp_path / "mine.yaml", TEXT.replace(old, new, 1))
-    assert message.startswith("dz101: ")
+    path = tmp_path / "mine.yaml"
+    assert old in TEXT
+    message = refused(path, TEXT.replace(old, new, 1))
+    assert message.startswith(f"{path}: ")
     assert where in message
+
+
+def test_an_assembly_that_fails_names_the_changed_inputs(machine):
+    # Hardly any stiffness: the machine floats.
+    with pytest.raises(MachineError, match=r"^dz101 with x16=1e-30, x17=1e-30: .*zero-energy mode") as caught:
+        machine.with_inputs(x16=1e-30, x17=1e-30).assemble()
+    assert "\n" not in str(caught.value)
+
+
+def test_a_machine_goes_through_a_pickle(machine):
+    variant = machine.with_inputs(x16=1.5)
+    again = pickle.loads(pickle.dumps(variant))
+    assert again == variant
+    assert again.description == variant.description
+    assert again.origin == "dz101"
+
+
+def test_a_machine_cannot_be_changed(machine):
+    with pytest.raises(TypeError):
+        machine.with_inputs(x16=1.5).inputs["x16"] = 2.0
+
+
+def entries(data, path=""):
+    """Every mapping of a file that holds a number, with its place."""
+    if isinstance(data, dict):
+        if any(isinstance(value, int | float) and not isinstance(value, bool) for value in data.values()):
+            yield path, data
+        for key, value in data.items():
+            yield from entries(value, f"{path}.{key}")
+    elif isinstance(data, list):
+        for i, value in enumerate(data):
+            yield from entries(value, f"{path}.{i}")
+
+
+@pytest.mark.parametrize("name", shipped_machines())
+def test_every_value_carries_its_source(name):
+    data = plain(name)
+    for key in ("load_node", "test_points", "damping", "title"):
+        data.pop(key)  # names and decisions, not values
+    found = dict(entries(data))
+    assert len(found) > 30
+    assert [place for place, entry in found.items() if "source" not in entry] == []
 
 
 @pytest.mark.parametrize("text", ["", "- a list", "just text", "a: b: c", "name: [", "\x00", "!!python/name:os.system"])
@@ -172,13 +242,14 @@ def expected_description(machine, code):
         (data["driveshaft"]["mesh"] if group == "mesh" else data[group])[key] = number
         return value, data
     if code in MULTIPLIED:
-        hits = [c for c in data["connections"] if c["name"] == MULTIPLIED[code]]
+        hits = [c for c in all_connections(data) if c["name"] == MULTIPLIED[code]]
         assert len(hits) == (2 if code == "x25" else 1)
         for connection in hits:
             connection["stiffness"] = tuple(2.0 * k for k in connection["stiffness"])
     else:
         key = {"x23": "pinion_bearing", "x24": "spline"}[code]
-        data["driveshaft"][key] = tuple(2.0 * k for k in data["driveshaft"][key])
+        entry = data["driveshaft"][key]
+        entry["stiffness"] = tuple(2.0 * k for k in entry["stiffness"])
     return 2.0, data
 
 
@@ -204,8 +275,9 @@ def test_multipliers_are_relative_to_the_file_and_the_last_one_holds(machine, fi
     twice = machine.with_inputs(x16=first, x2=1500.0).with_inputs(x16=second)
     assert twice == machine.with_inputs(x16=second, x2=1500.0)
     assert twice.with_inputs(x16=second) == twice
-    assert twice.description.connections[0].stiffness == tuple(
-        second * k for k in machine.base.connections[0].stiffness
+    rock = machine.base.cutterhead_bearing_gear.connections[0]
+    assert twice.description.cutterhead_bearing_gear.connections[0].stiffness == tuple(
+        second * k for k in rock.stiffness
     )
 
 
@@ -225,7 +297,7 @@ def test_doubling_the_cylinders_doubles_both_of_them(machine):
 
 @pytest.mark.parametrize("number", [np.float64(1.5), np.float32(1.5), np.int64(2), 2])
 def test_numbers_of_numpy_are_numbers(machine, number):
-    assert machine.with_inputs(x16=number).description.connections[0].stiffness[0] == float(number) * 1e9
+    assert machine.with_inputs(x16=number).description.all_connections()[0].stiffness[0] == float(number) * 1e9
 
 
 @pytest.mark.parametrize(

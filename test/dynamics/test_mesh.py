@@ -2,7 +2,7 @@
 
 Sources: the line of action intersected with the tip circles by root finding; the discrete Fourier transform of a
 rectangular wave; the formulas of ISO 1328-1:1995, Annex A, worked out by hand for m = 22 mm, d = 352 mm. Tolerances are
-rounding, except where a sampled wave (2¹⁶ points) or a linear interpolation (4096 points) stands in for the exact one.
+rounding, except where a sampled wave (2¹⁶ points) stands in for the exact one.
 """
 
 import numpy as np
@@ -12,11 +12,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from tbm_dynamics import load_machine
-from tbm_dynamics.integration.kernel import mesh_condition, mesh_forces
-from tbm_dynamics.integration.simulator import mesh_laws
+from tbm_dynamics.integration.laws import Held, Laws, forces, lanes_for, widened
 from tbm_dynamics.mesh.error import composite_tolerances
 from tbm_dynamics.mesh.geometry import InternalPair
-from tbm_dynamics.mesh.stiffness import TABLE_SIZE, stiffness_table
+from tbm_dynamics.mesh.ishikawa import mesh_stiffness
+from tbm_dynamics.mesh.stiffness import rounded_variation
 
 PAIR = InternalPair(16, 152, 0.022, np.radians(25.0))
 LANCZOS = 13  # one more than the harmonics kept
@@ -78,16 +78,19 @@ def two_levels(ratio, levels, parts=2**16):
     return np.where(phase < ratio - 1.0, levels * single, single)
 
 
+def over_a_cycle(variation, points=4096):
+    """Stiffness over its mean at equal steps of the cycle, from its Fourier coefficients."""
+    angle = 2.0 * np.pi * np.outer(np.arange(points) / points, np.arange(1, len(variation) // 2 + 1))
+    return 1.0 + np.cos(angle) @ variation[0::2] + np.sin(angle) @ variation[1::2]
+
+
 @settings(max_examples=40, deadline=None)
 @given(ratio=ratios, levels=st.floats(1.0, 2.2))
-def test_stiffness_keeps_its_mean_and_its_levels(ratio, levels):
-    mean = 8.1e9
-    table = stiffness_table(two_levels(ratio, levels), mean)
-    assert table.shape == (TABLE_SIZE,)
-    assert table.mean() == pytest.approx(mean, rel=1e-13)
-    single = mean / ((ratio - 1.0) * levels + 2.0 - ratio)
+def test_stiffness_keeps_its_levels(ratio, levels):
+    table = over_a_cycle(rounded_variation(two_levels(ratio, levels)))
+    single = 1.0 / ((ratio - 1.0) * levels + 2.0 - ratio)
     # Lanczos factors leave 1.2 % of a jump as overshoot (Hamming, Digital Filters), here beside two jumps.
-    slack = 0.025 * (levels - 1.0) * single + 1e-4 * mean
+    slack = 0.025 * (levels - 1.0) * single + 1e-4
     assert table.min() >= single - slack
     assert table.max() <= levels * single + slack
 
@@ -99,13 +102,9 @@ def test_stiffness_has_the_harmonics_of_the_rectangular_wave(ratio, levels):
     single = 1.0 / ((ratio - 1.0) * levels + 2.0 - ratio)
     n = np.arange(1, LANCZOS)
     amplitude = 2.0 * (levels - 1.0) * single / (n * np.pi) * np.sin(n * np.pi * (ratio - 1.0)) * np.sinc(n / LANCZOS)
-    found = 2.0 * np.fft.rfft(stiffness_table(two_levels(ratio, levels), 1.0)) / TABLE_SIZE
-    assert found[n] == pytest.approx(amplitude * np.exp(-1j * n * np.pi * (ratio - 1.0)), abs=2e-4)
-    assert np.abs(found[LANCZOS:]).max() < 1e-14
-
-
-def test_no_variation_when_none_is_kept():
-    assert np.array_equal(stiffness_table(two_levels(1.5, 1.6), 8.1e9, 0.0), np.full(TABLE_SIZE, 8.1e9))
+    found = rounded_variation(two_levels(ratio, levels))
+    assert found[0::2] == pytest.approx(amplitude * np.cos(n * np.pi * (ratio - 1.0)), abs=2e-4)
+    assert found[1::2] == pytest.approx(amplitude * np.sin(n * np.pi * (ratio - 1.0)), abs=2e-4)
 
 
 def test_tolerances_by_hand():
@@ -126,39 +125,59 @@ def test_two_grades_double_the_tolerance(grade, factor):
 
 
 @pytest.fixture(scope="module")
-def meshes():
-    return load_machine("dz101").assemble().meshes
+def couplings():
+    return load_machine("dz101").assemble().couplings
 
 
-def condition(meshes, cycle, rate=14.2):
-    """Stiffness, error and error rate at a mesh phase, (3, 10), from the compiled function."""
-    out = np.empty((4, 10))
-    mesh_condition(cycle, rate, mesh_laws(meshes, np.zeros((2, 10))), out)
-    return out[:3]
-
-
-def test_phases_of_ten_pinions_on_152_teeth(meshes):
-    # 15.2 teeth from pinion to pinion: a fifth of a cycle each.
-    assert meshes.phases == pytest.approx([0.0, 0.2, 0.4, 0.6, 0.8] * 2, abs=1e-12)
+PHASES = np.array([0.0, 0.2, 0.4, 0.6, 0.8] * 2)  # 15.2 teeth from pinion to pinion: a fifth of a cycle each
+GOLDEN = 0.6180339887498949
 
 
 @settings(max_examples=60, deadline=None)
 @given(cycle=st.floats(-50.0, 5000.0))
-def test_every_pinion_sees_stiffness_and_error_at_its_own_phase(meshes, cycle):
-    found = condition(meshes, cycle)
-    grid = np.arange(TABLE_SIZE + 1) / TABLE_SIZE
-    table = np.append(meshes.stiffness_table, meshes.stiffness_table[0])
-    assert found[0] == pytest.approx(np.interp((cycle - meshes.phases) % 1.0, grid, table), rel=1e-9)
+def test_every_pinion_sees_stiffness_and_error_at_its_own_phase(couplings, cycle):
+    stiffness, error, slope = (part[0, :10] for part in couplings.waves.evaluate(np.array([cycle])))
+    middles = (np.arange(2048) + 0.5) / 2048
+    variation = rounded_variation(mesh_stiffness(PAIR, 0.40, 210e9, 0.3, middles))
+    angle = 2.0 * np.pi * np.outer(cycle - PHASES, np.arange(1, LANCZOS))
+    expected = 8.1e9 * (1.0 + np.cos(angle) @ variation[0::2] + np.sin(angle) @ variation[1::2])
+    assert stiffness == pytest.approx(expected, rel=1e-9)
     tooth, total = composite_tolerances(0.022, 0.352, PAIR.contact_ratio, 6)
-    mesh, shaft = 2 * np.pi * (cycle - meshes.phases), 2 * np.pi * (cycle / 16 + meshes.shaft_phases)
-    assert found[1] == pytest.approx(tooth / 2 * np.sin(mesh) + (total - tooth) / 2 * np.sin(shaft), abs=1e-15)
-    rate = 2 * np.pi * 14.2 * (tooth / 2 * np.cos(mesh) + (total - tooth) / 2 * np.cos(shaft) / 16)
-    assert found[2] == pytest.approx(rate, abs=1e-12)
+    mesh, shaft = 2 * np.pi * (cycle - PHASES), 2 * np.pi * (cycle / 16 + GOLDEN * np.arange(10))
+    assert error == pytest.approx(tooth / 2 * np.sin(mesh) + (total - tooth) / 2 * np.sin(shaft), abs=1e-14)
+    rate = 2 * np.pi * (tooth / 2 * np.cos(mesh) + (total - tooth) / 2 * np.cos(shaft) / 16)
+    assert slope == pytest.approx(rate, abs=1e-12)
 
 
-def test_run_out_differs_from_pinion_to_pinion(meshes):
-    phases = np.sort(meshes.shaft_phases)
-    assert np.diff(np.append(phases, phases[0] + 1.0)).min() > 0.03
+def test_every_gearbox_repeats_with_its_stages_and_planets(couplings):
+    # The output stage turns with the pinion shaft, the motor's stage 4.5 times as fast: 70 mesh cycles a turn each.
+    waves = couplings.waves
+    assert waves.turns == pytest.approx(np.array([16.0, 70.0, 70.0 * 4.5, 1.0, 70.0 / 25, 70.0 * 4.5 / 25]) / 16.0)
+    # A run through one turn of the pinion shaft: what a gearbox does has no other frequencies than these.
+    cycles = np.arange(2**15) / 2**15 * 16.0 * 10  # ten turns, in mesh cycles
+    stiffness, error, _ = waves.evaluate(cycles)
+    compliance = np.abs(np.fft.rfft(1.0 / stiffness[:, 10])) / len(cycles)
+    lines = np.flatnonzero(compliance > 1e-9 * compliance[0])
+    # Sequentially phased planets (20/3 teeth apart): only each third harmonic of a mesh is left.
+    assert lines.tolist() == [0, 3 * 700, 3 * 3150]
+    swing = np.abs(np.fft.rfft(error[:, 10])) / len(cycles)
+    assert np.flatnonzero(swing > 1e-6 * swing.max()).tolist() == [28, 126]
+    # Mean compliance: the spring that the system is built with.
+    assert 1.0 / couplings.stiffness[10] == pytest.approx(np.mean(1.0 / stiffness[:, 10]), rel=1e-9)
+
+
+@settings(max_examples=20, deadline=None)
+@given(start=st.floats(0.0, 1e6), turn=st.floats(1e-4, 0.05))
+def test_what_a_block_holds_is_what_the_waves_say(couplings, start, turn):
+    deflection = np.linspace(1e-4, 2e-4, 20)
+    held = Held(couplings, deflection, 8, (0.5, 1.0)).block(start, turn, 14.0).reshape(8, 2, 3, -1)
+    lanes = lanes_for(10)
+    places = np.r_[0:10, lanes : lanes + 10]
+    for stage, share in enumerate((0.5, 1.0)):
+        stiffness, error, slope = couplings.waves.evaluate(start + (np.arange(8) + share) * turn)
+        assert held[:, stage, 0][:, places] == pytest.approx(stiffness, rel=1e-7)
+        assert held[:, stage, 1][:, places] == pytest.approx(deflection + error, abs=1e-10)
+        assert held[:, stage, 2][:, places] == pytest.approx(14.0 * slope, abs=1e-7)
 
 
 @pytest.mark.parametrize(
@@ -173,10 +192,19 @@ def test_run_out_differs_from_pinion_to_pinion(meshes):
     ],
 )
 def test_law_of_a_mesh(deflection, rate, expected):
-    # Statics 120 µm and 2e5 N, the rest as motion; g is what F is above the mean linear part.
-    force, excess = np.empty(1), np.empty(1)
-    motion = np.array([deflection - 120e-6 - 10e-6, rate - 2e-3])
-    held = np.array([[9e9], [120e-6 + 10e-6], [2e-3], [2e5]])
-    mesh_forces(motion, held, np.array([8e9, 1e5, 150e-6]), force, excess)
-    assert force[0] == pytest.approx(expected, rel=1e-9, abs=1e-6)
-    assert excess[0] == pytest.approx(expected - 2e5 - 8e9 * motion[0] - 1e5 * motion[1], rel=1e-9)
+    # Statics 120 µm and 2e5 N, the rest as motion; g is what F is above the mean linear part. All lanes alike.
+    wide = np.ones(2 * lanes_for(1))
+    force, excess = np.empty((2, len(wide)))
+    motion = np.outer([deflection - 120e-6 - 10e-6, rate - 2e-3], wide)
+    held = np.array([[9e9], [120e-6 + 10e-6], [2e-3]]) * wide
+    laws = Laws(2e5 * wide, np.array([[8e9], [1e5], [150e-6]]) * wide)
+    forces(motion, held[None], 0, laws, force, excess)
+    assert force == pytest.approx(expected * wide, rel=1e-9, abs=1e-6)
+    assert excess == pytest.approx(expected - 2e5 - 8e9 * motion[0] - 1e5 * motion[1], rel=1e-9)
+
+
+def test_idle_lanes_stay_idle():
+    assert lanes_for(10) % 8 == 0
+    rows = widened(np.arange(20.0)[None], 10)[0]
+    assert rows.reshape(2, -1)[:, :10].ravel().tolist() == list(range(20))
+    assert np.all(rows.reshape(2, -1)[:, 10:] == 0.0)

@@ -2,8 +2,10 @@
 
 The reference of the small machine (14 nodes, 2 drives) is converged: its tolerances 1e-7 and 1e-10 give the same
 differences to three digits. Tolerances are the design's, each indicator within 1 %, except for the peak accelerations
-of the light pinion (6 kg·m²) in strikes: a strike begins within a step, its damping force jumps, and the peak of such a
-signal is not defined to 1 % on a grid; there the mean square is held.
+of the light pinion (6 kg·m²) in this machine's strikes: a strike begins within a step, its damping force jumps, and the
+peak of such a signal is not defined to 1 % on a grid; there the mean square is held. On the shipped machine the
+production method, which takes such steps in parts, is held to 1 % in all eight against every unknown at a tenth of the
+step.
 """
 
 import numpy as np
@@ -71,7 +73,6 @@ def radau(machine, system):
 
 
 CLOSED, STRIKING = 0.3, 1.6  # amplitudes of the torque over its mean
-PACC_R = 5
 
 
 def test_every_indicator_while_the_teeth_stay_in_contact(machine, system, radau):
@@ -84,13 +85,10 @@ def test_every_indicator_while_the_teeth_stay_in_contact(machine, system, radau)
 
 
 def test_the_reduced_basis_while_the_teeth_stay_in_contact(machine, system, radau):
-    # This machine's pinions ring at frequencies that the basis answers by a lag: 2.5 % in the rotational peak.
     found = fixed_step(system, swinging(system, CLOSED), 1e-4, "reduced")
     expected = [part[::4] for part in radau(CLOSED)]
     share = static_mesh_force(machine)
-    error = table_3(system, *found, share) / table_3(system, *expected, share) - 1.0
-    assert np.abs(np.delete(error, PACC_R)).max() < 0.01
-    assert abs(error[PACC_R]) < 0.025
+    assert table_3(system, *found, share) == pytest.approx(table_3(system, *expected, share), rel=0.01)
     assert np.abs(found[2] - expected[2]).max() < 2e-4 * expected[2].max()
 
 
@@ -108,8 +106,8 @@ def test_displacements_and_forces_while_the_teeth_strike(machine, system, radau,
 
 
 def test_pinion_acceleration_while_the_teeth_strike(system, radau):
-    # Half the step of the grid: c δ̇ jumps where teeth meet, which a step blurs.
-    found = fixed_step(system, swinging(system, STRIKING), 1.25e-5, "full")[1][::2]
+    # Half the step of the grid: c δ̇ jumps where teeth meet; the production method takes such a step in parts.
+    found = fixed_step(system, swinging(system, STRIKING), 1.25e-5, "reduced")[1][::2]
     expected, pinion = radau(STRIKING)[1], system.nodes.index(14)
     for axis in (0, 1, 3):
         level = np.sqrt(np.mean(expected[:, pinion, axis] ** 2))
@@ -121,29 +119,34 @@ def test_pinion_acceleration_while_the_teeth_strike(system, radau):
 def test_reduced_against_full_on_the_shipped_machine():
     machine = load_machine("dz101")
     reduced, full = (simulate(machine, 0.3, seed=3, method=method) for method in ("reduced", "full"))
-    assert reduced.states < full.states / 3
+    assert reduced.states < full.states / 2
     assert full.states == 840
     assert list(reduced.indicators().values()) == pytest.approx(list(full.indicators().values()), rel=0.01)
     for node in machine.description.test_points.values():
-        # The first 20 ms hold the step from the mean load to the fluctuating one, which strikes every mode; at the
-        # head, on which the loads act, modes above the cut-off answer with 1.3 % later too.
+        # The first 20 ms hold the step from the mean load to the fluctuating one, which strikes every mode.
         found, expected = (response.acceleration(node)[200:, :3] for response in (reduced, full))
-        assert np.sqrt(np.mean((found - expected) ** 2)) < 0.02 * np.sqrt(np.mean(expected**2))
+        assert np.sqrt(np.mean((found - expected) ** 2)) < 0.005 * np.sqrt(np.mean(expected**2))
 
 
-@pytest.fixture(scope="module")
-def rattling():
-    """Indicators of both methods with low torque and eight times the error: teeth strike on both flanks."""
+@pytest.mark.parametrize("seed", [0, 3])
+def test_every_indicator_of_the_shipped_machine_while_the_teeth_strike(seed):
+    # Low torque and eight times the error: teeth strike on both flanks. The loads run linearly between the steps.
     machine = load_machine("dz101").with_inputs(x2=1000.0, x8=8.0)
-    runs = [simulate(machine, 0.3, method=method) for method in ("reduced", "full")]
-    assert (runs[1].mesh_force == 0.0).mean() > 0.1
-    assert runs[1].mesh_force.min() < 0.0
-    return [np.array(list(run.indicators().values())) for run in runs]
+    system, steps, finer = machine.assemble(), 3000, 10
+    loads = machine.loads(seed).evaluate(np.arange(steps) * 1e-4)
+    between = np.arange((steps - 1) * finer + 1) / finer
+    fine = np.array([np.interp(between, np.arange(steps), column) for column in loads.T]).T
+    found = Simulator(system, (8, 14)).step(loads)
+    expected = Simulator(system, (8, 14), 1e-4 / finer, "full").step(fine)
+    assert (found.mesh_force == 0.0).mean() > 0.1
+    assert found.mesh_force.min() < 0.0
+    share = static_mesh_force(machine)
 
+    def indicators_of(chunk, stride):
+        motion, force = chunk.motion[::stride], chunk.mesh_force[::stride]
+        return list(indicators(motion[:, 0, 0], motion[:, 1, 1], force, share).values())
 
-def test_reduced_against_full_in_every_indicator_while_the_teeth_strike(rattling):
-    # What the design asks for (section 4).
-    assert rattling[0] == pytest.approx(rattling[1], rel=0.01)
+    assert indicators_of(found, 1) == pytest.approx(indicators_of(expected, finer), rel=0.01)
 
 
 def test_the_reduced_basis_keeps_the_static_forces():
@@ -196,6 +199,9 @@ def undamped():
         "source": "assumed",
     }
     data["driveshaft"]["mesh"].update(damping_ratio=0.0, variation=0.0, error_factor=0.0)
+    # A gearbox without stages is a spring; its rotor is given at the pinion's speed.
+    data["driveshaft"]["gearbox"]["stages"] = []
+    data["driveshaft"]["rotor"]["inertia"] = [2000.0, 60.0, 60.0]
     return built(data).assemble()
 
 

@@ -109,7 +109,7 @@ def test_windows_alarm_and_study(run_node, peer, tmp_path):
     feed(peer, windows, 4, pairs)
     starts = stamps(windows["model_rms"])
     assert set(np.diff(starts)) == {500_000_000}
-    assert START_NS < starts[0] < START_NS + 4_000_000_000
+    assert START_NS <= starts[0] < START_NS + 4_000_000_000
     assert starts[0] % 500_000_000 == 0
     assert stamps(windows["field_rms"]) == stamps(windows["relative_error"]) == starts
     assert vectors(windows["model_rms"]) == pytest.approx(np.tile(MODEL / np.sqrt(2), (4, 1)), rel=0.01)

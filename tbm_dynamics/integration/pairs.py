@@ -1,0 +1,100 @@
+"""A linear system in the eigenvectors of its first-order matrix, in real pairs.
+
+There the transfer over a step is a 2×2 matrix for each pair, and the response to polynomial inputs is known in closed
+form for every eigenvalue, whatever the damping couples.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import scipy.linalg
+
+from tbm_dynamics.integration.errors import SimulationError
+
+# Beyond this the eigenvectors lose more digits than the indicators can spare.
+_WORST_CONDITION = 1e9
+
+
+@dataclass(frozen=True)
+class Eigenbasis:
+    """Real form of the eigenvectors of H: pairs (a, b) of states, complex conjugates or two real ones.
+
+    Attributes
+    ----------
+    vectors : (s, s) ndarray
+        v = vectors · (a, b), the a of all pairs first.
+    values : (2, s/2) ndarray of complex
+        Eigenvalue that each a and each b belongs to: λ and its conjugate, or two real ones.
+    paired : (s/2,) ndarray of bool
+        Whether the pair is a complex one.
+    """
+
+    vectors: np.ndarray
+    values: np.ndarray
+    paired: np.ndarray
+
+
+def eigenbasis(H: np.ndarray) -> Eigenbasis:
+    """Eigenvectors of H (s, s), s even, in pairs.
+
+    Raises
+    ------
+    SimulationError
+        Eigenvectors that are nearly dependent.
+    """
+    values, vectors = scipy.linalg.eig(H) if len(H) else (np.zeros(0), H)
+    upper = np.flatnonzero(values.imag > 0.0)
+    real = np.flatnonzero(values.imag == 0.0)
+    first, second = real[0::2], real[1::2]
+    a = np.hstack([vectors[:, upper].real, vectors[:, first].real])
+    b = np.hstack([-vectors[:, upper].imag, vectors[:, second].real])
+    pairs = np.array(
+        [np.concatenate([values[upper], values[first]]), np.concatenate([values[upper].conj(), values[second]])]
+    )
+    basis = Eigenbasis(np.hstack([a, b]), pairs, np.arange(pairs.shape[1]) < len(upper))
+    condition = np.linalg.cond(basis.vectors / np.linalg.norm(basis.vectors, axis=0)) if len(H) else 1.0
+    if condition > _WORST_CONDITION:
+        raise SimulationError(
+            f"the eigenvectors of the damped system are nearly dependent (condition {condition:.1e}); "
+            "change a damping ratio slightly, or use method 'full'"
+        )
+    return basis
+
+
+def scalar_responses(values: np.ndarray, step: float) -> np.ndarray:
+    """exp(λτ) and the response over a step for every eigenvalue λ, complex.
+
+    Returns
+    -------
+    (6, n) ndarray
+        Transfer; input linear over the step by its value now and at the end; g quadratic through its values a step
+        before, now and at the end.
+    """
+    augmented = np.zeros((len(values), 4, 4), dtype=complex)
+    augmented[:, 0, 0] = values * step
+    augmented[:, [0, 1, 2], [1, 2, 3]] = step
+    # Responses to 1, s and s²/2.
+    transfer, p0, p1, p2 = scipy.linalg.expm(augmented)[:, 0].T if len(values) else np.zeros((4, 0), dtype=complex)
+    p1, p2 = p1 / step, p2 / step**2
+    return np.array([transfer, p0 - p1, p1, p2 - 0.5 * p1, p0 - 2.0 * p2, p2 + 0.5 * p1])
+
+
+def as_pairs(basis: Eigenbasis, factors: np.ndarray) -> np.ndarray:
+    """Real 2×2 action of complex factors (2, m) of the eigenvalues on the pairs, rows (aa, ab, ba, bb), (4, m).
+
+    λ acts on (a, b) of v = a·Re φ − b·Im φ as [[Re, −Im], [Im, Re]]; two real ones act on their own.
+    """
+    upper, lower = factors
+    zero = np.zeros(len(basis.paired))
+    imaginary = np.where(basis.paired, upper.imag, zero)
+    second = np.where(basis.paired, upper.real, lower.real)
+    return np.array([upper.real, -imaginary, imaginary, second])
+
+
+def act(action: np.ndarray, states: np.ndarray) -> np.ndarray:
+    """Apply 2×2 actions (4, m) on pairs to columns of states (2m, c)."""
+    a, b = np.split(states, 2)
+    aa, ab, ba, bb = action[:, :, None]
+    return np.vstack([aa * a + ab * b, ba * a + bb * b])

@@ -1,0 +1,163 @@
+"""The drives of a machine file: one template, repeated around the ring."""
+
+from __future__ import annotations
+
+import math
+from typing import Annotated
+
+from pydantic import Field, FiniteFloat, model_validator
+
+from tbm_dynamics.machine.entries import (
+    ConnectionType,
+    Entry,
+    Node,
+    NonNegative,
+    Positive,
+    SixPositiveOrZero,
+    Source,
+)
+
+
+class Gear(Entry):
+    """The pinion–ring pair (internal spur gear)."""
+
+    pinion_teeth: Annotated[int, Field(ge=5)]
+    ring_teeth: Annotated[int, Field(ge=10)]
+    module: Positive
+    pressure_angle_deg: Annotated[float, Field(gt=10.0, lt=35.0)]
+    face_width: Positive
+    accuracy_grade: Annotated[int, Field(ge=0, le=12)]
+    source: Source
+
+    @model_validator(mode="after")
+    def _pinion_inside(self) -> Gear:
+        if self.pinion_teeth >= self.ring_teeth:
+            raise ValueError(f"pinion_teeth {self.pinion_teeth} must be fewer than ring_teeth {self.ring_teeth}")
+        return self
+
+
+class Mesh(Entry):
+    """Meshing parameters (paper, Table 4: x7 … x10)."""
+
+    mean_stiffness: Positive
+    variation: Annotated[float, Field(ge=0.0, le=1.0)] = 1.0
+    """Share of Ishikawa's variation about the mean that is kept."""
+    backlash: NonNegative
+    error_factor: NonNegative = 1.0
+    damping_ratio: NonNegative
+    source: Source
+
+
+class PlanetaryStageEntry(Entry):
+    """A planetary stage: sun driven, ring held, carrier driving; no profile shift."""
+
+    sun_teeth: Annotated[int, Field(ge=5)]
+    planet_teeth: Annotated[int, Field(ge=5)]
+    ring_teeth: Annotated[int, Field(ge=10)]
+    planets: Annotated[int, Field(ge=1, le=12)]
+    module: Positive
+    pressure_angle_deg: Annotated[float, Field(gt=10.0, lt=35.0)]
+    face_width: Positive
+    accuracy_grade: Annotated[int, Field(ge=0, le=12)]
+    source: Source
+
+
+class Gearbox(Entry):
+    """The planetary gearbox of a drive, condensed to one torsional coupling between its output and the rotor.
+
+    `stages` run from the pinion to the motor. `shaft_stiffness` (N·m/rad, pinion side) stands for everything else that
+    twists in between, in series with the stages.
+    """
+
+    stages: tuple[PlanetaryStageEntry, ...] = ()
+    shaft_stiffness: Positive
+    source: Source
+
+    @property
+    def ratio(self) -> float:
+        """Turns of the rotor per turn of the pinion."""
+        return math.prod(1.0 + stage.ring_teeth / stage.sun_teeth for stage in self.stages)
+
+
+class DrivePlacement(Entry):
+    """Angle of the first drive, and x of the five nodes of one drive (m): seats, mesh, gearbox output and rotor."""
+
+    first_angle_deg: FiniteFloat = 0.0
+    front_seat: FiniteFloat
+    mesh: FiniteFloat
+    rear_seat: FiniteFloat
+    gearbox: FiniteFloat
+    rotor: FiniteFloat
+    source: Source
+
+
+class DriveShaft(Entry):
+    """The pinion shaft through front seat, mesh node and rear seat: diameters (m) and mass (kg)."""
+
+    outer_diameter: Positive
+    inner_diameter: NonNegative = 0.0
+    mass: Positive
+    source: Source
+
+
+class DriveBody(Entry):
+    """A rigid body of a drive: mass (kg) and moments of inertia about x and two axes across (kg·m²)."""
+
+    mass: Positive
+    inertia: tuple[Positive, Positive, Positive]
+    source: Source
+
+
+class DriveConnection(Entry):
+    """A connection of a drive; stiffness along and about x, the radial and the tangential direction of the drive."""
+
+    type: ConnectionType
+    stiffness: SixPositiveOrZero
+    source: Source
+
+
+class DriveTemplate(Entry):
+    """One drive, repeated `count` times at equal angles around the ring.
+
+    Drive i has the pinion nodes `pinion_nodes_from + 3i …` (front seat, mesh, rear seat) and
+    `gearbox_nodes_from + 2i …` (gearbox output, motor rotor).
+    """
+
+    count: Annotated[int, Field(ge=1, le=40)]
+    source: Source
+    pinion_nodes_from: Node
+    gearbox_nodes_from: Node
+    ring_node: Node
+    ring_shaft_nodes: Annotated[tuple[Node, ...], Field(min_length=1)]
+    mount_node: Node
+    placement: DrivePlacement
+    pinion_shaft: DriveShaft
+    gearbox_output: DriveBody
+    rotor: DriveBody
+    """Inertia about x at the motor's speed; it counts times the ratio squared on the pinion side."""
+    pinion_bearing: DriveConnection
+    """k_b,pc of each of the two seats, to the mount."""
+    spline: DriveConnection
+    """k_s,pg from the rear seat to the gearbox output."""
+    gearbox_mount: DriveConnection
+    """Of gearbox output and of rotor on the mount; about x it must be free."""
+    gear: Gear
+    mesh: Mesh
+    gearbox: Gearbox
+
+    @model_validator(mode="after")
+    def _hollow_pinion_shaft(self) -> DriveTemplate:
+        shaft = self.pinion_shaft
+        if shaft.inner_diameter >= shaft.outer_diameter:
+            raise ValueError(
+                f"pinion_shaft: inner_diameter {shaft.inner_diameter} must be smaller than "
+                f"outer_diameter {shaft.outer_diameter}"
+            )
+        return self
+
+    @model_validator(mode="after")
+    def _free_rotation(self) -> DriveTemplate:
+        for key in ("gearbox_mount", "pinion_bearing"):
+            if getattr(self, key).stiffness[3] != 0.0:
+                raise ValueError(f"{key}: the stiffness about x must be 0, the drive turns in it")
+        return self

@@ -1,0 +1,198 @@
+"""The couplings that vary with time: the pinion–ring mesh and the planetary gearbox of every drive."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+
+import numpy as np
+
+from tbm_dynamics.machine.description import MachineDescription
+from tbm_dynamics.machine.drive import DriveTemplate
+from tbm_dynamics.machine.loading import MachineError
+from tbm_dynamics.mesh.error import composite_tolerances
+from tbm_dynamics.mesh.geometry import GearError, InternalPair
+from tbm_dynamics.mesh.ishikawa import mesh_stiffness
+from tbm_dynamics.mesh.planetary import PlanetaryStage, StageLaw, stage_law
+from tbm_dynamics.mesh.stiffness import HARMONICS, rounded_variation
+from tbm_dynamics.mesh.waves import Waves, shifted
+from tbm_dynamics.structure.drive import DriveUnit, drive_angles, gear_pair
+
+STAGE_HARMONICS = 4
+
+# Golden-ratio spacing of what nobody aligns, run-out of the pinions and place of the gears in a gearbox: fixed, and no
+# two drives alike (assumed).
+_GOLDEN = 0.6180339887498949
+
+_PATTERN_PARTS = 2048
+
+
+@dataclass(frozen=True)
+class Couplings:
+    """k = 2p couplings of p drives, the meshes first, then the gearboxes.
+
+    F = k(t) f(δ) + c δ̇ in contact, δ = rows q + e(t), f with the gap (none in a gearbox).
+
+    Attributes
+    ----------
+    rows : (2p, n) ndarray
+        Compression of a mesh on its drive flank (m), twist of a gearbox in the driving direction (rad).
+    stiffness, damping, half_gap : (2p,) ndarray
+        Mean k̄, c and half the total backlash: N/m, N·s/m and m of a mesh, N·m/rad, N·m·s/rad and rad of a gearbox.
+    waves : Waves
+        k(t) and e(t).
+    ring_teeth : int
+        Mesh cycles per turn of the head.
+    """
+
+    rows: np.ndarray
+    stiffness: np.ndarray
+    damping: np.ndarray
+    half_gap: np.ndarray
+    waves: Waves
+    ring_teeth: int
+
+    @property
+    def drives(self) -> int:
+        """Number of drives p."""
+        return len(self.rows) // 2
+
+
+def build_couplings(
+    description: MachineDescription, unit: DriveUnit, rows: np.ndarray, ring_inertia: float
+) -> Couplings:
+    """Stiffness, damping and waves of the couplings with the given rows (2p, n).
+
+    Raises
+    ------
+    MachineError
+        Gears that cannot mesh.
+    """
+    drive = description.driveshaft
+    pair, stages = gear_pair(drive), planetary_stages(drive)
+    with _named("gear"):
+        pair.check()
+    for number, stage in enumerate(stages):
+        with _named(f"gearbox.stages.{number}"):
+            stage.check()
+    waves = _waves(description, pair, stages)
+    mesh, gearbox = drive.mesh, 1.0 / waves.gearbox_compliance
+    mass = 1.0 / (1.0 / unit.pinion_mesh_mass + pair.ring_base_radius**2 / ring_inertia)
+    mesh_damping = 2.0 * mesh.damping_ratio * math.sqrt(mesh.mean_stiffness * mass)
+    return Couplings(
+        rows=rows,
+        stiffness=np.repeat([mesh.mean_stiffness, gearbox], drive.count),
+        damping=np.repeat([mesh_damping, unit.gearbox_damping * gearbox], drive.count),
+        half_gap=np.repeat([mesh.backlash / 2.0, 0.0], drive.count),
+        waves=waves,
+        ring_teeth=pair.ring_teeth,
+    )
+
+
+def planetary_stages(drive: DriveTemplate) -> list[PlanetaryStage]:
+    """Stages of the gearbox, from the pinion to the motor."""
+    return [
+        PlanetaryStage(
+            sun_teeth=entry.sun_teeth,
+            planet_teeth=entry.planet_teeth,
+            ring_teeth=entry.ring_teeth,
+            planets=entry.planets,
+            module=entry.module,
+            pressure_angle=math.radians(entry.pressure_angle_deg),
+            face_width=entry.face_width,
+            accuracy_grade=entry.accuracy_grade,
+        )
+        for entry in drive.gearbox.stages
+    ]
+
+
+@contextmanager
+def _named(key: str) -> Iterator[None]:
+    try:
+        yield
+    except GearError as error:
+        raise MachineError(f"driveshaft.{key}: {error}") from None
+
+
+def _waves(description: MachineDescription, pair: InternalPair, stages: Sequence[PlanetaryStage]) -> Waves:
+    drive, steel = description.driveshaft, description.steel
+    middles = (np.arange(_PATTERN_PARTS) + 0.5) / _PATTERN_PARTS
+    pattern = mesh_stiffness(pair, drive.gear.face_width, steel.elasticity, steel.poisson, middles)
+    mesh = drive.mesh
+    variation = mesh.mean_stiffness * mesh.variation * rounded_variation(pattern)
+    phases = np.mod(pair.ring_teeth * drive_angles(drive) / (2.0 * math.pi), 1.0)
+    boxes = _gearboxes(
+        drive.count, stages, [stage_law(s, steel.elasticity, steel.poisson, STAGE_HARMONICS) for s in stages]
+    )
+    shaft_turns = 1.0 / pair.pinion_teeth
+    idle = np.zeros((2, drive.count))
+    tooth, shaft = _pinion_errors(drive, pair, phases)
+    return Waves(
+        turns=np.array(
+            [
+                1.0,
+                *(shaft_turns * box.mesh_turns for box in boxes),
+                shaft_turns,
+                *(shaft_turns * box.planet_turns for box in boxes),
+            ]
+        ),
+        harmonics=(HARMONICS, *(STAGE_HARMONICS for _ in boxes)),
+        mesh_stiffness=mesh.mean_stiffness,
+        mesh_variation=shifted(variation, phases),
+        gearbox_compliance=1.0 / drive.gearbox.shaft_stiffness + sum(box.compliance for box in boxes),
+        gearbox_variation=np.vstack([idle[:0], *(box.variation for box in boxes)]),
+        error=np.vstack(
+            [
+                np.hstack([tooth, idle]),
+                *(np.hstack([idle, box.tooth_error]) for box in boxes),
+                np.hstack([shaft, idle]),
+                *(np.hstack([idle, box.planet_error]) for box in boxes),
+            ]
+        ),
+    )
+
+
+def _pinion_errors(drive: DriveTemplate, pair: InternalPair, phases: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Coefficients of the pinions' error at the mesh and at the shaft phase, each (2, p), m."""
+    tooth, total = composite_tolerances(
+        drive.gear.module, 2.0 * pair.pinion_pitch_radius, pair.contact_ratio, drive.gear.accuracy_grade
+    )
+    half = 0.5 * drive.mesh.error_factor
+    run_out = np.mod(-_GOLDEN * np.arange(drive.count), 1.0)
+    return (
+        shifted(np.array([0.0, half * tooth]), phases),
+        shifted(np.array([0.0, half * (total - tooth)]), run_out),
+    )
+
+
+@dataclass(frozen=True)
+class _Stage:
+    """A stage seen from the pinion shaft: turns per turn of it, law in rad/(N·m) and rad at it, (2h, p) and (2, p)."""
+
+    mesh_turns: float
+    planet_turns: float
+    compliance: float
+    variation: np.ndarray
+    tooth_error: np.ndarray
+    planet_error: np.ndarray
+
+
+def _gearboxes(drives: int, stages: Sequence[PlanetaryStage], laws: Sequence[StageLaw]) -> list[_Stage]:
+    found = []
+    speed = 1.0  # of the stage's carrier, over the pinion shaft
+    for number, (stage, law) in enumerate(zip(stages, laws, strict=True), start=1):
+        shifts = np.mod(_GOLDEN * number * np.arange(drives), 1.0)
+        found.append(
+            _Stage(
+                mesh_turns=speed * stage.ring_teeth,
+                planet_turns=speed * stage.ring_teeth / stage.planet_teeth,
+                compliance=law.compliance[0] / speed**2,
+                variation=shifted(law.compliance[1:], shifts) / speed**2,
+                tooth_error=shifted(law.tooth_error, shifts) / speed,
+                planet_error=shifted(law.planet_error, shifts / stage.planet_teeth) / speed,
+            )
+        )
+        speed *= stage.ratio
+    return found

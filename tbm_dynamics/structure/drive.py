@@ -1,0 +1,124 @@
+"""One drive, built in its own axes and turned to its place.
+
+The drives are alike and stand around the x axis: each is the drive at angle 0, turned about x. So one pair of matrices
+serves all of them, here and in the reduced basis. A drive's own axes are x, radial, tangential.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from tbm_dynamics.machine.description import MachineDescription
+from tbm_dynamics.machine.drive import DriveTemplate
+from tbm_dynamics.mesh.geometry import InternalPair
+from tbm_dynamics.structure.assembler import Assembler
+from tbm_dynamics.structure.connection import rigid_arm
+
+OWN_NODES = 5
+"""Front seat, mesh node, rear seat, gearbox output, rotor; ring node and mount node follow."""
+
+
+@dataclass(frozen=True)
+class DriveUnit:
+    """A drive in its own axes, with what it does to the ring and to the mount: 7 nodes, 42 unknowns.
+
+    Attributes
+    ----------
+    M, C, K : (42, 42) ndarray
+        Without the two couplings.
+    rows : (2, 42) ndarray
+        Deflection of the mesh (m) and of the gearbox (rad) per unit motion.
+    pinion_mesh_mass : float
+        The turning pinion reduced to the line of action (kg).
+    gearbox_damping : float
+        β of the gearbox's damping, β k̄ (s).
+    """
+
+    M: np.ndarray
+    C: np.ndarray
+    K: np.ndarray
+    rows: np.ndarray
+    pinion_mesh_mass: float
+    gearbox_damping: float
+
+
+def gear_pair(drive: DriveTemplate) -> InternalPair:
+    """Geometry of the pinion–ring pair of a drive template."""
+    gear = drive.gear
+    return InternalPair(gear.pinion_teeth, gear.ring_teeth, gear.module, math.radians(gear.pressure_angle_deg))
+
+
+def drive_angles(drive: DriveTemplate) -> np.ndarray:
+    """Places of the drives around the ring, shape (count,), rad."""
+    return math.radians(drive.placement.first_angle_deg) + 2.0 * math.pi * np.arange(drive.count) / drive.count
+
+
+def drive_nodes(drive: DriveTemplate, i: int) -> tuple[int, ...]:
+    """Front seat, mesh node, rear seat, gearbox output and rotor of drive i."""
+    pinion, gearbox = drive.pinion_nodes_from + 3 * i, drive.gearbox_nodes_from + 2 * i
+    return pinion, pinion + 1, pinion + 2, gearbox, gearbox + 1
+
+
+def drive_positions(drive: DriveTemplate, i: int, angle: float) -> dict[int, np.ndarray]:
+    """Positions (3,) m of the nodes of drive i standing at an angle."""
+    radius = gear_pair(drive).centre_distance
+    y, z = radius * math.cos(angle), radius * math.sin(angle)
+    at = drive.placement
+    along = (at.front_seat, at.mesh, at.rear_seat, at.gearbox, at.rotor)
+    return {node: np.array([x, y, z]) for node, x in zip(drive_nodes(drive, i), along, strict=True)}
+
+
+def turn(angle: float) -> np.ndarray:
+    """From global axes to those of a drive at an angle, (3, 3)."""
+    c, s = math.cos(angle), math.sin(angle)
+    return np.array([[1.0, 0.0, 0.0], [0.0, c, s], [0.0, -s, c]])
+
+
+def drive_unit(description: MachineDescription) -> DriveUnit:
+    """Build the drive at angle 0."""
+    drive = description.driveshaft
+    places = description.structural_nodes()
+    ends = {node: np.array(places[node], dtype=float) for node in (drive.ring_node, drive.mount_node)}
+    unit = Assembler(description, {**drive_positions(drive, 0, 0.0), **ends})
+    front, middle, rear, output, rotor = drive_nodes(drive, 0)
+    shaft = drive.pinion_shaft
+    unit.add_shaft((front, middle, rear), shaft.outer_diameter, shaft.inner_diameter, shaft.mass)
+    unit.add_body(output, drive.gearbox_output.mass, drive.gearbox_output.inertia)
+    about, *across = drive.rotor.inertia
+    unit.add_body(rotor, drive.rotor.mass, (about * drive.gearbox.ratio**2, across[0], across[1]))
+    for node in (output, rotor):
+        unit.add_spring(node, drive.mount_node, drive.gearbox_mount.stiffness, drive.gearbox_mount.type)
+    for seat in (front, rear):
+        unit.add_spring(seat, drive.mount_node, drive.pinion_bearing.stiffness, drive.pinion_bearing.type)
+    unit.add_spring(rear, output, drive.spline.stiffness, drive.spline.type)
+    pair = gear_pair(drive)
+    return DriveUnit(
+        M=unit.M,
+        C=unit.C,
+        K=unit.K,
+        rows=np.array([_mesh_row(unit, drive, pair), _gearbox_row(unit, output, rotor)]),
+        pinion_mesh_mass=unit.polar_inertia((front, middle, rear)) / pair.pinion_base_radius**2,
+        gearbox_damping=unit.damping("steel"),
+    )
+
+
+def _mesh_row(unit: Assembler, drive: DriveTemplate, pair: InternalPair) -> np.ndarray:
+    """Compression of the mesh along its line of action."""
+    pinion = drive_nodes(drive, 0)[1]
+    to_contact = np.array([0.0, pair.pinion_pitch_radius, 0.0])
+    place = unit.positions[pinion] + to_contact
+    line = pair.line_of_action(0.0)
+    row = np.zeros(len(unit.M))
+    row[unit.dofs(pinion)] = line @ rigid_arm(to_contact)[:3]
+    row[unit.dofs(drive.ring_node)] = -line @ rigid_arm(place - unit.positions[drive.ring_node])[:3]
+    return row
+
+
+def _gearbox_row(unit: Assembler, output: int, rotor: int) -> np.ndarray:
+    """Twist between rotor and gearbox output, both about x."""
+    row = np.zeros(len(unit.M))
+    row[unit.index[rotor] + 3], row[unit.index[output] + 3] = 1.0, -1.0
+    return row
