@@ -9,13 +9,17 @@ export OMP_NUM_THREADS ?= 1
 export OPENBLAS_NUM_THREADS ?= 1
 
 
-.PHONY: demo test lint types bag clean
+.PHONY: demo test verify lint types bag clean
 
 demo: $(READY)
 	$(BIN)/tbm-monitor demo
 
 test: $(READY)
 	$(BIN)/python -m pytest
+
+# What takes minutes: every verification in full.
+verify: $(READY)
+	$(BIN)/python -m pytest -m verify
 
 lint: $(READY)
 	$(BIN)/ruff check .

@@ -35,7 +35,7 @@ _RESONANT_HZ, _RESONANT_RATIO = 250.0, 0.1
 # With these the pinions strike as on every unknown: without, their peak acceleration is off by 10 % when teeth part.
 _STRIKE_HZ = (300.0, 1000.0, 3000.0)
 
-# Share of the largest mass below which a vector is rounding.
+# Share of a mass below which a vector is rounding.
 _NOTHING = 1e-20
 
 # Coupling, over the geometric mean of the diagonal, below which two unknowns have nothing to do with each other.
@@ -177,11 +177,10 @@ def _with_attachments(
             for frequency, columns in forces.items()
         ]
     )
+    attachments = _normalised(M, attachments)
     # Twice: one pass of Gram-Schmidt leaves rounding of the large kept part behind.
     for _ in range(2):
-        attachments = _normalised(M, attachments)
-        attachments = attachments - modes @ (modes.T @ (M @ attachments))
-    attachments = _normalised(M, attachments)
+        attachments = _normalised(M, attachments - modes @ (modes.T @ (M @ attachments)), least=_NOTHING)
     values, vectors = scipy.linalg.eigh(attachments.T @ M @ attachments)
     independent = values > 1e-9 * values.max(initial=0.0)
     residual = attachments @ (vectors[:, independent] / np.sqrt(values[independent]))
@@ -190,8 +189,11 @@ def _with_attachments(
     return np.asarray(basis @ rotation)
 
 
-def _normalised(M: np.ndarray, vectors: np.ndarray) -> np.ndarray:
-    """Give the columns unit mass; those that the kept modes hold already, but for rounding, are left out."""
+def _normalised(M: np.ndarray, vectors: np.ndarray, least: float = 0.0) -> np.ndarray:
+    """Give the columns unit mass; those that are rounding beside the largest, or of no more than `least`, are left out.
+
+    What is left of a vector of unit mass without the kept modes may be all rounding: they hold it already.
+    """
     masses = np.einsum("ij,ij->j", vectors, M @ vectors)
-    lasting = masses > _NOTHING * masses.max(initial=0.0)
+    lasting = masses > max(least, _NOTHING * masses.max(initial=0.0))
     return np.asarray(vectors[:, lasting] / np.sqrt(masses[lasting]))

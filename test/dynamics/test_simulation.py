@@ -165,30 +165,6 @@ def test_a_run_starts_without_a_jolt():
     assert np.all(pinion[:100].max(axis=0) <= 1.5 * pinion[-1000:].max(axis=0))
 
 
-def smooth(**mesh):
-    """The small machine with a mesh that neither opens nor has corners."""
-    data = small()
-    data["driveshaft"]["mesh"].update(mesh)
-    return built(data)
-
-
-def errors_of(system, loads, steps):
-    """Largest error of the mesh force at the default grid, against a step sixteen times finer than the finest."""
-
-    def force(step):
-        return Simulator(system, (1,), step, "full").step(loads(np.arange(round(0.04 / step)) * step)).mesh_force
-
-    exact = force(steps[-1] / 16)
-    return [np.abs(force(step) - exact[:: round(step * 16 / steps[-1])]).max() for step in steps]
-
-
-def test_order_of_convergence():
-    # Linear interpolation of the loads: second order. Halving the step divides the error by four.
-    system = smooth().assemble()
-    coarse, fine = errors_of(system, swinging(system, 0.3), (4e-4, 2e-4))
-    assert np.log2(coarse / fine) == pytest.approx(2.0, abs=0.3)
-
-
 @pytest.fixture(scope="module")
 def undamped():
     """No damping, constant mesh stiffness, no error: linear and conservative while the teeth stay in contact."""
