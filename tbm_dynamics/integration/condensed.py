@@ -42,15 +42,17 @@ class Condensed:
     def __init__(self, system: System, output_dofs: np.ndarray, step: float) -> None:
         split = split_basis(system)
         self._drives, self._shared, self._split = system.drives, split.shared, split
-        self._common = [_Stepped(part, step, _PAIRS) for part in split.common]
-        self._own = _Stepped(split.own, step, 1)
+        self._common, self._own = _stepped(split, step)
         p, c = split.shared.shape
         lonely = p > c  # else the patterns are all that the drives can do
         self.states = sum(len(part.linear.H) for part in split.common) + lonely * p * len(split.own.linear.H)
-        part = step / SUBSTEPS
-        fine = [_Stepped(p, part, _PAIRS) for p in split.common], _Stepped(split.own, part, 1)
-        self._arrays = _both(_arrays(split, self._common, self._own), _arrays(split, *fine))
-        refuse_coarse(_mesh_gain(self._arrays, c, system.couplings.stiffness[0], system.couplings.damping[0]), step)
+        arrays = _arrays(split, self._common, self._own)
+        refuse_coarse(
+            lambda shorter: _mesh_gain(system, _arrays(split, *_stepped(split, shorter))),
+            step,
+            _mesh_gain(system, arrays),
+        )
+        self._arrays = _both(arrays, _arrays(split, *_stepped(split, step / SUBSTEPS)))
         self.forced = self._arrays.forced[0]
         self._state = _still(self._arrays)
         self._wanted = np.array(
@@ -155,6 +157,11 @@ class _Stepped:
         self.observe = linear.observe @ self.vectors
 
 
+def _stepped(split: SplitBasis, step: float) -> tuple[list[_Stepped], _Stepped]:
+    """Bring the common parts and a drive's own over a step."""
+    return [_Stepped(part, step, _PAIRS) for part in split.common], _Stepped(split.own, step, 1)
+
+
 def _observed(stepped: _Stepped, part: Part, shapes: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Displacement and acceleration along shapes (o, m) from pairs (s', 2o), from g (k, 2o) and from u (i, 2o)."""
     m = shapes.shape[1]
@@ -235,12 +242,12 @@ def _both(whole: Arrays, part: Arrays) -> Arrays:
     )
 
 
-def _mesh_gain(arrays: Arrays, patterns: int, stiffness: float, damping: float) -> np.ndarray:
+def _mesh_gain(system: System, arrays: Arrays) -> np.ndarray:
     """How the excess of open meshes at the end of a step comes back on itself, for the patterns and a drive alone."""
-    k = patterns
-    law = np.array([stiffness, 0.0, damping, 0.0])
-    alone = law @ arrays.own_couple[0, :, 0]
-    together = np.einsum("q,aqbk->abk", law, arrays.couple[0].reshape(PATTERNS, 4, PATTERNS, 2))[:k, :k, 0]
+    k = system.drives.shared.shape[1]
+    law = np.array([system.couplings.stiffness[0], 0.0, system.couplings.damping[0], 0.0])
+    alone = law @ arrays.own_couple[:, 0]
+    together = np.einsum("q,aqbk->abk", law, arrays.couple.reshape(PATTERNS, 4, PATTERNS, 2))[:k, :k, 0]
     return np.asarray(scipy.linalg.block_diag(together + alone * np.eye(k), alone))
 
 

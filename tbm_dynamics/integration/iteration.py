@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 
 from tbm_dynamics.integration.errors import SimulationError
@@ -10,27 +12,33 @@ from tbm_dynamics.integration.errors import SimulationError
 _SLOWEST = 0.5
 
 
-def refuse_coarse(gain: np.ndarray, step: float) -> None:
+def refuse_coarse(gain_at: Callable[[float], np.ndarray], step: float, gain: np.ndarray) -> None:
     """Refuse a step over which the stiffest meshes swing too far.
 
     Parameters
     ----------
-    gain : (k, k) ndarray
-        What the excess of open meshes at the end of a step adds to itself there: its size is about (ω τ)²/6, ω the
-        natural frequency of a pinion on its teeth.
+    gain_at : callable
+        From a step (s) what the excess of open meshes at its end adds to itself there, (k, k): its size is about
+        (ω τ)²/6, ω the natural frequency of a pinion on its teeth.
     step : float
         τ (s).
+    gain : (k, k) ndarray
+        That at the step wanted.
 
     Raises
     ------
     SimulationError
         Rounds that would not settle.
     """
-    size = float(np.abs(np.linalg.eigvals(gain)).max())
-    if not size < _SLOWEST:
-        # For a much too long step the estimate saturates.
-        allowed = step * min(np.sqrt(_SLOWEST / size), 0.5)
-        raise SimulationError(
-            f"time_step {step:g} s: too coarse for the stiffest mesh vibration; "
-            f"allowed is about {allowed:.1g} s or less"
-        )
+    if _settles(gain):
+        return
+    allowed = 0.5 * step
+    while not _settles(gain_at(allowed)):
+        allowed *= 0.5
+    raise SimulationError(
+        f"time_step {step:g} s: too coarse for the stiffest mesh vibration; {allowed:.2g} s is short enough"
+    )
+
+
+def _settles(gain: np.ndarray) -> bool:
+    return float(np.abs(np.linalg.eigvals(gain)).max()) < _SLOWEST

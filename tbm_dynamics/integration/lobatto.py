@@ -15,7 +15,7 @@ from numba import njit
 
 from tbm_dynamics.integration.iteration import refuse_coarse
 from tbm_dynamics.integration.laws import Laws, forces, widened
-from tbm_dynamics.integration.linear import INPUTS, first_order, input_columns
+from tbm_dynamics.integration.linear import INPUTS, LinearSystem, first_order, input_columns
 from tbm_dynamics.integration.precise import polynomial_response
 from tbm_dynamics.structure.system import System
 
@@ -36,17 +36,14 @@ class Lobatto:
         rows = widened(system.couplings.rows.T, system.couplings.drives).T
         linear = first_order(system.M, system.C, system.K, input_columns(system), rows)
         s, k = len(linear.H), len(rows)
-        half, whole = polynomial_response(linear.H, linear.E, step)
-        blocks = [_by_inputs(response, s, k, step) for response in (half, whole)]
-        columns = np.vstack([blocks[1], linear.observe @ blocks[0], linear.observe @ blocks[1]])
-        pieces = np.split(columns, np.cumsum([s, 2 * INPUTS, k, k]), axis=1)
-        from_state, forced, now, middle, end = (np.ascontiguousarray(piece.T) for piece in pieces)
+        from_state, forced, now, middle, end = _columns(linear, step)
         self.states = s
         self.forced = np.vstack([forced[INPUTS:], forced[:INPUTS]])
         self._free = np.vstack([from_state, now])
         self._middle, self._end = middle, end
         self._couple = (np.ascontiguousarray(middle[:, s:]), np.ascontiguousarray(end[:, s:]))
-        refuse_coarse(_mesh_gain(system, *self._couple), step)
+        gain = _mesh_gain(system, middle, end)
+        refuse_coarse(lambda shorter: _mesh_gain(system, *_columns(linear, shorter)[3:]), step, gain)
         n = system.size
         acceleration = linear.acceleration[output_dofs].T
         displacement = np.zeros((s + INPUTS + k, len(output_dofs)))
@@ -76,12 +73,22 @@ class Lobatto:
         return int(_advance(*arrays, laws, held, forced, self._state, record, force))
 
 
+def _columns(linear: LinearSystem, step: float) -> list[np.ndarray]:
+    """Compute what the state, u, and g now, in the middle and at the end add to the columns of the class, by row."""
+    s, k = len(linear.H), len(linear.observe) // 2
+    half, whole = polynomial_response(linear.H, linear.E, step)
+    blocks = [_by_inputs(response, s, k, step) for response in (half, whole)]
+    columns = np.vstack([blocks[1], linear.observe @ blocks[0], linear.observe @ blocks[1]])
+    pieces = np.split(columns, np.cumsum([s, 2 * INPUTS, k, k]), axis=1)
+    return [np.ascontiguousarray(piece.T) for piece in pieces]
+
+
 def _mesh_gain(system: System, middle: np.ndarray, end: np.ndarray) -> np.ndarray:
     """How the excess of open meshes, in the middle and at the end of a step, comes back on itself, (2p, 2p)."""
-    p, k = system.couplings.drives, len(middle)
-    stiffness, damping = system.couplings.stiffness[0], system.couplings.damping[0]
+    p, s = system.couplings.drives, 2 * system.size
+    stiffness, damping, k = system.couplings.stiffness[0], system.couplings.damping[0], len(middle)
     blocks = [
-        [stiffness * pushed[:p, at : at + p] + damping * pushed[:p, at + k : at + k + p] for at in (0, 2 * k)]
+        [stiffness * pushed[:p, at : at + p] + damping * pushed[:p, at + k : at + k + p] for at in (s, s + 2 * k)]
         for pushed in (middle, end)
     ]
     return np.block(blocks)

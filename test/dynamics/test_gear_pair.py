@@ -1,6 +1,6 @@
 """A gear pair with backlash: softening resonance, jumps and lost contact.
 
-Source: Kahraman and Singh, Non-linear dynamics of a spur gear pair, J. Sound Vib. 142 (1990): in time units of 1/ω_n and
+Source: Kahraman and Singh, Non-linear dynamics of a spur gear pair, J. Sound Vib. 142 (1990): in times of 1/ω_n and
 lengths of half the backlash b,
 
     ẍ + 2ζẋ + f(x) = F_m + F_a Ω² sin Ωt,   f(x) = x − 1, 0, x + 1 above, in and below the gap,
@@ -109,7 +109,7 @@ def test_the_teeth_part_and_the_amplitude_jumps_where_the_branches_end(curve, up
     assert end_of_lower - end_of_upper > 0.1
     assert jump(upwards)[0] - 0.02 < end_of_lower < jump(upwards)[1] + 0.02
     assert jump(downwards)[0] - 0.05 < end_of_upper < jump(downwards)[1]
-    between = (UPWARDS > jump(downwards)[1]) & (UPWARDS < jump(upwards)[0])
+    between = (jump(downwards)[1] < UPWARDS) & (jump(upwards)[0] > UPWARDS)
     assert between.sum() >= 2
     assert np.all(downwards[between, 1] > 3.0 * upwards[between, 1])
     assert np.all(upwards[between, 2] == 0.0)
@@ -117,11 +117,11 @@ def test_the_teeth_part_and_the_amplitude_jumps_where_the_branches_end(curve, up
 
 
 def test_amplitudes_on_both_branches(curve, upwards, downwards):
-    lower = (UPWARDS < jump(upwards)[0]) & (UPWARDS > 0.66)  # the curve begins there
-    upper = UPWARDS > jump(downwards)[1]
+    lower = (jump(upwards)[0] > UPWARDS) & (UPWARDS > 0.66)  # the curve begins there
+    upper = jump(downwards)[1] < UPWARDS
     closed = curve[:, 0] < 0.1 * (1.0 - 1e-3)  # while it never opens the system is linear and the balance exact
     ratios, amplitudes = curve[closed, 2], curve[closed, 0]
-    linear = lower & (UPWARDS < ratios[-1]) & (UPWARDS > ratios[0])
+    linear = lower & (ratios[-1] > UPWARDS) & (ratios[0] < UPWARDS)
     assert linear.sum() >= 2
     assert upwards[linear, 1] == pytest.approx(np.interp(UPWARDS[linear], ratios, amplitudes), rel=1e-3)
     opened = np.isfinite(curve[:, 3]) & (curve[:, 0] > 0.1)

@@ -3,6 +3,7 @@
 Source: one call over the whole run; equality is exact by design (section 4), so there is no tolerance.
 """
 
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -124,6 +125,16 @@ def test_a_motion_that_diverges_says_when(system, loads):
 def test_a_time_step_that_is_none(system, step):
     with pytest.raises(SimulationError, match="time_step"):
         Simulator(system, NODES, step)
+
+
+@pytest.mark.parametrize("method", ["reduced", "full"])
+@pytest.mark.parametrize("step", [2e-3, 1e-2, 1.0])
+def test_a_step_too_coarse_for_the_teeth(system, step, method):
+    with pytest.raises(SimulationError, match=rf"^time_step {step:g} s: too coarse") as caught:
+        Simulator(system, NODES, step, method)
+    allowed = float(re.search(r"; (\S+) s is short enough$", str(caught.value))[1])
+    assert 1e-4 < allowed < 2e-3
+    Simulator(system, NODES, allowed, method)
 
 
 @pytest.mark.parametrize("duration", [0.0, -1.0, 1e-6, np.nan, np.inf])
