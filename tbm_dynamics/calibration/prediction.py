@@ -17,7 +17,6 @@ from tbm_dynamics.loads.spectral import TRANSITION_HZ
 from tbm_dynamics.machine.machine import Machine
 from tbm_dynamics.structure.system import System
 
-_CUTOFF_HZ = 250.0
 _SPACING_HZ = 0.3
 _AXIAL_SHARE = 0.3
 
@@ -69,7 +68,7 @@ class _Gain:
     """Transfer functions of the six loads, each frequency computed once."""
 
     def __init__(self, system: System, dofs: list[int]) -> None:
-        self._parts = split_basis(system, _CUTOFF_HZ).common
+        self._parts = split_basis(system).common
         self._dofs = dofs
         self._couplings = system.couplings
         self._known: dict[float, tuple[np.ndarray, np.ndarray]] = {}

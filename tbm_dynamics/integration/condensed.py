@@ -16,6 +16,7 @@ from __future__ import annotations
 import numpy as np
 import scipy.linalg
 
+from tbm_dynamics.integration import aligned
 from tbm_dynamics.integration.basis import Part, SplitBasis, split_basis
 from tbm_dynamics.integration.condensed_kernel import PATTERNS, SUBSTEPS, Arrays, State, advance
 from tbm_dynamics.integration.iteration import refuse_coarse
@@ -24,8 +25,8 @@ from tbm_dynamics.integration.linear import INPUTS
 from tbm_dynamics.integration.pairs import act, as_pairs, eigenbasis, scalar_responses
 from tbm_dynamics.structure.system import System
 
-# Numbers of pairs and of summands that fill vector registers.
-_PAIRS, _SUMMANDS = 4, 8
+# Number of pairs that fills vector registers.
+_PAIRS = 4
 
 
 class Condensed:
@@ -93,7 +94,7 @@ class Condensed:
         own = np.einsum("ide,tie->tid", drives.turns, motion[:, drives.dofs])
         own -= np.einsum("ia,ja,tjd->tid", shared, shared, own)
         coordinates = np.einsum("md,tid->tmi", self._split.own.project, own).reshape(-1, len(shared))
-        state.own[: len(self._own.inverse), : len(shared)] = self._own.inverse @ coordinates
+        state.own[:, : len(shared)] = self._own.inverse @ coordinates
         g = excess.reshape(2, 2, -1)
         together = g @ self._arrays.shared.T
         state.excess[:2] = g
@@ -102,8 +103,7 @@ class Condensed:
         state.held[:] = held
         state.touch[: len(shared)] = 1.0  # the motors hold the meshes on the drive flank
         state.touch[self._arrays.shared.shape[1] :][: len(shared)] = 1.0
-        n = len(self._own.inverse)
-        wanted = np.vstack([state.own[:n], state.alone[1]])[:, self._wanted]
+        wanted = np.vstack([state.own, state.alone[1]])[:, self._wanted]
         return np.concatenate([state.common.T.ravel(), state.patterns[1], wanted.T.ravel()])
 
     def advance(
@@ -221,7 +221,7 @@ def _arrays(split: SplitBasis, common: list[_Stepped], own: _Stepped) -> Arrays:
         couple=couple - np.kron(np.eye(PATTERNS), own_couple),
         own_transfer=own.transfer,
         own_push=own.push,
-        own_observe=_wide(np.hstack([own.observe, np.zeros((4, PATTERNS))]), _SUMMANDS),
+        own_observe=own.observe,
         own_couple=own_couple,
         shared=np.vstack([shared, np.zeros((PATTERNS - c, shared.shape[1]))]),
         forced=forced,
@@ -230,15 +230,24 @@ def _arrays(split: SplitBasis, common: list[_Stepped], own: _Stepped) -> Arrays:
 
 def _both(whole: Arrays, part: Arrays) -> Arrays:
     """Arrays of a whole step, and for what depends on its length those of a part beside them."""
-    first, second, third = (np.array(pair) for pair in zip(whole.push, part.push, strict=True))
-    return whole._replace(
-        transfer=np.array([whole.transfer, part.transfer]),
+
+    def pair(name: str) -> np.ndarray:
+        return aligned.copy(np.array([getattr(whole, name), getattr(part, name)]))
+
+    first, second, third = (aligned.copy(np.array(both)) for both in zip(whole.push, part.push, strict=True))
+    observe0, observe1, observe2 = (aligned.copy(rows) for rows in whole.observe)
+    return Arrays(
+        spans=whole.spans,
+        transfer=pair("transfer"),
+        observe=(observe0, observe1, observe2),
         push=(first, second, third),
-        couple=np.array([whole.couple, part.couple]),
-        own_transfer=np.array([whole.own_transfer, part.own_transfer]),
-        own_push=np.array([whole.own_push, part.own_push]),
-        own_couple=np.array([whole.own_couple, part.own_couple]),
-        forced=np.array([whole.forced, part.forced]),
+        couple=pair("couple"),
+        own_transfer=pair("own_transfer"),
+        own_push=pair("own_push"),
+        own_observe=aligned.copy(whole.own_observe),
+        own_couple=pair("own_couple"),
+        shared=aligned.copy(whole.shared),
+        forced=pair("forced"),
     )
 
 
@@ -251,22 +260,15 @@ def _mesh_gain(system: System, arrays: Arrays) -> np.ndarray:
     return np.asarray(scipy.linalg.block_diag(together + alone * np.eye(k), alone))
 
 
-def _wide(matrix: np.ndarray, multiple: int) -> np.ndarray:
-    """Zero columns added up to a multiple."""
-    return np.hstack([matrix, np.zeros((len(matrix), -matrix.shape[1] % multiple))])
-
-
 def _still(arrays: Arrays) -> State:
-    """State of no motion; the patterns stand in the rows that the own part's products expect."""
+    """State of no motion."""
     lanes, n = arrays.shared.shape[1], arrays.own_push.shape[1]
-    own = np.zeros((arrays.own_observe.shape[1], lanes))
-    own[n : n + PATTERNS] = arrays.shared
     return State(
-        common=np.zeros((2, arrays.transfer.shape[2])),
-        own=own,
-        excess=np.zeros((3, 2, lanes)),
-        patterns=np.zeros((3, 2 * PATTERNS)),
-        alone=np.zeros((3, 2, lanes)),
-        touch=np.zeros(2 * lanes),
-        held=np.zeros((3, 2 * lanes)),
+        common=aligned.zeros(2, arrays.transfer.shape[2]),
+        own=aligned.zeros(n, lanes),
+        excess=aligned.zeros(3, 2, lanes),
+        patterns=aligned.zeros(3, 2 * PATTERNS),
+        alone=aligned.zeros(3, 2, lanes),
+        touch=aligned.zeros(2 * lanes),
+        held=aligned.zeros(3, 2 * lanes),
     )

@@ -13,7 +13,7 @@ from tbm_dynamics.integration.laws import Laws, forces
 PATTERNS = 3
 """Places for the patterns of the drives: 1, cos and sin; idle ones are zero."""
 
-SUBSTEPS = 16
+SUBSTEPS = 32
 """Parts of a step in which a mesh meets or leaves a flank."""
 
 # Rounds over g at the end of a step. A round shrinks the error by about (ω_mesh τ)²/6.
@@ -42,8 +42,8 @@ class Arrays(NamedTuple):
         What g at the end adds to the motions beyond what `own_couple` adds to every drive; idle columns at the end.
     own_transfer : (2, 4, n/2), own_push : (2, n, 6) ndarray
         The same for the own part of every drive.
-    own_observe : (4, n + 3 …) ndarray
-        Motions of a drive from its states and the patterns, whose columns the step fills.
+    own_observe : (4, n) ndarray
+        Motions of a drive beyond the patterns from its states.
     own_couple : (2, 4, 2) ndarray
         What g at the end adds to them.
     shared : (3, L) ndarray
@@ -72,8 +72,8 @@ class State(NamedTuple):
     ----------
     common : (2, M) ndarray
         Pairs of the common parts.
-    own : (n + 3 …, L) ndarray
-        States of the drives' own parts; the patterns.
+    own : (n, L) ndarray
+        States of the drives' own parts.
     excess : (3, 2, L) ndarray
         g of every coupling.
     patterns : (3, 6) ndarray
@@ -102,8 +102,8 @@ _LOOPS = {"cache": True, "error_model": "numpy", "fastmath": {"contract"}}
 
 
 @njit(**_SUMS)  # type: ignore[untyped-decorator]
-def _observe(matrix: np.ndarray, a: np.ndarray, b: np.ndarray, column: int, out: np.ndarray) -> None:
-    """Write the four motions of a pattern, matrix (4, 2, w), from its pairs (a, b) to a column of out."""
+def _observe(matrix: np.ndarray, a: np.ndarray, b: np.ndarray, place: int, out: np.ndarray) -> None:
+    """Write the four motions of a pattern, matrix (4, 2, w), from its pairs (a, b) to a place of out (12,)."""
     w = x = y = z = 0.0
     for j in range(len(a)):
         first, second = a[j], b[j]
@@ -111,7 +111,7 @@ def _observe(matrix: np.ndarray, a: np.ndarray, b: np.ndarray, column: int, out:
         x += matrix[1, 0, j] * first + matrix[1, 1, j] * second
         y += matrix[2, 0, j] * first + matrix[2, 1, j] * second
         z += matrix[3, 0, j] * first + matrix[3, 1, j] * second
-    out[0, column], out[1, column], out[2, column], out[3, column] = w, x, y, z
+    out[place], out[place + 1], out[place + 2], out[place + 3] = w, x, y, z
 
 
 @njit(**_LOOPS)  # type: ignore[untyped-decorator]
@@ -135,12 +135,13 @@ def _push(
 
 
 @njit(**_LOOPS)  # type: ignore[untyped-decorator]
-def _transfer(action: np.ndarray, level: int, pairs: np.ndarray, out: np.ndarray) -> None:
-    """Add to out (2, M) what the pairs become by themselves."""
-    for j in range(pairs.shape[1]):
-        out[0, j] += action[level, 0, j] * pairs[0, j] + action[level, 1, j] * pairs[1, j]
-    for j in range(pairs.shape[1]):
-        out[1, j] += action[level, 2, j] * pairs[0, j] + action[level, 3, j] * pairs[1, j]
+def _transfer(action: np.ndarray, level: int, pairs: np.ndarray, forced: np.ndarray, k: int, out: np.ndarray) -> None:
+    """Write to out (2, M) what the pairs become by themselves and by the inputs, row k of forced."""
+    m = pairs.shape[1]
+    for j in range(m):
+        out[0, j] = forced[k, j] + (action[level, 0, j] * pairs[0, j] + action[level, 1, j] * pairs[1, j])
+    for j in range(m):
+        out[1, j] = forced[k, m + j] + (action[level, 2, j] * pairs[0, j] + action[level, 3, j] * pairs[1, j])
 
 
 @njit(**_LOOPS)  # type: ignore[untyped-decorator]
@@ -159,28 +160,28 @@ def _own_free(
 
 
 @njit(**_LOOPS)  # type: ignore[untyped-decorator]
-def _own_end(push: np.ndarray, level: int, alone: np.ndarray, out: np.ndarray) -> None:
-    """Add to the own parts what their g at the end pushes."""
+def _own_end(push: np.ndarray, level: int, alone: np.ndarray, free: np.ndarray, out: np.ndarray) -> None:
+    """Write what the own parts become by themselves and by what their g at the end pushes."""
     for row in range(push.shape[1]):
         e, f = push[level, row, 4], push[level, row, 5]
         for i in range(alone.shape[2]):
-            out[row, i] += e * alone[2, 0, i] + f * alone[2, 1, i]
+            out[row, i] = free[row, i] + (e * alone[2, 0, i] + f * alone[2, 1, i])
 
 
 @njit(**_LOOPS)  # type: ignore[untyped-decorator]
 def _mixed(weights: np.ndarray, rows: np.ndarray, out: np.ndarray) -> None:
-    """Write weights (4, k) @ rows (k, L) to out (4, L); k a multiple of eight."""
-    for q in range(4):
+    """Write weights (4, n) @ rows (n, L) to out (4, L); n even."""
+    for i in range(rows.shape[1]):
+        out[0, i] = out[1, i] = out[2, i] = out[3, i] = 0.0
+    for k in range(0, weights.shape[1], 2):
+        a, b, c, d = weights[0, k], weights[1, k], weights[2, k], weights[3, k]
+        e, f, g, h = weights[0, k + 1], weights[1, k + 1], weights[2, k + 1], weights[3, k + 1]
         for i in range(rows.shape[1]):
-            out[q, i] = 0.0
-    for k in range(0, weights.shape[1], 8):
-        for q in range(4):
-            a, b, c, d = weights[q, k], weights[q, k + 1], weights[q, k + 2], weights[q, k + 3]
-            e, f, g, h = weights[q, k + 4], weights[q, k + 5], weights[q, k + 6], weights[q, k + 7]
-            for i in range(rows.shape[1]):
-                first = (a * rows[k, i] + b * rows[k + 1, i]) + (c * rows[k + 2, i] + d * rows[k + 3, i])
-                last = (e * rows[k + 4, i] + f * rows[k + 5, i]) + (g * rows[k + 6, i] + h * rows[k + 7, i])
-                out[q, i] += first + last
+            first, second = rows[k, i], rows[k + 1, i]
+            out[0, i] += a * first + e * second
+            out[1, i] += b * first + f * second
+            out[2, i] += c * first + g * second
+            out[3, i] += d * first + h * second
 
 
 @njit(**_SUMS)  # type: ignore[untyped-decorator]
@@ -195,10 +196,10 @@ def _together(shared: np.ndarray, g: np.ndarray, out: np.ndarray) -> None:
 
 
 @njit(**_SUMS)  # type: ignore[untyped-decorator]
-def _beyond(couple: np.ndarray, level: int, g: np.ndarray, out: np.ndarray) -> None:
-    """Write what g at the end in the patterns adds to their motions, (12,)."""
+def _beyond(couple: np.ndarray, level: int, g: np.ndarray, free: np.ndarray, out: np.ndarray) -> None:
+    """Write the motions of the patterns, (12,), from the free ones and g at the end."""
     for i in range(12):
-        total = 0.0
+        total = free[i]
         for j in range(6):
             total += couple[level, i, j] * g[2, j]
         out[i] = total
@@ -214,7 +215,7 @@ def _coupled(
     free: np.ndarray,
     out: np.ndarray,
 ) -> None:
-    """Write to out (4, L) the free motions and what g at the end, and the patterns' motions (12,), add."""
+    """Write the motions (4, L): the own parts' free ones, what g at the end adds to them, the patterns' (12,)."""
     for q in range(4):
         a, b, x, y, z = own[level, q, 0], own[level, q, 1], pattern[q], pattern[4 + q], pattern[8 + q]
         for i in range(shared.shape[1]):
@@ -270,15 +271,13 @@ def _part_of(
 ) -> None:
     """Write what the inputs add in a part of step k, and what is held then; both run linearly between its ends."""
     share, done = part / SUBSTEPS, (part - 1.0) / SUBSTEPS
-    size = matrix.shape[2] // 2
-    for j in range(size):
-        out[0, j] = out[1, j] = 0.0
+    for j in range(matrix.shape[2]):
+        out[0, j] = 0.0
     for i in range(14):
         fraction = share if i < 7 else done
         u = inputs[k, i % 7 + 7] + fraction * (inputs[k, i % 7] - inputs[k, i % 7 + 7])
-        for j in range(size):
+        for j in range(matrix.shape[2]):
             out[0, j] += u * matrix[1, i, j]
-            out[1, j] += u * matrix[1, i, size + j]
     for q in range(3):
         for i in range(before.shape[1]):
             between[0, q, i] = before[q, i] + share * (held[k, q, i] - before[q, i])
@@ -305,11 +304,12 @@ def advance(  # noqa: PLR0912, PLR0915 - one loop: a call for each piece would c
     common, own, excess, patterns = state.common, state.own, state.excess, state.patterns
     alone, touch, standing = state.alone, state.touch, state.held
     lanes, pairs, n = shared.shape[1], transfer.shape[2], own_push.shape[1]
-    moved, next_own, next_touch = np.empty_like(common), own.copy(), np.empty_like(touch)
+    moved, next_own, next_touch = np.empty_like(common), np.zeros_like(own), np.empty_like(touch)
+    fine_forced = np.empty((1, 2 * pairs))
     a0, b0 = moved[0, spans[0, 0] : spans[0, 1]], moved[1, spans[0, 0] : spans[0, 1]]
     a1, b1 = moved[0, spans[1, 0] : spans[1, 1]], moved[1, spans[1, 0] : spans[1, 1]]
     a2, b2 = moved[0, spans[2, 0] : spans[2, 1]], moved[1, spans[2, 0] : spans[2, 1]]
-    own_observe, free, pattern = arrays.own_observe.copy(), np.empty((4, lanes)), np.empty(12)
+    own_observe, free, free_pattern, pattern = arrays.own_observe, np.empty((4, lanes)), np.empty(12), np.empty(12)
     motion, between, forced_by = np.empty((4, lanes)), np.empty((1, 3, 2 * lanes)), np.empty(2 * lanes)
     stage, later = motion.reshape(2, 2 * lanes), excess[2].reshape(2 * lanes)
     flat = excess.reshape(3, 2 * lanes), patterns, alone.reshape(3, 2 * lanes)
@@ -317,20 +317,19 @@ def advance(  # noqa: PLR0912, PLR0915 - one loop: a call for each piece would c
     while k < len(record):
         level = 1 if part else 0
         if part:
-            _part_of(part, inputs, k, fine, standing, held, moved, between)
+            _part_of(part, inputs, k, fine, standing, held, fine_forced, between)
+            _transfer(transfer, level, common, fine_forced, 0, moved)
         else:
-            for j in range(pairs):
-                moved[0, j], moved[1, j] = forced[k, j], forced[k, pairs + j]
+            _transfer(transfer, level, common, forced, k, moved)
             for q in range(3):
                 for i in range(2 * lanes):
                     between[0, q, i] = held[k, q, i]
-        _transfer(transfer, level, common, moved)
         _push(push0, level, patterns, 0, a0, b0, True)
         _push(push1, level, patterns, 2, a1, b1, True)
         _push(push2, level, patterns, 4, a2, b2, True)
-        _observe(observe0, a0, b0, n, own_observe)
-        _observe(observe1, a1, b1, n + 1, own_observe)
-        _observe(observe2, a2, b2, n + 2, own_observe)
+        _observe(observe0, a0, b0, 0, free_pattern)
+        _observe(observe1, a1, b1, 4, free_pattern)
+        _observe(observe2, a2, b2, 8, free_pattern)
         _own_free(own_transfer, own_push, level, own, alone, next_own)
         _mixed(own_observe, next_own, free)
         for kind in range(2):
@@ -338,7 +337,7 @@ def advance(  # noqa: PLR0912, PLR0915 - one loop: a call for each piece would c
                 excess[2, kind, i] = 2.0 * excess[1, kind, i] - excess[0, kind, i]
         for _ in range(_ROUNDS):
             _together(shared, excess, patterns)
-            _beyond(couple, level, patterns, pattern)
+            _beyond(couple, level, patterns, free_pattern, pattern)
             _coupled(own_couple, level, shared, excess, pattern, free, motion)
             forces(stage, between, 0, laws, forced_by, later)
         changed = _touching(stage, between, constants, touch, next_touch) > 0.0
@@ -352,12 +351,9 @@ def advance(  # noqa: PLR0912, PLR0915 - one loop: a call for each piece would c
         _push(push0, level, patterns, 0, a0, b0, False)
         _push(push1, level, patterns, 2, a1, b1, False)
         _push(push2, level, patterns, 4, a2, b2, False)
-        _own_end(own_push, level, alone, next_own)
+        _own_end(own_push, level, alone, next_own, own)
         for j in range(pairs):
             common[0, j], common[1, j] = moved[0, j], moved[1, j]
-        for j in range(n):
-            for i in range(lanes):
-                own[j, i] = next_own[j, i]
         for g in flat:
             _aged(g, changed)
         if part:

@@ -13,6 +13,7 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
+from tbm_dynamics.integration import aligned
 from tbm_dynamics.structure.couplings import Couplings
 
 _REGISTER = 8
@@ -90,7 +91,7 @@ class Held:
         self._turn, self._start = math.nan, math.nan
         self._stiffness, self._compliance = np.empty((2, len(self._instants), lanes))
         self._errors = np.empty((len(self._instants), 4 * lanes))
-        self._held = np.empty((len(self._instants), 3, 2 * lanes))
+        self._held = aligned.empty(len(self._instants), 3, 2 * lanes)
 
     def block(self, start: float, turn: float, rate: float) -> np.ndarray:
         """Give a block whose first step begins at mesh phase `start` (cycles), `turn` cycles a step, `rate` Hz.

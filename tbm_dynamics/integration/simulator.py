@@ -9,6 +9,7 @@ from typing import Literal
 
 import numpy as np
 
+from tbm_dynamics.integration import aligned
 from tbm_dynamics.integration.condensed import Condensed
 from tbm_dynamics.integration.errors import SimulationError
 from tbm_dynamics.integration.laws import Held, Laws, forces, lanes_for, widened
@@ -92,9 +93,9 @@ class Simulator:
         self._phase_step, self._phase_base = 0, 0.0
         self._apply(system.operating_point)
         self._inputs = np.zeros((_BLOCK, 2 * INPUTS))
-        self._forced = np.empty((_BLOCK, self._method.forced.shape[1]))
-        self._record = np.zeros((_BLOCK, len(self._method.output)))
-        self._force = np.empty((_BLOCK, 2 * lanes_for(self._drives)))
+        self._forced = aligned.empty(_BLOCK, self._method.forced.shape[1])
+        self._record = aligned.zeros(_BLOCK, len(self._method.output))
+        self._force = aligned.empty(_BLOCK, 2 * lanes_for(self._drives))
         self._last_inputs = np.zeros(INPUTS)
         self._start(system, dofs)
 

@@ -16,6 +16,7 @@ from tbm_dynamics.machine.entries import (
     GROUND,
     ConnectionType,
     Entry,
+    Line,
     Node,
     NonNegative,
     Positive,
@@ -101,7 +102,7 @@ class Connection(Entry):
     Six stiffnesses: x, y, z (N/m) and about x, y, z (N·m/rad). A node elsewhere follows through a rigid arm.
     """
 
-    name: str
+    name: Line
     between: tuple[Node, Node | Literal["ground"]]
     type: ConnectionType
     stiffness: SixPositiveOrZero
@@ -131,7 +132,7 @@ class MachineDescription(Entry):
     """A whole machine: three subsystems, the connections between them, and the loads on the cutterhead."""
 
     name: Annotated[str, Field(pattern=r"^[A-Za-z0-9_\-]+$")]
-    title: str
+    title: Line
     operating_point: OperatingPointEntry
     steel: Material
     damping: DampingReading = DampingReading()
@@ -141,7 +142,7 @@ class MachineDescription(Entry):
     carrier_girder: Subsystem
     connections: tuple[Connection, ...]
     load_node: Node
-    test_points: dict[str, Node]
+    test_points: dict[Line, Node]
     loads: LoadDescription
 
     def structural_nodes(self) -> dict[int, Vector3]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import warnings
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
@@ -85,9 +86,13 @@ def check_path(path: Path) -> None:
 def write_drawing(machine: Machine, path: Path) -> None:
     """Write the drawing of a machine as .png or .svg."""
     check_path(path)
-    # Fixed salt and no date: equal machines give equal files.
-    with rc_context({"svg.hashsalt": "tbm_monitor"}):
-        draw_machine(machine).savefig(path, dpi=150, metadata={"Date": None} if path.suffix == ".svg" else None)
+    # Fixed salt and no date: equal machines give equal files. Names of others are no mathematics.
+    with rc_context({"svg.hashsalt": "tbm_monitor", "text.parse_math": False}), warnings.catch_warnings():
+        warnings.filterwarnings("ignore", "Glyph .* missing from font")  # it draws a box
+        try:
+            draw_machine(machine).savefig(path, dpi=150, metadata={"Date": None} if path.suffix == ".svg" else None)
+        except OSError as error:
+            raise OSError(error.errno, error.strerror, str(path)) from None
 
 
 def draw_machine(machine: Machine) -> Figure:

@@ -4,7 +4,7 @@ Sources: Maxwell and Betti (a force here moves there as a force there moves here
 (no load of any direction and frequency draws power from it: the Hermitian part of the mobility is not negative), and
 the conservation of energy. Tolerances: the first two are exact, held to the rounding of a solution with numbers that
 differ by 1e12. Energy at teeth that part and meet without damping: the reference method to 0.05 % over 1000 strikes (no
-trend: the borders of contact lie anywhere in a step); the production method, which finds contact to a sixteenth of a
+trend: the borders of contact lie anywhere in a step); the production method, which finds contact to a 32nd of a
 step, loses up to 3e-5 of the energy at a change of contact, as a damping ratio of 5e-6 would.
 """
 

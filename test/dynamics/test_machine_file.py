@@ -97,6 +97,7 @@ WRONG = {
     "unknown reading": ("reading: stiffness_proportional", "reading: modal", "damping.reading", "'ratio'"),
     "massless": ("rotor: {mass: 1100,", "rotor: {mass: 0,", "driveshaft.rotor.mass", "greater than 0"),
     "grade": ("accuracy_grade: 6", "accuracy_grade: 13", "gear.accuracy_grade", "less than or equal to 12"),
+    "title that rings": ("title: ", 'title: "\\a" # ', "title", "printable"),
     "text for a number": ("speed_r_min: 5.6", "speed_r_min: fast", "operating_point.speed_r_min", "valid number"),
 }
 

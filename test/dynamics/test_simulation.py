@@ -196,7 +196,7 @@ def test_without_damping_a_step_load_rings_for_ever(undamped, method):
     motion = (1.0 - np.cos(np.outer(time, omega))) * amplitude @ shapes.T
     still = undamped.equilibrium().displacement
     found = chunk.displacement.reshape(steps, -1)
-    # Modes above the cut-off answer a reduced run by their static part: 1 % of the largest motion.
+    # The reduced basis leaves out what is small beside the largest motion: 1 %.
     tolerance = 1e-7 if method == "full" else 0.01
     assert np.abs(found - still - motion).max(axis=0).max() < tolerance * np.abs(motion).max()
 
