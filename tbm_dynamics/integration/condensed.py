@@ -18,7 +18,8 @@ import scipy.linalg
 
 from tbm_dynamics.integration import aligned
 from tbm_dynamics.integration.basis import Part, SplitBasis, split_basis
-from tbm_dynamics.integration.condensed_kernel import PATTERNS, SUBSTEPS, Arrays, State, advance
+from tbm_dynamics.integration.condensed_arrays import PATTERNS, Arrays, Room, State
+from tbm_dynamics.integration.condensed_kernel import SUBSTEPS, advance
 from tbm_dynamics.integration.iteration import refuse_coarse
 from tbm_dynamics.integration.laws import Laws, widened
 from tbm_dynamics.integration.linear import INPUTS
@@ -55,7 +56,7 @@ class Condensed:
         )
         self._arrays = _both(arrays, _arrays(split, *_stepped(split, step / SUBSTEPS)))
         self.forced = self._arrays.forced[0]
-        self._state = _still(self._arrays)
+        self._state, self._room = _still(self._arrays), _room(self._arrays)
         self._wanted = np.array(
             [i for i, dofs in enumerate(self._drives.dofs) if lonely and np.isin(dofs, output_dofs).any()],
             dtype=np.intp,
@@ -116,7 +117,9 @@ class Condensed:
         force: np.ndarray,
     ) -> int:
         """Advance by n steps; see `method.Method`."""
-        return int(advance(self._arrays, laws, held, inputs, forced, self._state, self._wanted, record, force))
+        return int(
+            advance(self._arrays, laws, held, inputs, forced, self._state, self._room, self._wanted, record, force)
+        )
 
 
 class _Stepped:
@@ -271,4 +274,20 @@ def _still(arrays: Arrays) -> State:
         alone=aligned.zeros(3, 2, lanes),
         touch=aligned.zeros(2 * lanes),
         held=aligned.zeros(3, 2 * lanes),
+    )
+
+
+def _room(arrays: Arrays) -> Room:
+    pairs, lanes, n = arrays.transfer.shape[2], arrays.shared.shape[1], arrays.own_push.shape[1]
+    return Room(
+        moved=aligned.zeros(2, pairs),
+        own=aligned.zeros(n, lanes),
+        free=aligned.zeros(4, lanes),
+        motion=aligned.zeros(4, lanes),
+        free_pattern=aligned.zeros(4 * PATTERNS),
+        pattern=aligned.zeros(4 * PATTERNS),
+        force=aligned.zeros(2 * lanes),
+        touch=aligned.zeros(2 * lanes),
+        held=aligned.zeros(1, 3, 2 * lanes),
+        forced=aligned.zeros(1, 2 * pairs),
     )

@@ -3,15 +3,12 @@
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
 
 import numpy as np
 from numba import njit
 
+from tbm_dynamics.integration.condensed_arrays import PATTERNS, Arrays, Room, State
 from tbm_dynamics.integration.laws import Laws, forces
-
-PATTERNS = 3
-"""Places for the patterns of the drives: 1, cos and sin; idle ones are zero."""
 
 SUBSTEPS = 32
 """Parts of a step in which a mesh meets or leaves a flank."""
@@ -19,86 +16,11 @@ SUBSTEPS = 32
 # Rounds over g at the end of a step. A round shrinks the error by about (ω_mesh τ)²/6.
 _ROUNDS = 2
 
-
-class Arrays(NamedTuple):
-    """Constant arrays of a step; M pairs of the common parts, n states of an own part, drives in L lanes.
-
-    What depends on the length of the step stands twice, for a whole step and for a part of one. Motions are of 4 kinds:
-    deflection of mesh and of gearbox, rate of mesh and of gearbox. g is of 2 kinds, the excess of mesh and of gearbox.
-    Rows and columns of patterns go by pattern, then time, then kind. A pattern acts on w of the pairs only, those of
-    the part that holds it.
-
-    Attributes
-    ----------
-    spans : (3, 2) ndarray of int
-        Pairs from and to which each pattern acts.
-    transfer : (2, 4, M) ndarray
-        Action on the pairs of the common parts.
-    observe : tuple of 3 (4, 2, w) ndarray
-        Motions in a pattern from the pairs.
-    push : tuple of 3 (2, 6, 2, w) ndarray
-        What g in a pattern, a step before, now and at the end, adds to the pairs at the end.
-    couple : (2, 12, 6 …) ndarray
-        What g at the end adds to the motions beyond what `own_couple` adds to every drive; idle columns at the end.
-    own_transfer : (2, 4, n/2), own_push : (2, n, 6) ndarray
-        The same for the own part of every drive.
-    own_observe : (4, n) ndarray
-        Motions of a drive beyond the patterns from its states.
-    own_couple : (2, 4, 2) ndarray
-        What g at the end adds to them.
-    shared : (3, L) ndarray
-        The patterns.
-    forced : (2, 14, 2M) ndarray
-        What u at the end and u now add to the pairs.
-    """
-
-    spans: np.ndarray
-    transfer: np.ndarray
-    observe: tuple[np.ndarray, np.ndarray, np.ndarray]
-    push: tuple[np.ndarray, np.ndarray, np.ndarray]
-    couple: np.ndarray
-    own_transfer: np.ndarray
-    own_push: np.ndarray
-    own_observe: np.ndarray
-    own_couple: np.ndarray
-    shared: np.ndarray
-    forced: np.ndarray
-
-
-class State(NamedTuple):
-    """Where a run stands; g a step before, now, and room for it at the end of the next.
-
-    Attributes
-    ----------
-    common : (2, M) ndarray
-        Pairs of the common parts.
-    own : (n, L) ndarray
-        States of the drives' own parts.
-    excess : (3, 2, L) ndarray
-        g of every coupling.
-    patterns : (3, 6) ndarray
-        The same in the patterns.
-    alone : (3, 2, L) ndarray
-        The same of the drives beyond the patterns.
-    touch : (2L,) ndarray
-        1 on the drive flank, 0 open, −1 on the back flank.
-    held : (3, 2L) ndarray
-        What was held of the couplings now.
-    """
-
-    common: np.ndarray
-    own: np.ndarray
-    excess: np.ndarray
-    patterns: np.ndarray
-    alone: np.ndarray
-    touch: np.ndarray
-    held: np.ndarray
-
-
 # No slices of arrays within the steps: each would be counted as a reference. Dot products may be summed in vectors:
 # their length is fixed, so each is always summed in the same order.
-_SUMS = {"cache": True, "error_model": "numpy", "fastmath": {"reassoc", "contract", "nsz"}}
-_LOOPS = {"cache": True, "error_model": "numpy", "fastmath": {"contract"}}
+_INNER = {"cache": True, "no_cpython_wrapper": True, "no_cfunc_wrapper": True, "error_model": "numpy"}
+_SUMS = {**_INNER, "fastmath": {"reassoc", "contract", "nsz"}}
+_LOOPS = {**_INNER, "fastmath": {"contract"}}
 
 
 @njit(**_SUMS)  # type: ignore[untyped-decorator]
@@ -291,6 +213,7 @@ def advance(  # noqa: PLR0912, PLR0915 - one loop: a call for each piece would c
     inputs: np.ndarray,
     forced: np.ndarray,
     state: State,
+    room: Room,
     wanted: np.ndarray,
     record: np.ndarray,
     force: np.ndarray,
@@ -304,32 +227,34 @@ def advance(  # noqa: PLR0912, PLR0915 - one loop: a call for each piece would c
     common, own, excess, patterns = state.common, state.own, state.excess, state.patterns
     alone, touch, standing = state.alone, state.touch, state.held
     lanes, pairs, n = shared.shape[1], transfer.shape[2], own_push.shape[1]
-    moved, next_own, next_touch = np.empty_like(common), np.zeros_like(own), np.empty_like(touch)
-    fine_forced = np.empty((1, 2 * pairs))
+    moved, next_own, next_touch, fine_forced = room.moved, room.own, room.touch, room.forced
     a0, b0 = moved[0, spans[0, 0] : spans[0, 1]], moved[1, spans[0, 0] : spans[0, 1]]
     a1, b1 = moved[0, spans[1, 0] : spans[1, 1]], moved[1, spans[1, 0] : spans[1, 1]]
     a2, b2 = moved[0, spans[2, 0] : spans[2, 1]], moved[1, spans[2, 0] : spans[2, 1]]
-    own_observe, free, free_pattern, pattern = arrays.own_observe, np.empty((4, lanes)), np.empty(12), np.empty(12)
-    motion, between, forced_by = np.empty((4, lanes)), np.empty((1, 3, 2 * lanes)), np.empty(2 * lanes)
+    own_observe, free, free_pattern, pattern = arrays.own_observe, room.free, room.free_pattern, room.pattern
+    motion, between, forced_by = room.motion, room.held, room.force
     stage, later = motion.reshape(2, 2 * lanes), excess[2].reshape(2 * lanes)
     flat = excess.reshape(3, 2 * lanes), patterns, alone.reshape(3, 2 * lanes)
+    # Not as literals: the functions would be compiled anew for each.
+    order = np.arange(PATTERNS)
+    i0, i1, i2 = order[0], order[1], order[2]
     k = part = 0
     while k < len(record):
         level = 1 if part else 0
         if part:
             _part_of(part, inputs, k, fine, standing, held, fine_forced, between)
-            _transfer(transfer, level, common, fine_forced, 0, moved)
+            _transfer(transfer, level, common, fine_forced, i0, moved)
         else:
             _transfer(transfer, level, common, forced, k, moved)
             for q in range(3):
                 for i in range(2 * lanes):
                     between[0, q, i] = held[k, q, i]
-        _push(push0, level, patterns, 0, a0, b0, True)
-        _push(push1, level, patterns, 2, a1, b1, True)
-        _push(push2, level, patterns, 4, a2, b2, True)
-        _observe(observe0, a0, b0, 0, free_pattern)
-        _observe(observe1, a1, b1, 4, free_pattern)
-        _observe(observe2, a2, b2, 8, free_pattern)
+        _push(push0, level, patterns, 2 * i0, a0, b0, True)
+        _push(push1, level, patterns, 2 * i1, a1, b1, True)
+        _push(push2, level, patterns, 2 * i2, a2, b2, True)
+        _observe(observe0, a0, b0, 4 * i0, free_pattern)
+        _observe(observe1, a1, b1, 4 * i1, free_pattern)
+        _observe(observe2, a2, b2, 4 * i2, free_pattern)
         _own_free(own_transfer, own_push, level, own, alone, next_own)
         _mixed(own_observe, next_own, free)
         for kind in range(2):
@@ -339,7 +264,7 @@ def advance(  # noqa: PLR0912, PLR0915 - one loop: a call for each piece would c
             _together(shared, excess, patterns)
             _beyond(couple, level, patterns, free_pattern, pattern)
             _coupled(own_couple, level, shared, excess, pattern, free, motion)
-            forces(stage, between, 0, laws, forced_by, later)
+            forces(stage, between, i0, laws, forced_by, later)
         changed = _touching(stage, between, constants, touch, next_touch) > 0.0
         if changed and part == 0:
             part = 1
@@ -348,9 +273,9 @@ def advance(  # noqa: PLR0912, PLR0915 - one loop: a call for each piece would c
             continue
         _together(shared, excess, patterns)
         _alone(shared, excess, patterns, alone)
-        _push(push0, level, patterns, 0, a0, b0, False)
-        _push(push1, level, patterns, 2, a1, b1, False)
-        _push(push2, level, patterns, 4, a2, b2, False)
+        _push(push0, level, patterns, 2 * i0, a0, b0, False)
+        _push(push1, level, patterns, 2 * i1, a1, b1, False)
+        _push(push2, level, patterns, 2 * i2, a2, b2, False)
         _own_end(own_push, level, alone, next_own, own)
         for j in range(pairs):
             common[0, j], common[1, j] = moved[0, j], moved[1, j]

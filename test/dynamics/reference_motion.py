@@ -18,8 +18,8 @@ def start_of(system, chunk):
     return np.concatenate([chunk.displacement[0].ravel(), (after - before) * rate / (2.0 * small)])
 
 
-def reference_motion(system, start, loads, times, speed, torque=None, tolerance=1e-8):
-    """Displacements (n, unknowns), accelerations and mesh forces (n, p) of scipy's Radau at `times`.
+def reference_motion(system, start, loads, times, speed, torque=None, tolerance=1e-8, solver="Radau"):
+    """Displacements (n, unknowns), accelerations and mesh forces (n, p) of a solver of scipy's at `times`.
 
     `start` is (q, q̇) at time 0, `loads(t)` the six cutterhead loads, `speed(t)` the integral of the head's speed, rad.
     """
@@ -59,7 +59,7 @@ def reference_motion(system, start, loads, times, speed, torque=None, tolerance=
         right,
         (0.0, times[-1]),
         start,
-        "Radau",
+        solver,
         t_eval=times,
         jac=jacobian,
         rtol=tolerance,
