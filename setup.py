@@ -64,7 +64,7 @@ setup(
     python_requires=">=3.11",
     packages=find_packages(include=["tbm_*"]),
     package_data={
-        "tbm_dynamics": ["machines/*.yaml", "py.typed"],
+        "tbm_dynamics": ["machines/*.yaml", "machines/*.csv", "py.typed"],
         "tbm_msgs_py": ["py.typed"],
         "tbm_gsa": ["report/*.html", "py.typed"],
     },
