@@ -11,6 +11,7 @@ from typing import Annotated, Literal
 from pydantic import Field, model_validator
 
 from tbm_dynamics.loads.description import LoadDescription
+from tbm_dynamics.machine.cutters import CuttersEntry
 from tbm_dynamics.machine.drive import DriveTemplate
 from tbm_dynamics.machine.entries import (
     GROUND,
@@ -144,6 +145,7 @@ class MachineDescription(Entry):
     load_node: Node
     test_points: dict[Line, Node]
     loads: LoadDescription
+    cutters: CuttersEntry | None = None
 
     def structural_nodes(self) -> dict[int, Vector3]:
         """Positions of the nodes that are not part of a drive."""

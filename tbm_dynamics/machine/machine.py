@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from tbm_dynamics.loads.cutters import CutterError, Cutterhead, CutterLoads, Disc, Fracture, Rock, read_layout
 from tbm_dynamics.loads.spectral import SpectralLoads
 from tbm_dynamics.machine.description import MachineDescription
 from tbm_dynamics.machine.inputs import apply_inputs
@@ -105,6 +106,33 @@ class Machine:
     def loads(self, seed: int = 0) -> SpectralLoads:
         """Cutterhead loads at the operating point, a pure function of (seed, time)."""
         return SpectralLoads(self.description.loads, scale=self.load_scale(), seed=seed)
+
+    def cutter_loads(self, seed: int = 0) -> CutterLoads:
+        """Cutterhead loads from the discs at the operating point's speed and thrust.
+
+        Raises
+        ------
+        MachineError
+            A file without cutters, a layout or a thrust that cannot be; one line.
+        """
+        entry = self.description.cutters
+        if entry is None:
+            raise MachineError(f"{self.origin}: cutters: missing; the cutter level of the loads needs this section")
+        beside = Path(self.origin).parent / entry.layout
+        try:
+            head = Cutterhead(
+                layout=read_layout(beside if beside.is_file() else entry.layout, entry.head_radius),
+                disc=Disc(entry.disc.radius, entry.disc.tip_width, entry.disc.pressure_exponent),
+                rock=Rock(entry.rock.ucs_mpa * 1e6, entry.rock.bts_mpa * 1e6),
+                fracture=Fracture(**entry.fracture.model_dump(exclude={"source"})),
+                side_share=entry.side_share,
+                friction=entry.friction_kn * 1e3,
+                idle_torque=entry.idle_torque_kn_m * 1e3,
+            )
+            point = self.operating_point
+            return CutterLoads(head, point.thrust, point.speed, seed)
+        except CutterError as error:
+            raise MachineError(f"{self.origin}: cutters: {error}") from None
 
     def assemble(self) -> System:
         """Assemble M, C, K and the couplings.

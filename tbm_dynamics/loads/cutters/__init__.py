@@ -1,8 +1,22 @@
 """The cutter level of the loads: discs on the head, the rock's forces on each, their sum."""
 
 from tbm_dynamics.loads.cutters.csm import Disc, Rock, cutting_forces
+from tbm_dynamics.loads.cutters.cutter_loads import Cutterhead, CutterLoads
 from tbm_dynamics.loads.cutters.errors import CutterError
+from tbm_dynamics.loads.cutters.fracture import Fracture
 from tbm_dynamics.loads.cutters.head import head_wrench, turned
 from tbm_dynamics.loads.cutters.layout import CutterLayout, read_layout
 
-__all__ = ["CutterError", "CutterLayout", "Disc", "Rock", "cutting_forces", "head_wrench", "read_layout", "turned"]
+__all__ = [
+    "CutterError",
+    "CutterLayout",
+    "CutterLoads",
+    "Cutterhead",
+    "Disc",
+    "Fracture",
+    "Rock",
+    "cutting_forces",
+    "head_wrench",
+    "read_layout",
+    "turned",
+]

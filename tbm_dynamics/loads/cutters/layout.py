@@ -56,14 +56,14 @@ class CutterLayout:
     def spacing(self) -> FloatArray:
         """Width of rock that each disc breaks, (n,) m: half the way to the tracks on both sides, along the face.
 
-        The innermost track has itself across the axis for a neighbour, the outermost one none outside.
+        The innermost track has itself across the axis for a neighbour, the outermost one as much outside as inside.
         """
         order = np.argsort(self.radius, kind="stable")
         tracks, tilt = self.radius[order], self.tilt[order]
         # The face bends back with the tilt: the way along it is longer than the radii differ.
         steps = np.diff(tracks) / np.cos(0.5 * (tilt[1:] + tilt[:-1]))
         inside = np.concatenate([[2.0 * tracks[0]], steps])
-        outside = np.concatenate([steps, steps[-1:]])
+        outside = np.concatenate([steps, inside[-1:]])
         found = np.empty_like(tracks)
         found[order] = 0.5 * (inside + outside)
         return found

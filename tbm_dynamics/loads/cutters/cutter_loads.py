@@ -1,0 +1,188 @@
+"""Cutterhead loads from the discs: a pure function of (seed, time), and of the head's angle while the speed changes."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+import scipy.optimize
+from numba import njit
+from numpy.typing import ArrayLike
+
+from tbm_dynamics.loads.cutters.csm import Disc, Rock, cutting_forces
+from tbm_dynamics.loads.cutters.errors import CutterError
+from tbm_dynamics.loads.cutters.fracture import Fracture, Teeth, fluctuation, teeth
+from tbm_dynamics.loads.cutters.head import wrench_rows
+from tbm_dynamics.loads.cutters.layout import CutterLayout, FloatArray
+from tbm_dynamics.loads.noise import hashed_generator
+
+_DEEPEST = 0.05
+"""Penetration in a turn up to which a thrust is met, m."""
+
+_STRETCH = 4.0
+"""Of time (s) or angle (rad) whose chips are found at once."""
+
+_KEPT = 4
+
+
+@dataclass(frozen=True)
+class Cutterhead:
+    """A head with its discs in a rock.
+
+    Attributes
+    ----------
+    layout : CutterLayout
+    disc : Disc
+    rock : Rock
+    fracture : Fracture
+    side_share : float
+        Side force of a gauge disc over its normal force.
+    friction : float
+        Thrust that reaches no disc, N.
+    idle_torque : float
+        Torque that reaches no disc, N·m.
+    """
+
+    layout: CutterLayout
+    disc: Disc
+    rock: Rock
+    fracture: Fracture
+    side_share: float
+    friction: float
+    idle_torque: float
+
+    def wrenches(self, penetration: float) -> FloatArray:
+        """Compute the mean wrench of each disc on the head at angle 0, (n, 6), N and N·m."""
+        normal, rolling = cutting_forces(self.rock, self.disc, self.layout.spacing, penetration)
+        gauge = np.array([kind == "gauge" for kind in self.layout.kind])
+        forces = np.array([normal, rolling, self.side_share * gauge * normal])
+        found: FloatArray = np.einsum("kn,knc->nc", forces, wrench_rows(self.layout))
+        return found
+
+    def penetration(self, thrust: float) -> float:
+        """Find the penetration in a turn at which the discs take up the thrust, m.
+
+        Raises
+        ------
+        CutterError
+            A thrust that friction takes up, or that the rock cannot.
+        """
+
+        def surplus(depth: float) -> float:
+            return float(self.friction - self.wrenches(depth)[:, 0].sum() - thrust)
+
+        most = surplus(_DEEPEST) + thrust
+        if not self.friction <= thrust <= most:
+            raise CutterError(
+                f"thrust {thrust / 1e3:g} kN, allowed are {self.friction / 1e3:g} kN, which friction takes up, to "
+                f"{most / 1e3:.0f} kN, which presses the discs {_DEEPEST * 1e3:g} mm into the rock"
+            )
+        return float(scipy.optimize.brentq(surplus, 0.0, _DEEPEST, xtol=1e-9))
+
+
+class CutterLoads:
+    """The six load components of node 1, N and N·m, in fixed axes.
+
+    Parameters
+    ----------
+    head : Cutterhead
+    thrust : float
+        N.
+    speed : float
+        Of the head, rad/s.
+    seed : int
+        Of the chips.
+    """
+
+    def __init__(self, head: Cutterhead, thrust: float, speed: float, seed: int = 0) -> None:
+        if not (math.isfinite(speed) and speed > 0.0):
+            raise CutterError(f"speed {speed:g} rad/s, must be a number above 0")
+        self.head, self.speed, self.seed = head, speed, seed
+        self.penetration = head.penetration(thrust)
+        self._wrenches = head.wrenches(self.penetration)
+        self._rest = np.array([-head.friction, 0.0, 0.0, -head.idle_torque, 0.0, 0.0])
+        fracture, layout = head.fracture, head.layout
+        along = layout.radius if fracture.along == "angle" else np.ones_like(layout.radius)
+        self._rates = along / fracture.chip
+        self._phases = hashed_generator(seed, "chips/phase").random(len(self._rates))
+        self._kept: dict[int, Teeth] = {}
+
+    @property
+    def mean(self) -> FloatArray:
+        """Mean of each component over whole turns, (6,), N and N·m: what turns with the head leaves nothing."""
+        kept = np.array([1.0, 0.0, 0.0, 1.0, 0.0, 0.0])
+        found: FloatArray = self._rest + kept * self._wrenches.sum(axis=0)
+        return found
+
+    def evaluate(self, time: ArrayLike, angle: ArrayLike | None = None) -> FloatArray:
+        """Evaluate the loads at any times.
+
+        Parameters
+        ----------
+        time : array_like, shape (n,)
+            Stream time in s, in any order.
+        angle : array_like, shape (n,), optional
+            Of the head at those times, rad; at constant speed by default.
+
+        Returns
+        -------
+        ndarray, shape (n, 6)
+            N and N·m; the same bits for the same time and angle, however they are asked for.
+        """
+        times = np.asarray(time, dtype=float)
+        angles = self.speed * times if angle is None else np.asarray(angle, dtype=float)
+        if times.ndim != 1 or angles.shape != times.shape:
+            raise ValueError(f"time and angle must have the same shape (n,), not {times.shape} and {angles.shape}")
+        base = angles if self.head.fracture.along == "angle" else times
+        if not np.all(np.isfinite(angles) & (np.abs(base) <= 1e9)):
+            raise ValueError("time and angle must be finite, within ±1e9")
+        loads = np.empty((times.size, 6))
+        stretches = np.floor(base / _STRETCH).astype(np.int64)
+        order = np.argsort(stretches, kind="stable")
+        release = self.head.fracture.release
+        for run in np.split(order, np.flatnonzero(np.diff(stretches[order])) + 1):
+            if run.size:
+                chips = self._chips(int(stretches[run[0]]))
+                loads[run] = _summed(
+                    base[run], angles[run], self._rates, self._phases, chips, release, self._wrenches, self._rest
+                )
+        return loads
+
+    def _chips(self, stretch: int) -> Teeth:
+        found = self._kept.pop(stretch, None)
+        if found is None:
+            ends = (self._rates * (stretch + i) * _STRETCH + self._phases for i in (0, 1))
+            found = teeth(self.head.fracture, self.seed, *ends)
+        self._kept[stretch] = found  # the most recently used one is last
+        if len(self._kept) > _KEPT:
+            del self._kept[next(iter(self._kept))]
+        return found
+
+
+@njit(cache=True, error_model="numpy")  # type: ignore[untyped-decorator]
+def _summed(
+    base: np.ndarray,
+    angle: np.ndarray,
+    rates: np.ndarray,
+    phases: np.ndarray,
+    chips: Teeth,
+    release: float,
+    wrenches: np.ndarray,
+    rest: np.ndarray,
+) -> np.ndarray:
+    """Sum the discs at places `base` (n,) and turn them with the head: (n, 6)."""
+    out = np.empty((len(base), 6))
+    total = np.empty(6)
+    for i in range(len(base)):
+        total[:] = 0.0
+        for disc in range(len(rates)):
+            force = 1.0 + fluctuation(rates[disc] * base[i] + phases[disc], disc, chips, release)
+            for c in range(6):
+                total[c] += force * wrenches[disc, c]
+        cosine, sine = math.cos(angle[i]), math.sin(angle[i])
+        for c in (0, 3):
+            out[i, c] = rest[c] + total[c]
+            out[i, c + 1] = rest[c + 1] + cosine * total[c + 1] - sine * total[c + 2]
+            out[i, c + 2] = rest[c + 2] + sine * total[c + 1] + cosine * total[c + 2]
+    return out

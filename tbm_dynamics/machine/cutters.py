@@ -1,0 +1,65 @@
+"""The ``cutters:`` section of a machine file: the discs, where they sit, and the rock they cut."""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal
+
+from pydantic import Field
+
+from tbm_dynamics.machine.entries import Entry, Line, NonNegative, Positive, Source
+
+Share = Annotated[float, Field(ge=0.0, le=1.0)]
+
+
+class DiscEntry(Entry):
+    """A cutter ring: radius and width of its tip (m), exponent ψ of the pressure along the arc of contact."""
+
+    radius: Positive
+    tip_width: Positive
+    pressure_exponent: Annotated[float, Field(ge=-0.2, le=0.2)] = 0.0
+    source: Source
+
+
+class RockEntry(Entry):
+    """Uniaxial compressive and Brazilian tensile strength of the intact rock, MPa."""
+
+    ucs_mpa: Positive
+    bts_mpa: Positive
+    source: Source
+
+
+class FractureEntry(Entry):
+    """How the rock chips under a disc; see `tbm_dynamics.loads.cutters.fracture.Fracture`."""
+
+    along: Literal["angle", "time"]
+    chip: Positive
+    jitter: Annotated[float, Field(ge=0.0, le=0.9)]
+    heights: tuple[Share, Share]
+    release: Annotated[float, Field(ge=0.01, le=0.5)]
+    source: Source
+
+
+class CuttersEntry(Entry):
+    """The cutters of a head and what reaches the head past them.
+
+    Attributes
+    ----------
+    layout : str
+        Name of a shipped machine whose layout it is, or a CSV file beside the machine file.
+    head_radius : float
+        m; no disc is farther out.
+    side_share : float
+        Side force of a gauge disc over its normal force.
+    friction_kn, idle_torque_kn_m : float
+        Thrust and torque that reach no disc.
+    """
+
+    layout: Line
+    head_radius: Positive
+    disc: DiscEntry
+    rock: RockEntry
+    fracture: FractureEntry
+    side_share: Share
+    friction_kn: NonNegative
+    idle_torque_kn_m: NonNegative
+    source: Source
