@@ -3,16 +3,22 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
+from dataclasses import replace
+from typing import Literal
 
 import numpy as np
 
 from tbm_dynamics.integration.errors import SimulationError
 from tbm_dynamics.integration.simulator import DEFAULT_STEP, Chunk, MethodName, Simulator
+from tbm_dynamics.loads.cutters import CutterLoads
+from tbm_dynamics.loads.spectral import SpectralLoads
 from tbm_dynamics.machine.machine import Machine
 from tbm_dynamics.response import Response
 from tbm_dynamics.structure.drive import gear_pair
 
 _CHUNK_STEPS = 8192
+
+LoadLevel = Literal["spectral", "cutter"]
 
 Progress = Callable[[float], None]
 """Called with the share of the run that is done, 0 to 1."""
@@ -32,6 +38,7 @@ def simulate(
     *,
     time_step: float = DEFAULT_STEP,
     method: MethodName = "reduced",
+    loads: LoadLevel = "spectral",
     outputs: Iterable[int] | None = None,
     progress: Progress | None = None,
 ) -> Response:
@@ -47,6 +54,8 @@ def simulate(
     time_step : float
         s.
     method : "reduced" or "full"
+    loads : "spectral" or "cutter"
+        Table 1's spectra, or the discs' forces; the motors then hold the mean torque of the discs.
     outputs : iterable of int, optional
         Nodes whose motion is kept; test points, 8 and 14 by default. The indicators need the last two.
     progress : callable, optional
@@ -54,7 +63,7 @@ def simulate(
     Raises
     ------
     MachineError
-        A machine that cannot be assembled, an unknown node.
+        A machine that cannot be assembled, an unknown node, a file without cutters.
     SimulationError
         A duration without steps, a run that diverges.
     """
@@ -63,13 +72,17 @@ def simulate(
         raise SimulationError(f"duration {duration} s: must be at least one time step of {time_step} s")
     nodes = default_outputs(machine) if outputs is None else tuple(outputs)
     system = machine.assemble()
+    wanted: SpectralLoads | CutterLoads = machine.loads(seed)
+    if loads == "cutter":
+        wanted = machine.cutter_loads(seed)
+        point = replace(system.operating_point, torque=-float(wanted.mean[3]))
+        system = replace(system, mean_load=wanted.mean, operating_point=point)
     simulator = Simulator(system, nodes, time_step, method)
-    loads = machine.loads(seed)
     time = np.arange(steps) * time_step
     run = Chunk(0, np.empty((steps, 2, len(nodes), 6)), np.empty((steps, system.couplings.drives)))
     for first in range(0, steps, _CHUNK_STEPS):
         part = slice(first, min(first + _CHUNK_STEPS, steps))
-        simulator.step(loads.evaluate(time[part]), Chunk(first, run.motion[part], run.mesh_force[part]))
+        simulator.step(wanted.evaluate(time[part]), Chunk(first, run.motion[part], run.mesh_force[part]))
         if progress is not None:
             progress(part.stop / steps)
     drive = machine.description.driveshaft
@@ -81,6 +94,6 @@ def simulate(
         mesh_force=run.mesh_force,
         ring_node=drive.ring_node,
         pinion_node=drive.pinion_nodes_from + 1,
-        static_mesh_force=machine.operating_point.torque / (drive.count * gear_pair(drive).ring_base_radius),
+        static_mesh_force=system.operating_point.torque / (drive.count * gear_pair(drive).ring_base_radius),
         states=simulator.states,
     )

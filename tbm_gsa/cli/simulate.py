@@ -11,6 +11,7 @@ from rich.table import Table
 
 from tbm_dynamics import Machine, Response, load_machine
 from tbm_dynamics import simulate as run_model
+from tbm_dynamics.simulation import LoadLevel
 from tbm_gsa.cli.output import JSON_OPTION, MACHINE_OPTION, SEED_OPTION, print_json, progress_bar, results
 
 G = 9.80665
@@ -30,18 +31,23 @@ def simulate(
     duration: Annotated[float, typer.Option(max=3600.0, help="Simulated time (s).")] = 3.0,
     machine: Annotated[str, MACHINE_OPTION] = "dz101",
     seed: Annotated[int, SEED_OPTION] = 0,
+    loads: Annotated[
+        LoadLevel, typer.Option(help="Loads from Table 1's spectra, or from the forces on the disc cutters.")
+    ] = "spectral",
     json: Annotated[bool, JSON_OPTION] = False,
 ) -> None:
     """Run the model and print its indicators and accelerations."""
     described = load_machine(machine)
     # The kernel is compiled, and the factor below is that of the model, not of the compiler.
-    run_model(described, duration=1e-3, seed=seed)
+    run_model(described, duration=1e-3, seed=seed, loads=loads)
     start = time.perf_counter()
     with progress_bar("simulating") as bar:
         task = bar.add_task("", total=1.0)
-        response = run_model(described, duration, seed, progress=lambda share: bar.update(task, completed=share))
+        response = run_model(
+            described, duration, seed, loads=loads, progress=lambda share: bar.update(task, completed=share)
+        )
     seconds = time.perf_counter() - start
-    document = simulation_document(described, response, seed, duration / seconds)
+    document = {**simulation_document(described, response, seed, duration / seconds), "loads": loads}
     if json:
         print_json(document)
     else:

@@ -68,6 +68,13 @@ def test_study_resume_and_report(command, tmp_path):
     assert store.read_bytes() == before, "nothing was simulated again"
 
 
+def test_simulate_with_the_cutters(command):
+    code, out, _ = command("simulate", "--duration", "0.1", "--loads", "cutter", "--json")
+    document = json.loads(out)
+    assert (code, document["loads"]) == (0, "cutter")
+    assert document["mesh_force"]["mean"] == pytest.approx(3.04e6 / (10 * 1.5153), rel=0.3)
+
+
 MACHINE = "tbm_dynamics/machines/dz101.yaml"
 BAD = {
     "no such bag": (["compare", "nowhere"], "nowhere"),
