@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from typing import Annotated, Literal
 
-from pydantic import Field
+from pydantic import Field, FiniteFloat
 
-from tbm_dynamics.machine.entries import Entry, Line, NonNegative, Positive, Source
+from tbm_dynamics.machine.entries import Entry, Line, Node, NonNegative, Positive, Source
 
 Share = Annotated[float, Field(ge=0.0, le=1.0)]
 
@@ -39,6 +39,30 @@ class FractureEntry(Entry):
     source: Source
 
 
+class LayerEntry(Entry):
+    """Rock above a level (z, m, 0 at the axis): its strength over that of the rock."""
+
+    level: FiniteFloat
+    strength: NonNegative
+
+
+class BoulderEntry(Entry):
+    """Rock within a circle: y and z of its centre and its radius (m), its strength over that of the rock."""
+
+    y: FiniteFloat
+    z: FiniteFloat
+    radius: Positive
+    strength: NonNegative
+
+
+class FaceEntry(Entry):
+    """Where rock and cutters differ: zones, a later one over an earlier one; force of cutters over that of new ones."""
+
+    zones: tuple[LayerEntry | BoulderEntry, ...] = ()
+    wear: dict[Node, NonNegative] = Field(default_factory=dict)
+    source: Source
+
+
 class CuttersEntry(Entry):
     """The cutters of a head and what reaches the head past them.
 
@@ -52,6 +76,8 @@ class CuttersEntry(Entry):
         Side force of a gauge disc over its normal force.
     friction_kn, idle_torque_kn_m : float
         Thrust and torque that reach no disc.
+    face : FaceEntry, optional
+        Even rock and new cutters without it.
     """
 
     layout: Line
@@ -62,4 +88,5 @@ class CuttersEntry(Entry):
     side_share: Share
     friction_kn: NonNegative
     idle_torque_kn_m: NonNegative
+    face: FaceEntry | None = None
     source: Source

@@ -12,8 +12,20 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from tbm_dynamics.loads.cutters import CutterError, Cutterhead, CutterLoads, Disc, Fracture, Rock, read_layout
+from tbm_dynamics.loads.cutters import (
+    Boulder,
+    CutterError,
+    Cutterhead,
+    CutterLoads,
+    Disc,
+    Face,
+    Fracture,
+    Layer,
+    Rock,
+    read_layout,
+)
 from tbm_dynamics.loads.spectral import SpectralLoads
+from tbm_dynamics.machine.cutters import BoulderEntry, FaceEntry
 from tbm_dynamics.machine.description import MachineDescription
 from tbm_dynamics.machine.inputs import apply_inputs
 from tbm_dynamics.machine.loading import MachineError, read_description
@@ -128,6 +140,7 @@ class Machine:
                 side_share=entry.side_share,
                 friction=entry.friction_kn * 1e3,
                 idle_torque=entry.idle_torque_kn_m * 1e3,
+                face=_face(entry.face),
             )
             point = self.operating_point
             return CutterLoads(head, point.thrust, point.speed, seed)
@@ -150,6 +163,13 @@ class Machine:
             changed = ", ".join(f"{code}={float(value):.10g}" for code, value in self.inputs.items())
             label = f"{self.origin} with {changed}" if changed else self.origin
             raise MachineError(f"{label}: {error}") from None
+
+
+def _face(entry: FaceEntry | None) -> Face:
+    if entry is None:
+        return Face()
+    zones = [(Boulder if isinstance(zone, BoulderEntry) else Layer)(**zone.model_dump()) for zone in entry.zones]
+    return Face(tuple(zones), entry.wear)
 
 
 def load_machine(machine: str | Path) -> Machine:

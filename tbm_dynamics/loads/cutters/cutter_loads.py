@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 import scipy.optimize
@@ -12,8 +12,9 @@ from numpy.typing import ArrayLike
 
 from tbm_dynamics.loads.cutters.csm import Disc, Rock, cutting_forces
 from tbm_dynamics.loads.cutters.errors import CutterError
+from tbm_dynamics.loads.cutters.face import Face, strength
 from tbm_dynamics.loads.cutters.fracture import Fracture, Teeth, fluctuation, teeth
-from tbm_dynamics.loads.cutters.head import wrench_rows
+from tbm_dynamics.loads.cutters.head import turned, wrench_rows
 from tbm_dynamics.loads.cutters.layout import CutterLayout, FloatArray
 from tbm_dynamics.loads.noise import hashed_generator
 
@@ -42,6 +43,8 @@ class Cutterhead:
         Thrust that reaches no disc, N.
     idle_torque : float
         Torque that reaches no disc, N·m.
+    face : Face
+        Where rock and cutters differ.
     """
 
     layout: CutterLayout
@@ -51,12 +54,13 @@ class Cutterhead:
     side_share: float
     friction: float
     idle_torque: float
+    face: Face = field(default_factory=Face)
 
     def wrenches(self, penetration: float) -> FloatArray:
-        """Compute the mean wrench of each disc on the head at angle 0, (n, 6), N and N·m."""
+        """Compute the mean wrench of each disc in even rock on the head at angle 0, (n, 6), N and N·m."""
         normal, rolling = cutting_forces(self.rock, self.disc, self.layout.spacing, penetration)
         gauge = np.array([kind == "gauge" for kind in self.layout.kind])
-        forces = np.array([normal, rolling, self.side_share * gauge * normal])
+        forces = self.face.factors(self.layout) * np.array([normal, rolling, self.side_share * gauge * normal])
         found: FloatArray = np.einsum("kn,knc->nc", forces, wrench_rows(self.layout))
         return found
 
@@ -68,9 +72,10 @@ class Cutterhead:
         CutterError
             A thrust that friction takes up, or that the rock cannot.
         """
+        mean_strength = self.face.over_a_turn(self.layout)[1].mean(axis=0)
 
         def surplus(depth: float) -> float:
-            return float(self.friction - self.wrenches(depth)[:, 0].sum() - thrust)
+            return float(self.friction - self.wrenches(depth)[:, 0] @ mean_strength - thrust)
 
         most = surplus(_DEEPEST) + thrust
         if not self.friction <= thrust <= most:
@@ -106,13 +111,14 @@ class CutterLoads:
         along = layout.radius if fracture.along == "angle" else np.ones_like(layout.radius)
         self._rates = along / fracture.chip
         self._phases = hashed_generator(seed, "chips/phase").random(len(self._rates))
+        self._zones = head.face.table
         self._kept: dict[int, Teeth] = {}
 
     @property
     def mean(self) -> FloatArray:
-        """Mean of each component over whole turns, (6,), N and N·m: what turns with the head leaves nothing."""
-        kept = np.array([1.0, 0.0, 0.0, 1.0, 0.0, 0.0])
-        found: FloatArray = self._rest + kept * self._wrenches.sum(axis=0)
+        """Mean of each component over whole turns, (6,), N and N·m: in even rock thrust and torque alone."""
+        angles, strengths = self.head.face.over_a_turn(self.head.layout)
+        found: FloatArray = self._rest + turned(strengths @ self._wrenches, angles).mean(axis=0)
         return found
 
     def evaluate(self, time: ArrayLike, angle: ArrayLike | None = None) -> FloatArray:
@@ -140,12 +146,14 @@ class CutterLoads:
         loads = np.empty((times.size, 6))
         stretches = np.floor(base / _STRETCH).astype(np.int64)
         order = np.argsort(stretches, kind="stable")
-        release = self.head.fracture.release
+        layout, release = self.head.layout, self.head.fracture.release
+        places = np.array([layout.radius * np.cos(layout.angle), layout.radius * np.sin(layout.angle)])
         for run in np.split(order, np.flatnonzero(np.diff(stretches[order])) + 1):
             if run.size:
                 chips = self._chips(int(stretches[run[0]]))
+                cycles = self._rates, self._phases
                 loads[run] = _summed(
-                    base[run], angles[run], self._rates, self._phases, chips, release, self._wrenches, self._rest
+                    base[run], angles[run], cycles, chips, release, self._zones, places, self._wrenches, self._rest
                 )
         return loads
 
@@ -164,23 +172,28 @@ class CutterLoads:
 def _summed(
     base: np.ndarray,
     angle: np.ndarray,
-    rates: np.ndarray,
-    phases: np.ndarray,
+    cycles: tuple[np.ndarray, np.ndarray],
     chips: Teeth,
     release: float,
+    zones: np.ndarray,
+    places: np.ndarray,
     wrenches: np.ndarray,
     rest: np.ndarray,
 ) -> np.ndarray:
-    """Sum the discs at places `base` (n,) and turn them with the head: (n, 6)."""
+    """Sum the discs, rates and phases in `cycles`, at places `base` (n,), and turn them with the head: (n, 6)."""
     out = np.empty((len(base), 6))
     total = np.empty(6)
+    rates, phases = cycles
     for i in range(len(base)):
         total[:] = 0.0
+        cosine, sine = math.cos(angle[i]), math.sin(angle[i])
         for disc in range(len(rates)):
             force = 1.0 + fluctuation(rates[disc] * base[i] + phases[disc], disc, chips, release)
+            if len(zones):
+                y, z = places[0, disc], places[1, disc]
+                force *= strength(zones, cosine * y - sine * z, sine * y + cosine * z)
             for c in range(6):
                 total[c] += force * wrenches[disc, c]
-        cosine, sine = math.cos(angle[i]), math.sin(angle[i])
         for c in (0, 3):
             out[i, c] = rest[c] + total[c]
             out[i, c + 1] = rest[c + 1] + cosine * total[c + 1] - sine * total[c + 2]
