@@ -138,6 +138,7 @@ class DynamicsStream:
     def _fresh(self) -> Simulator:
         """Stand in the static equilibrium of the operating point asked for last."""
         system, point = self._system, self._point
+        self._changed = False  # the operating point, since the last block
         if point is not None and point != system.operating_point:
             mean_load = self._machine.description.loads.mean * self._machine.load_scale(point)
             system = replace(system, operating_point=point, mean_load=mean_load)
@@ -149,7 +150,7 @@ class DynamicsStream:
         self._simulator = self._fresh()
 
     def set_operating_point(self, point: OperatingPoint) -> None:
-        """Speed and torque from the next block on; a run that has not begun starts there.
+        """Speed from the next block on, torque linearly over it, as the loads; a run that has not begun starts there.
 
         The point that holds already changes no bit of the run, whenever its message comes.
         """
@@ -157,7 +158,7 @@ class DynamicsStream:
             return
         self._point = point
         if self._started:
-            self._simulator.set_operating_point(point)
+            self._changed = True
         else:
             self._simulator = self._fresh()
 
@@ -180,6 +181,9 @@ class DynamicsStream:
             self.lost_steps += missing
             share = np.arange(1, missing + 1)[:, None] / (missing + 1)
             bridge.append(self._simulator.step(self._last + share * (loads[0] - self._last)))
+        if self._changed and self._point is not None:
+            self._simulator.set_operating_point(self._point, over=len(loads))
+        self._changed = False
         chunk = self._simulator.step(loads)
         self._lost = False
         self._last = loads[-1].copy()

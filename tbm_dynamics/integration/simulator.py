@@ -91,7 +91,8 @@ class Simulator:
         dofs = np.array([system.dof(node, direction) for node in self.nodes for direction in DIRECTIONS], dtype=np.intp)
         self._method: Method = (Condensed if method == "reduced" else Lobatto)(system, dofs, time_step)
         self._phase_step, self._phase_base = 0, 0.0
-        self._apply(system.operating_point)
+        self._rate = self._mesh_rate(system.operating_point)
+        self._torque, self._torque_from, self._torque_over = (self._mean_torque, self._mean_torque), 0, 1
         self._inputs = np.zeros((_BLOCK, 2 * INPUTS))
         self._forced = aligned.empty(_BLOCK, self._method.forced.shape[1])
         self._record = aligned.zeros(_BLOCK, len(self._method.output))
@@ -134,16 +135,26 @@ class Simulator:
         self._from = offset, velocity, np.array(excess), held[1]
         self._start_force = start
 
-    def set_operating_point(self, point: OperatingPoint) -> None:
-        """Change speed and torque from the next step on; the mesh phase goes on without a jump."""
+    def set_operating_point(self, point: OperatingPoint, over: int = 1) -> None:
+        """Change the speed from the next step on, and the torque linearly over so many steps.
+
+        The mesh phase goes on without a jump.
+        """
         reached = max(self.next_step - 1, 0)  # the next step starts where the last one ended
         self._phase_base += (reached - self._phase_step) * self._rate * self.time_step
         self._phase_step = reached
-        self._apply(point)
+        self._rate = self._mesh_rate(point)
+        self._torque = self._torque_at(np.array([reached]))[0], point.torque
+        self._torque_from, self._torque_over = self.next_step, over
 
-    def _apply(self, point: OperatingPoint) -> None:
-        self._rate = self._ring_teeth * point.speed / (2.0 * math.pi)
-        self._torque = point.torque
+    def _mesh_rate(self, point: OperatingPoint) -> float:
+        return self._ring_teeth * point.speed / (2.0 * math.pi)
+
+    def _torque_at(self, steps: np.ndarray) -> np.ndarray:
+        """Torque of the motors, on the side of the head, at steps (n,), N·m."""
+        before, after = self._torque
+        share = np.clip((steps - self._torque_from + 1) / self._torque_over, 0.0, 1.0)
+        return np.asarray(before + share * (after - before))
 
     def step(self, loads: np.ndarray, into: Chunk | None = None) -> Chunk:
         """Integrate to each of the given loads in turn.
@@ -184,7 +195,7 @@ class Simulator:
         block = slice(lead, lead + len(loads))
         inputs = np.empty((len(loads), INPUTS))
         inputs[:, :6] = loads - self._mean_load
-        inputs[:, 6] = self._torque - self._mean_torque
+        inputs[:, 6] = self._torque_at(self.next_step + np.arange(len(loads))) - self._mean_torque
         known, record = self._inputs[block], self._record[block]
         known[:, :INPUTS], known[0, INPUTS:], known[1:, INPUTS:] = inputs, self._last_inputs, inputs[:-1]
         record[:, -INPUTS:] = inputs

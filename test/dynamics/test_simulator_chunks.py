@@ -127,6 +127,22 @@ def test_a_time_step_that_is_none(system, step):
         Simulator(system, NODES, step)
 
 
+def test_a_torque_reached_over_some_steps_is_reached_step_by_step(machine, system, loads):
+    point, steps = machine.operating_point, 40
+    half = replace(point, torque=0.5 * point.torque)
+    at_once, by_hand = Simulator(system, NODES), Simulator(system, NODES)
+    for run in (at_once, by_hand):
+        run.step(loads[:100])
+    at_once.set_operating_point(half, over=steps)
+    found = at_once.step(loads[100:200])
+    expected = []
+    for k in range(100):
+        share = min((k + 1) / steps, 1.0)
+        by_hand.set_operating_point(replace(point, torque=point.torque * (1.0 - 0.5 * share)))
+        expected.append(by_hand.step(loads[100 + k : 101 + k]).mesh_force)
+    assert found.mesh_force == pytest.approx(np.concatenate(expected), rel=1e-9)
+
+
 @pytest.mark.parametrize("method", ["reduced", "full"])
 @pytest.mark.parametrize("step", [2e-3, 1e-2, 1.0])
 def test_a_step_too_coarse_for_the_teeth(system, step, method):
