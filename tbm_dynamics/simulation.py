@@ -15,6 +15,7 @@ from tbm_dynamics.loads.spectral import SpectralLoads
 from tbm_dynamics.machine.machine import Machine
 from tbm_dynamics.response import Response
 from tbm_dynamics.structure.drive import gear_pair
+from tbm_dynamics.structure.system import System
 
 _CHUNK_STEPS = 8192
 
@@ -71,12 +72,7 @@ def simulate(
     if steps < 1:
         raise SimulationError(f"duration {duration} s: must be at least one time step of {time_step} s")
     nodes = default_outputs(machine) if outputs is None else tuple(outputs)
-    system = machine.assemble()
-    wanted: SpectralLoads | CutterLoads = machine.loads(seed)
-    if loads == "cutter":
-        wanted = machine.cutter_loads(seed)
-        point = replace(system.operating_point, torque=-float(wanted.mean[3]))
-        system = replace(system, mean_load=wanted.mean, operating_point=point)
+    system, wanted = _under(machine, seed, loads)
     simulator = Simulator(system, nodes, time_step, method)
     time = np.arange(steps) * time_step
     run = Chunk(0, np.empty((steps, 2, len(nodes), 6)), np.empty((steps, system.couplings.drives)))
@@ -97,3 +93,13 @@ def simulate(
         static_mesh_force=system.operating_point.torque / (drive.count * gear_pair(drive).ring_base_radius),
         states=simulator.states,
     )
+
+
+def _under(machine: Machine, seed: int, level: LoadLevel) -> tuple[System, SpectralLoads | CutterLoads]:
+    """Assemble the system that stands under the mean of a level's loads, and give these."""
+    system = machine.assemble()
+    if level == "spectral":
+        return system, machine.loads(seed)
+    loads = machine.cutter_loads(seed)
+    point = replace(system.operating_point, torque=-float(loads.mean[3]))
+    return replace(system, mean_load=loads.mean, operating_point=point), loads

@@ -114,6 +114,7 @@ def test_windows_alarm_and_study(run_node, peer, tmp_path):
     ]
     feed(peer, windows, 3, pairs)  # the study, which takes both cores, does not start yet
     starts = stamps(windows["model_rms"])
+    assert starts[0] >= START_NS
     assert starts[0] % 500_000_000 == 0
     assert stamps(windows["field_rms"]) == stamps(windows["relative_error"]) == starts
     assert set(np.diff(starts[-3:])) == {500_000_000}
