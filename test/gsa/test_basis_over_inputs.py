@@ -1,7 +1,7 @@
 """The production basis over the ranges of the 25 inputs: every indicator within 1 % of the method on every unknown.
 
 The reference knows no basis (it is itself held against scipy's Radau in test_whole_system). Seen: at most 0.4 % over
-twenty machines; the undamped modes up to 180 Hz that were used before missed by up to 4.5 %.
+eight machines; the undamped modes up to 180 Hz that were used before missed by up to 4.5 %.
 """
 
 import numpy as np
