@@ -10,7 +10,7 @@ from types import FrameType
 
 import typer
 
-from tbm_gsa.cli import compare, demo, doctor, gsa, machine, run, simulate
+from tbm_gsa.cli import bag, compare, demo, doctor, gsa, machine, run, simulate
 from tbm_gsa.cli.output import notes
 
 app = typer.Typer(
@@ -25,6 +25,7 @@ app.command()(run.run)
 app.command()(simulate.simulate)
 app.command()(compare.compare)
 app.add_typer(gsa.app, name="gsa")
+app.add_typer(bag.app, name="bag")
 app.add_typer(machine.app, name="machine")
 app.command()(doctor.doctor)
 

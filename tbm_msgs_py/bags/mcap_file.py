@@ -6,6 +6,7 @@ a recording that was cut off does not have. All before the damage is recovered, 
 
 from __future__ import annotations
 
+import os
 import struct
 import zlib
 from collections.abc import Iterator
@@ -126,12 +127,12 @@ class McapFile:
 
     def _records(self, file: IO[bytes]) -> Iterator[tuple[int, bytes, bool]]:
         """Opcode and body of each record up to the footer, and whether the body is whole."""
-        size = self.path.stat().st_size
         while len(head := file.read(_RECORD.size)) == _RECORD.size:
             opcode, length = _RECORD.unpack(head)
             if opcode == Opcode.FOOTER:
                 return
-            body = file.read(min(length, size - file.tell()))
+            # No more than is there, whatever a damaged length says; a file that is being written grows meanwhile.
+            body = file.read(min(length, os.fstat(file.fileno()).st_size - file.tell()))
             yield opcode, body, len(body) == length
         self.truncated = True
 

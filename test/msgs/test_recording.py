@@ -163,6 +163,18 @@ def test_damaged_chunk_is_counted_and_the_rest_is_read(tmp_path, compression, fo
     assert recording.messages + recording.lost == MESSAGES
 
 
+def test_file_that_grows_while_it_is_read(tmp_path, folder):
+    complete = tmp_path / "complete.mcap"
+    rewrite(folder, complete, CompressionType.NONE)
+    whole = complete.read_bytes()
+    growing = tmp_path / "growing.mcap"
+    growing.write_bytes(whole[: len(whole) // 2])
+    messages = Bag(growing).messages()
+    first = next(messages)
+    growing.write_bytes(whole)  # what a recorder does meanwhile
+    assert [first, *messages] == list(Bag(complete).messages())
+
+
 def test_failed_writing_leaves_nothing(tmp_path):
     for name in ("bag", "bare.mcap"):
         with pytest.raises(KeyError), BagWriter(tmp_path / name) as writer:

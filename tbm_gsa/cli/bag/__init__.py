@@ -1,0 +1,8 @@
+"""`tbm-monitor bag`: one command a file."""
+
+import typer
+
+from tbm_gsa.cli.bag import info
+
+app = typer.Typer(help="Recordings on disk.", no_args_is_help=True)
+app.command()(info.info)
