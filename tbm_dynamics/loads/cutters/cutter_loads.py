@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import copy
 import math
 from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Self
 
 import numpy as np
 import scipy.optimize
@@ -56,12 +59,42 @@ class Cutterhead:
     idle_torque: float
     face: Face = field(default_factory=Face)
 
+    @property
+    def rest(self) -> FloatArray:
+        """What reaches the head past the discs, (6,), N and N·m."""
+        return np.array([-self.friction, 0.0, 0.0, -self.idle_torque, 0.0, 0.0])
+
+    @cached_property
+    def _unit_wrenches(self) -> FloatArray:
+        """Wrench of each disc for 1 N of normal and of rolling force on a track of 1 m, (2, n, 6).
+
+        Forces grow with the cube root of the spacing (equation of P₀), alike on all discs.
+        """
+        layout = self.layout
+        normal, rolling, side = wrench_rows(layout)
+        gauge = np.array([[kind == "gauge"] for kind in layout.kind])
+        share = (self.face.factors(layout) * np.cbrt(layout.spacing))[:, None]
+        return np.array([share * (normal + self.side_share * gauge * side), share * rolling])
+
+    @cached_property
+    def _unit_means(self) -> FloatArray:
+        """Mean over a turn of the sum of `_unit_wrenches`, in fixed axes, (2, 6)."""
+        angles, strengths = self.face.over_a_turn(self.layout)
+        return np.array([turned(strengths @ unit, angles).mean(axis=0) for unit in self._unit_wrenches])
+
+    def _forces(self, penetration: float) -> FloatArray:
+        """Give normal and rolling force of a new disc on a track of 1 m, (2,), N."""
+        return np.array(cutting_forces(self.rock, self.disc, 1.0, penetration))
+
     def wrenches(self, penetration: float) -> FloatArray:
         """Compute the mean wrench of each disc in even rock on the head at angle 0, (n, 6), N and N·m."""
-        normal, rolling = cutting_forces(self.rock, self.disc, self.layout.spacing, penetration)
-        gauge = np.array([kind == "gauge" for kind in self.layout.kind])
-        forces = self.face.factors(self.layout) * np.array([normal, rolling, self.side_share * gauge * normal])
-        found: FloatArray = np.einsum("kn,knc->nc", forces, wrench_rows(self.layout))
+        normal, rolling = self._forces(penetration)
+        found: FloatArray = normal * self._unit_wrenches[0] + rolling * self._unit_wrenches[1]
+        return found
+
+    def mean(self, penetration: float) -> FloatArray:
+        """Mean of each component over whole turns, (6,), N and N·m: in even rock thrust and torque alone."""
+        found: FloatArray = self.rest + self._forces(penetration) @ self._unit_means
         return found
 
     def penetration(self, thrust: float) -> float:
@@ -72,10 +105,10 @@ class Cutterhead:
         CutterError
             A thrust that friction takes up, or that the rock cannot.
         """
-        mean_strength = self.face.over_a_turn(self.layout)[1].mean(axis=0)
+        along = self._unit_means[:, 0]
 
         def surplus(depth: float) -> float:
-            return float(self.friction - self.wrenches(depth)[:, 0] @ mean_strength - thrust)
+            return float(self.friction - self._forces(depth) @ along - thrust)
 
         most = surplus(_DEEPEST) + thrust
         if not self.friction <= thrust <= most:
@@ -101,25 +134,33 @@ class CutterLoads:
     """
 
     def __init__(self, head: Cutterhead, thrust: float, speed: float, seed: int = 0) -> None:
-        if not (math.isfinite(speed) and speed > 0.0):
-            raise CutterError(f"speed {speed:g} rad/s, must be a number above 0")
-        self.head, self.speed, self.seed = head, speed, seed
-        self.penetration = head.penetration(thrust)
-        self._wrenches = head.wrenches(self.penetration)
-        self._rest = np.array([-head.friction, 0.0, 0.0, -head.idle_torque, 0.0, 0.0])
+        self.head, self.seed = head, seed
         fracture, layout = head.fracture, head.layout
         along = layout.radius if fracture.along == "angle" else np.ones_like(layout.radius)
         self._rates = along / fracture.chip
         self._phases = hashed_generator(seed, "chips/phase").random(len(self._rates))
         self._zones = head.face.table
+        self._rest = head.rest
         self._kept: dict[int, Teeth] = {}
+        self._drive(thrust, speed)
+
+    def _drive(self, thrust: float, speed: float) -> None:
+        if not (math.isfinite(speed) and speed > 0.0):
+            raise CutterError(f"speed {speed:g} rad/s, must be a number above 0")
+        self.speed = speed
+        self.penetration = self.head.penetration(thrust)
+        self._wrenches = self.head.wrenches(self.penetration)
+
+    def at(self, thrust: float, speed: float) -> Self:
+        """Give the same realisation at another thrust (N) and speed (rad/s); the chips found are shared."""
+        other = copy.copy(self)
+        other._drive(thrust, speed)
+        return other
 
     @property
     def mean(self) -> FloatArray:
-        """Mean of each component over whole turns, (6,), N and N·m: in even rock thrust and torque alone."""
-        angles, strengths = self.head.face.over_a_turn(self.head.layout)
-        found: FloatArray = self._rest + turned(strengths @ self._wrenches, angles).mean(axis=0)
-        return found
+        """Mean of each component over whole turns, (6,), N and N·m."""
+        return self.head.mean(self.penetration)
 
     def evaluate(self, time: ArrayLike, angle: ArrayLike | None = None) -> FloatArray:
         """Evaluate the loads at any times.
