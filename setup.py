@@ -27,6 +27,7 @@ REQUIRED = [
     "matplotlib>=3.8",
 ]
 ROS_WHEELS = [f"ros-jazzy-{name}; {ON_WHEEL_PLATFORM}" for name in ("rclpy", "common-interfaces", "rmw-fastrtps-cpp")]
+NODES = ("load_node", "dynamics_node", "analysis_node", "bag_player", "bag_recorder")
 TEST = [
     "pytest>=8",
     "hypothesis>=6.90",
@@ -75,11 +76,7 @@ setup(
     entry_points={
         "console_scripts": [
             "tbm-monitor = tbm_gsa.cli.main:main",
-            "load_node = tbm_dynamics.nodes.load_node:main",
-            "dynamics_node = tbm_dynamics.nodes.dynamics_node:main",
-            "analysis_node = tbm_gsa.nodes.analysis_node:main",
-            "bag_player = tbm_msgs_py.nodes.bag_player:main",
-            "bag_recorder = tbm_msgs_py.nodes.bag_recorder:main",
+            *(f"{node} = tbm_gsa.nodes.start:main" for node in NODES),
         ]
     },
 )

@@ -18,6 +18,7 @@ from tbm_dynamics.response import default_outputs
 from tbm_dynamics.schedule import Schedule
 
 NANOSECONDS = 1_000_000_000
+_JUMP_BACK_S = 0.5  # a run of load blocks behind the present that is longer than this is a stream that jumped back
 
 
 def step_ns(rate_hz: float) -> int:
@@ -166,7 +167,7 @@ class DynamicsStream:
     level : "spectral" or "cutter"
         Of the loads that come: their mean is where a run starts.
     longest_bridge : float
-        s; a longer gap, or a jump back, starts the run afresh from the static equilibrium.
+        s; a longer gap, or a jump back by more, starts the run afresh from the static equilibrium.
 
     Attributes
     ----------
@@ -176,8 +177,8 @@ class DynamicsStream:
         Number of mesh forces.
     epoch_ns : int
         Time of step 0.
-    lost_steps, restarts : int
-        Load samples that never came; fresh starts after the first.
+    lost_steps, restarts, dropped : int
+        Load samples that never came; fresh starts after the first; blocks that lay behind what was integrated.
     """
 
     def __init__(
@@ -189,10 +190,11 @@ class DynamicsStream:
         self._step = step_ns(rate_hz)
         self._longest = round(longest_bridge * rate_hz)
         self.nodes = default_outputs(machine)
-        self.lost_steps = 0
-        self.restarts = 0
+        self.lost_steps = self.restarts = self.dropped = 0
+        self._behind: tuple[int, int] | None = None  # first and next step of blocks dropped in a row
         self.meshes = self._system.couplings.drives
         self._point = self._loads.reached(machine.operating_point)
+        self._ahead: list[tuple[int, OperatingPoint]] = []  # points asked for, by the time from which they hold
         self._last = np.zeros(6)
         self.epoch_ns = 0
         self._started = False
@@ -209,29 +211,32 @@ class DynamicsStream:
         self._simulator.step(np.tile(self._loads.mean(self._point), (2, 1)))
         self._simulator = self._fresh()
 
-    def set_operating_point(self, point: OperatingPoint) -> None:
-        """Speed from the next block on, torque linearly over it, as the loads; a run that has not begun starts there.
+    def set_operating_point(self, point: OperatingPoint, stamp_ns: int = 0) -> None:
+        """Speed from the first block on that begins at `stamp_ns` or later, torque linearly over it, as the loads.
 
-        The point that holds already changes no bit of the run, whenever its message comes.
+        A run begins at the point of an earlier stamp. The point that holds already changes no bit of the run, whenever
+        its message comes.
 
         Raises
         ------
         MachineError
             A point that the machine or its rock does not allow.
         """
-        reached = self._loads.reached(point)
-        if reached == self._point:
-            return
-        self._point = reached
-        if self._started:
-            self._changed = True
-        else:
-            self._simulator = self._fresh()
+        self._ahead.append((stamp_ns, self._loads.reached(point)))
+
+    def _reach(self, stamp_ns: int) -> None:
+        """Take the operating points up to a time; the last one holds."""
+        for stamp, point in self._ahead:
+            if stamp <= stamp_ns and point != self._point:
+                self._point, self._changed = point, True
+        self._ahead = [(stamp, point) for stamp, point in self._ahead if stamp > stamp_ns]
 
     def process(self, stamp_ns: int, loads: np.ndarray) -> list[Chunk]:
         """Integrate over a block of loads (n, 6) whose first sample belongs to `stamp_ns`.
 
-        Returns the chunk of the block, after that of a bridged gap if there was one.
+        Returns the chunk of the block, after that of a bridged gap if there was one. A block behind what has been
+        integrated is dropped, so that a second publisher changes nothing; when such blocks follow each other for
+        half a second, the stream has jumped back and starts afresh.
 
         Raises
         ------
@@ -240,7 +245,11 @@ class DynamicsStream:
         """
         if not np.isfinite(loads).all():
             raise SimulationError("loads hold a value that is not finite")
+        if self._drop(stamp_ns, len(loads)):
+            return []
+        self._reach(stamp_ns - 1)
         missing = self._missing(stamp_ns)
+        self._reach(stamp_ns)
         self._lost = True
         bridge = []
         if missing:
@@ -255,6 +264,21 @@ class DynamicsStream:
         self._last = loads[-1].copy()
         return [*bridge, chunk]
 
+    def _drop(self, stamp_ns: int, samples: int) -> bool:
+        """Whether a block lies behind the run, and the stream has not jumped back there."""
+        first = round((stamp_ns - self.epoch_ns) / self._step)
+        ahead = first - self._simulator.next_step
+        if not self._started or self._lost or not -self._longest <= ahead < 0:
+            self._behind = None
+            return False
+        since = self._behind[0] if self._behind and self._behind[1] == first else first
+        self._behind = since, first + samples
+        if first + samples - since > _JUMP_BACK_S * self._rate:
+            self._behind = None
+            return False
+        self.dropped += 1
+        return True
+
     def _missing(self, stamp_ns: int) -> int:
         """Count the steps between what has come and this stamp; a stamp that does not follow starts afresh."""
         if self._started:
@@ -262,6 +286,7 @@ class DynamicsStream:
             if 0 <= missing <= self._longest and not self._lost:
                 return missing
             self.restarts += 1
+        if self._started or self._changed:
             self._simulator = self._fresh()
         self.epoch_ns, self._started = stamp_ns, True
         return 0

@@ -7,7 +7,7 @@ import time
 from typing import Any
 
 import numpy as np
-from diagnostic_msgs.msg import DiagnosticArray
+from diagnostic_msgs.msg import DiagnosticStatus
 from geometry_msgs.msg import AccelStamped
 from sensor_msgs.msg import JointState, PointCloud2
 from threadpoolctl import threadpool_limits
@@ -17,11 +17,13 @@ from tbm_dynamics.integration.simulator import Chunk
 from tbm_dynamics.levels import LOAD_LEVELS
 from tbm_dynamics.live import LiveFilter
 from tbm_dynamics.machine import Machine, MachineError, OperatingPoint, load_machine
+from tbm_dynamics.nodes.pace import Pace
 from tbm_dynamics.sensors import SensorModel, SensorPacket, SensorParameters
 from tbm_dynamics.streams import NANOSECONDS, DynamicsStream, step_ns
 from tbm_msgs_py import blocks, operating_point, topics
 from tbm_msgs_py.blocks import BlockError
 from tbm_msgs_py.nodes import messages, qos
+from tbm_msgs_py.nodes.faults import Faults
 from tbm_msgs_py.nodes.managed import ManagedNode, Parameter, run_node
 from tbm_msgs_py.operating_point import OperatingPointError
 
@@ -36,7 +38,9 @@ PARAMETERS = (
         minimum=1000.0,
         maximum=50000.0,
     ),
-    Parameter("live_rate", topics.LIVE_RATE, "rate of the live topics (Hz)", minimum=1.0, maximum=1000.0),
+    Parameter(
+        "live_rate", topics.LIVE_RATE, "rate of the live topics (Hz)", minimum=1.0, maximum=1000.0, changes="running"
+    ),
     Parameter(
         "block_rate",
         int(topics.MODEL_BLOCK_RATE),
@@ -48,14 +52,23 @@ PARAMETERS = (
     Parameter("sensor.range", 0.0, "full scale (m/s²), 0 is unlimited", minimum=0.0),
     Parameter("sensor.noise_density", 0.0, "noise (m/s²/√Hz)", minimum=0.0),
     Parameter("sensor.quantisation", 0.0, "step of the converter (m/s²)", minimum=0.0),
+    Parameter("sensor.bias", [0.0, 0.0, 0.0], "bias of the sensor axes (m/s²)", minimum=-1e4, maximum=1e4),
     Parameter("sensor.anti_alias_hz", 0.0, "corner of the anti-alias filter (Hz), 0 is none", minimum=0.0),
     Parameter("sensor.clock_offset", 0.0, "sensor clock minus true time (s)", minimum=-3600.0, maximum=3600.0),
     Parameter(
         "sensor.clock_drift", 0.0, "how much the sensor clock runs fast (ppm)", minimum=-99999.0, maximum=99999.0
     ),
     Parameter("sensor.dropout_probability", 0.0, "share of blocks lost", minimum=0.0, maximum=1.0),
+    Parameter(
+        "sensor.mounting_rotation",
+        [0.0, 0.0, 0.0],
+        "roll, pitch, yaw of the sensors in the machine axes (degrees)",
+        minimum=-360.0,
+        maximum=360.0,
+    ),
     Parameter("sensor.gravity", False, "whether the sensors read gravity too"),
 )
+LOADS_FRAME = "cutterhead"
 _SENSOR = tuple(parameter.name for parameter in PARAMETERS if parameter.name.startswith("sensor."))
 
 
@@ -73,43 +86,32 @@ class DynamicsNode(ManagedNode):
         self._points = dict(self._machine.description.test_points)
         self._stream = DynamicsStream(self._machine, self._rate, self.value("loads"))
         self._pinion_radius = self._pinion_base_radius()
-        self._received = self._refused = 0
-        self._busy = self._simulated = 0.0
-        self._fault = ""
-        self._lost_shown = 0
+        self._refused = 0
+        self._faults: Faults[str] = Faults(lambda text: self.get_logger().warning(text))
+        self._pace = Pace()
+        self._lost_shown = self._dropped_shown = 0
         self._new_sensors()
         self._stream.warm_up()
         self._create_topics()
 
     def _create_topics(self) -> None:
-        create = self.create_publisher
+        def create(kind: Any, name: str, profile: Any) -> Any:
+            return self.create_publisher(kind, name, profile, qos_overriding_options=qos.overridable())
+
         self._blocks = {p: create(PointCloud2, topics.model_block(p), qos.BLOCK) for p in self._points}
         self._accels = {p: create(AccelStamped, topics.model_accel(p), qos.LIVE) for p in self._points}
         self._meshes = create(PointCloud2, topics.MODEL_MESH_FORCES, qos.BLOCK)
         self._drives = create(JointState, topics.MODEL_DRIVES, qos.LIVE)
-        self._diagnostics = create(DiagnosticArray, topics.DIAGNOSTICS, qos.DIAGNOSTICS)
-        self._subscriptions_made = [
-            self.create_subscription(
-                JointState, topics.LOADS_OPERATING_POINT, self._on_operating_point, qos.OPERATING_POINT
-            ),
-            self.create_subscription(PointCloud2, topics.LOADS_BLOCK, self._on_loads, qos.BLOCK),
-        ]
+        for kind, name, callback, profile in (
+            (JointState, topics.LOADS_OPERATING_POINT, self._on_operating_point, qos.OPERATING_POINT),
+            (PointCloud2, topics.LOADS_BLOCK, self._on_loads, qos.BLOCK),
+        ):
+            self.create_subscription(kind, name, callback, profile, qos_overriding_options=qos.overridable())
 
-    def activate(self) -> None:
-        """Start the diagnostics; blocks are answered from here on."""
-        self._timer = self.create_status_timer(self._diagnose)
-
-    def deactivate(self) -> None:
-        """Stop answering blocks."""
-        self.destroy_timer(self._timer)
-
-    def cleanup(self) -> None:
-        """Release publishers and subscriptions."""
-        publishers = (*self._blocks.values(), *self._accels.values(), self._meshes, self._drives, self._diagnostics)
-        for publisher in publishers:
-            self.destroy_publisher(publisher)
-        for subscription in self._subscriptions_made:
-            self.destroy_subscription(subscription)
+    def parameters_changed(self, names: frozenset[str]) -> None:
+        """Take over another live rate."""
+        if "live_rate" in names:
+            self._new_live_filters()
 
     def _pinion_base_radius(self) -> float:
         gear = self._machine.description.driveshaft.gear
@@ -124,17 +126,24 @@ class DynamicsNode(ManagedNode):
         seed = int(self.value("seed"))
         self._sensors = {point: SensorModel(parameters, whole, seed, point) for point in self._points}
         self._mesh_gate = parameters.packet_samples, whole // rate
-        stride = max(1, round(self._rate / float(self.value("live_rate"))))
-        self._live = {name: LiveFilter(self._rate, stride) for name in (*self._points, "drives")}
+        self._mesh_offsets = np.arange(parameters.packet_samples) * (whole // rate * self._step / NANOSECONDS)
+        self._new_live_filters()
         self._mesh_pending = np.empty((0, self._stream.meshes))
         self._restarts = self._stream.restarts
+
+    def _new_live_filters(self) -> None:
+        stride = max(1, round(self._rate / float(self.value("live_rate"))))
+        self._live = {name: LiveFilter(self._rate, stride) for name in (*self._points, "drives")}
 
     def _on_operating_point(self, message: Any) -> None:
         try:
             point = operating_point.from_joint_state(message)
-            self._stream.set_operating_point(OperatingPoint(point.speed, point.torque, point.thrust))
+            reached = OperatingPoint(point.speed, point.torque, point.thrust)
+            self._stream.set_operating_point(reached, messages.stamp_to_ns(message.header.stamp))
         except (OperatingPointError, MachineError) as error:
-            self._refuse(f"{topics.LOADS_OPERATING_POINT}: {error}")
+            self._faults.report(topics.LOADS_OPERATING_POINT, f"{topics.LOADS_OPERATING_POINT}: {error}; not used")
+        else:
+            self._faults.clear(topics.LOADS_OPERATING_POINT)
 
     def _on_loads(self, message: Any) -> None:
         if not self.active:
@@ -142,36 +151,33 @@ class DynamicsNode(ManagedNode):
         start = time.perf_counter()
         try:
             block = messages.block_from(message)
-            if block.layout != blocks.LOADS:
-                raise BlockError(
-                    f"block channels {' '.join(block.layout.channels)}, allowed: {' '.join(blocks.LOADS.channels)}"
-                )
-            self._check_rate(block)
+            self._check_block(block)
             chunks = self._stream.process(int(block.times_ns()[0]), block.values)
         except (BlockError, SimulationError) as error:
-            self._refuse(f"{topics.LOADS_BLOCK}: {error}")
+            self._refused += 1
+            self._faults.report(topics.LOADS_BLOCK, f"{topics.LOADS_BLOCK}: {error}; not used")
             return
-        self._received += 1
-        self._fault = ""
+        self._faults.clear(topics.LOADS_BLOCK)
         if self._stream.restarts != self._restarts:
             self._new_sensors()
         for chunk in chunks:
             self._publish(chunk)
-        self._busy += time.perf_counter() - start
-        self._simulated += len(block.values) / self._rate
+        length = len(block.values) / self._rate
+        now = self.get_clock().now().nanoseconds
+        self._pace.take(length, time.perf_counter() - start, (now - block.stamp_ns) / NANOSECONDS - length)
 
-    def _check_rate(self, block: blocks.Block) -> None:
+    def _check_block(self, block: blocks.Block) -> None:
+        if block.layout != blocks.LOADS:
+            raise BlockError(
+                f"block channels {' '.join(block.layout.channels)}, allowed: {' '.join(blocks.LOADS.channels)}"
+            )
+        if block.frame_id not in ("", LOADS_FRAME):
+            raise BlockError(f"block frame_id {block.frame_id}, allowed: {LOADS_FRAME}")
         found = np.diff(block.offsets)
         if len(found) and not np.allclose(found, 1.0 / self._rate, rtol=1e-3, atol=0.0):
             raise BlockError(
                 f"samples {found[0]:.6g} s apart; load_rate {self._rate:g} Hz needs {1.0 / self._rate:g} s"
             )
-
-    def _refuse(self, reason: str) -> None:
-        self._refused += 1
-        if reason != self._fault:
-            self.get_logger().warning(f"{reason}; not used")
-        self._fault = reason
 
     def _publish(self, chunk: Chunk) -> None:
         for point, node in self._points.items():
@@ -196,30 +202,53 @@ class DynamicsNode(ManagedNode):
         first = chunk.first_step + (-chunk.first_step % stride) - len(self._mesh_pending) * stride
         self._mesh_pending = np.concatenate([self._mesh_pending, kept])
         layout = blocks.mesh_forces(self._stream.meshes)
-        offsets = np.arange(samples) * (stride * self._step / NANOSECONDS)
         while len(self._mesh_pending) >= samples:
             values, self._mesh_pending = self._mesh_pending[:samples], self._mesh_pending[samples:]
-            self._meshes.publish(messages.block(layout, self._stamp(first), offsets, values, "ring"))
+            self._meshes.publish(messages.block(layout, self._stamp(first), self._mesh_offsets, values, "ring"))
             first += samples * stride
 
     def _stamp(self, step: int) -> int:
         return self._stream.epoch_ns + step * self._step
 
-    def _diagnose(self) -> None:
-        now = self.get_clock().now().nanoseconds
-        stream = self._stream
-        faults = {"lost_steps": stream.lost_steps, "restarts": stream.restarts, "refused_blocks": self._refused}
-        values = {
-            "blocks": self._received,
-            **faults,
-            "real_time_factor": self._simulated / self._busy if self._busy else 0.0,
-        }
+    def statuses(self) -> list[DiagnosticStatus]:
+        """Real-time factor, losses and what is wrong with the loads."""
+        stream, pace = self._stream, self._pace
+        self._look_at_publishers()
         lost, self._lost_shown = stream.lost_steps - self._lost_shown, stream.lost_steps
-        level: messages.Level = "ok" if self._received and not self._fault and not lost else "warn"
-        going = f"integrating; {lost} lost steps bridged" if lost else "integrating"
-        text = self._fault or (going if self._received else f"no block on {topics.LOADS_BLOCK} yet")
-        status = messages.status("tbm: dynamics", level, text, values, self._machine.name)
-        self._diagnostics.publish(messages.diagnostics(now, [status]))
+        dropped, self._dropped_shown = stream.dropped - self._dropped_shown, stream.dropped
+        problems = list(self._faults.show().values())
+        problems += [f"{lost} lost steps bridged"] if lost else []
+        problems += [f"{dropped} blocks behind the stream dropped"] if dropped else []
+        values = {
+            "blocks": pace.blocks,
+            "lost_steps": stream.lost_steps,
+            "restarts": stream.restarts,
+            "refused_blocks": self._refused,
+            "dropped_blocks": stream.dropped,
+            "lost_sensor_packets": sum(sensor.lost_packets for sensor in self._sensors.values()),
+            **pace.figures(),
+        }
+        silent = pace.silent()
+        level, text = self._judge(silent, problems)
+        return [self.status("dynamics", level, text, values, self._machine.name)]
+
+    def _judge(self, silent: float, problems: list[str]) -> tuple[messages.Level, str]:
+        if self.clock_stands and not problems:
+            return "ok", "the clock stands"
+        if not self._pace.blocks:
+            return "warn", "; ".join([f"no block on {topics.LOADS_BLOCK} yet", *problems])
+        if silent:
+            return "error", "; ".join([f"no block on {topics.LOADS_BLOCK} for {silent:.0f} s", *problems])
+        return ("warn", "; ".join(["integrating", *problems])) if problems else ("ok", "integrating")
+
+    def _look_at_publishers(self) -> None:
+        """Two streams of loads cannot both be right: the one that is ahead is followed."""
+        names = sorted(p.node_name for p in self.get_publishers_info_by_topic(topics.LOADS_BLOCK))
+        if len(names) > 1:
+            text = f"{len(names)} publishers on {topics.LOADS_BLOCK}: {', '.join(names)}; one is followed"
+            self._faults.report("publishers", text)
+        else:
+            self._faults.clear("publishers")
 
 
 def main() -> None:

@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import math
 import sys
+from collections.abc import Mapping
 from typing import Any
 
-from diagnostic_msgs.msg import DiagnosticArray
+import numpy as np
+from diagnostic_msgs.msg import DiagnosticStatus
 from geometry_msgs.msg import WrenchStamped
 from sensor_msgs.msg import JointState, PointCloud2
 
@@ -16,6 +18,7 @@ from tbm_dynamics.schedule import COLUMNS, Schedule, pairs, read_schedule
 from tbm_dynamics.streams import NANOSECONDS, LoadBlock, LoadStream, step_ns
 from tbm_msgs_py import blocks, operating_point, topics
 from tbm_msgs_py.nodes import messages, qos
+from tbm_msgs_py.nodes.faults import Faults
 from tbm_msgs_py.nodes.managed import ManagedNode, Parameter, run_node
 from tbm_msgs_py.operating_point import OperatingPointError
 
@@ -35,7 +38,24 @@ PARAMETERS = (
     Parameter("seed", 0, "seed of the load realisation", minimum=0, maximum=2**31 - 1),
     Parameter("block_rate", topics.LOAD_BLOCK_RATE, "rate of the loads (Hz)", minimum=1000.0, maximum=50000.0),
     Parameter("block_samples", topics.LOAD_BLOCK_SAMPLES, "samples of a block", minimum=10, maximum=100000),
-    Parameter("live_rate", topics.LIVE_RATE, "rate of loads/wrench (Hz)", minimum=1.0, maximum=1000.0),
+    Parameter(
+        "live_rate", topics.LIVE_RATE, "rate of loads/wrench (Hz)", minimum=1.0, maximum=1000.0, changes="running"
+    ),
+    *(
+        Parameter(
+            f"operating_point.{name}",
+            0.0,
+            f"{text}; 0: the machine's; the topic changes it too",
+            minimum=0.0,
+            maximum=1e9,
+            changes="running",
+        )
+        for name, text in (
+            ("speed", "speed of the cutterhead (r/min)"),
+            ("torque", "its mean torque (kN·m)"),
+            ("thrust", "mean thrust (kN)"),
+        )
+    ),
     Parameter(
         "wait_for_subscribers",
         0,
@@ -44,6 +64,8 @@ PARAMETERS = (
         maximum=16,
     ),
 )
+_POINT = tuple(parameter.name for parameter in PARAMETERS if parameter.name.startswith("operating_point."))
+FRAME = "cutterhead"
 
 
 class LoadNode(ManagedNode):
@@ -58,21 +80,62 @@ class LoadNode(ManagedNode):
         self._rate = float(self.value("block_rate"))
         self._samples = int(self.value("block_samples"))
         self._step = step_ns(self._rate)
-        self._live_stride = max(1, round(self._rate / float(self.value("live_rate"))))
+        self._offsets = np.arange(self._samples) * self._step / NANOSECONDS
         self._stream: LoadStream | None = None
         self._epoch_ns = 0
         self._refused = 0
+        self._faults: Faults[str] = Faults(lambda text: self.get_logger().warning(text))
         self._schedule = self._read_schedule()
-        self._wanted: OperatingPoint | None = None  # of the topic, since the node was configured
-        self._blocks = self.create_publisher(PointCloud2, topics.LOADS_BLOCK, qos.BLOCK)
-        self._live = self.create_publisher(WrenchStamped, topics.LOADS_WRENCH, qos.BLOCK)
-        self._applied = self.create_publisher(JointState, topics.LOADS_OPERATING_POINT, qos.OPERATING_POINT)
-        self._diagnostics = self.create_publisher(DiagnosticArray, topics.DIAGNOSTICS, qos.DIAGNOSTICS)
-        self._subscription = self.create_subscription(
-            JointState, topics.OPERATING_POINT, self._on_operating_point, qos.OPERATING_POINT
-        )
+        self._wanted: OperatingPoint | None = None  # of the topic or the parameters, since the node was configured
+        if given := self._given_point({}):
+            self._new_stream().set_operating_point(given)
+            self._wanted = given
+        self._set_live_rate()
         # Compiles and designs the filters now, not when the first block is due.
         self._new_stream().next_block()
+        self._create_topics()
+
+    def _create_topics(self) -> None:
+        def create(kind: Any, name: str, profile: Any) -> Any:
+            return self.create_publisher(kind, name, profile, qos_overriding_options=qos.overridable())
+
+        self._blocks = create(PointCloud2, topics.LOADS_BLOCK, qos.BLOCK)
+        self._live = create(WrenchStamped, topics.LOADS_WRENCH, qos.BLOCK)
+        self._applied = create(JointState, topics.LOADS_OPERATING_POINT, qos.OPERATING_POINT)
+        self.create_subscription(
+            JointState,
+            topics.OPERATING_POINT,
+            self._on_operating_point,
+            qos.OPERATING_POINT,
+            qos_overriding_options=qos.overridable(),
+        )
+
+    def _set_live_rate(self) -> None:
+        self._live_stride = max(1, round(self._rate / float(self.value("live_rate"))))
+
+    def _given_point(self, changes: Mapping[str, Any]) -> OperatingPoint | None:
+        """Operating point of the parameters with some of them changed; None while all are zero."""
+        given = [float(changes.get(name, self.value(name))) for name in _POINT]
+        if not any(given):
+            return None
+        own = self._machine.operating_point
+        return OperatingPoint(
+            given[0] * 2.0 * math.pi / 60.0 or own.speed, given[1] * 1e3 or own.torque, given[2] * 1e3 or own.thrust
+        )
+
+    def check_parameters(self, values: Mapping[str, Any]) -> None:
+        """Refuse an operating point that the machine, its rock or a schedule does not allow."""
+        if not values.keys().isdisjoint(_POINT):
+            wanted = self._given_point(values) or self._machine.operating_point
+            self._new_stream().set_operating_point(wanted)
+
+    def parameters_changed(self, names: frozenset[str]) -> None:
+        """Take over another live rate or operating point."""
+        self._set_live_rate()
+        if not names.isdisjoint(_POINT):
+            self._wanted = self._given_point({}) or self._machine.operating_point
+            if self._stream:
+                self._stream.set_operating_point(self._wanted)
 
     def _read_schedule(self) -> Schedule | None:
         file = self.value("schedule")
@@ -94,19 +157,7 @@ class LoadNode(ManagedNode):
     def activate(self) -> None:
         """Start the stream; its epoch is the node's time, rounded to the step."""
         self._stream = None
-        self._timer = self.create_timer(self._samples / self._rate / 2.0, self._tick)
-        self._status_timer = self.create_status_timer(self._diagnose)
-
-    def deactivate(self) -> None:
-        """Stop the stream."""
-        self.destroy_timer(self._timer)
-        self.destroy_timer(self._status_timer)
-
-    def cleanup(self) -> None:
-        """Release publishers and subscription."""
-        for publisher in (self._blocks, self._live, self._applied, self._diagnostics):
-            self.destroy_publisher(publisher)
-        self.destroy_subscription(self._subscription)
+        self.create_timer(self._samples / self._rate / 2.0, self._tick)
 
     def _on_operating_point(self, message: Any) -> None:
         try:
@@ -115,8 +166,9 @@ class LoadNode(ManagedNode):
             (self._stream or self._new_stream()).set_operating_point(wanted)
         except (OperatingPointError, MachineError) as error:
             self._refused += 1
-            self.get_logger().warning(f"{topics.OPERATING_POINT}: {error}; the last one stays")
+            self._faults.report("operating point", f"{topics.OPERATING_POINT}: {error}; the last one stays")
             return
+        self._faults.clear("operating point")
         self._wanted = wanted
 
     def _tick(self) -> None:
@@ -127,7 +179,8 @@ class LoadNode(ManagedNode):
         assert stream is not None  # noqa: S101 - _begin made it
         due = (now - self._epoch_ns) // self._step - stream.next_step
         if due < -self._samples or due > _LONGEST_BACKLOG_S * self._rate:
-            self.get_logger().warning("the clock jumped: the load stream starts afresh")
+            self._faults.report("clock", "the clock jumped: the load stream starts afresh")
+            self._faults.clear("clock")
             self._stream = None
             return
         while due >= self._samples and self.context.ok():
@@ -142,28 +195,26 @@ class LoadNode(ManagedNode):
         self._stream = self._new_stream()
         if self._wanted is not None:
             self._stream.set_operating_point(self._wanted)
-        self._announced: OperatingPoint | None = None
+        # Stamped before the first block: where the run starts, not what it changes to over that block.
+        self._announce(self._epoch_ns - self._samples * self._step, self._stream.operating_point, 0.0)
         return True
+
+    def _announce(self, stamp_ns: int, point: OperatingPoint, head_angle: float) -> None:
+        self._announced = point
+        given = operating_point.OperatingPoint(point.speed, point.torque, point.thrust, head_angle)
+        self._applied.publish(messages.operating_point_message(stamp_ns, given))
 
     def _publish(self, block: LoadBlock) -> None:
         stamp = self._epoch_ns + block.first_step * self._step
         if block.operating_point != self._announced:
-            self._announced = block.operating_point
-            point = operating_point.OperatingPoint(
-                block.operating_point.speed,
-                block.operating_point.torque,
-                block.operating_point.thrust,
-                block.head_angle,
-            )
-            self._applied.publish(messages.operating_point_message(stamp, point))
-        offsets = [i * self._step / NANOSECONDS for i in range(len(block.loads))]
-        self._blocks.publish(messages.block(blocks.LOADS, stamp, offsets, block.loads, "cutterhead"))
+            self._announce(stamp, block.operating_point, block.head_angle)
+        self._blocks.publish(messages.block(blocks.LOADS, stamp, self._offsets, block.loads, FRAME))
         first = -block.first_step % self._live_stride
         for i in range(first, len(block.loads), self._live_stride):
-            self._live.publish(messages.wrench(stamp + i * self._step, block.loads[i], "cutterhead"))
+            self._live.publish(messages.wrench(stamp + i * self._step, block.loads[i], FRAME))
 
-    def _diagnose(self) -> None:
-        now = self.get_clock().now().nanoseconds
+    def statuses(self) -> list[DiagnosticStatus]:
+        """Operating point, progress and what was refused."""
         running = self._stream is not None
         point = self._stream.operating_point if self._stream else self._wanted or self._machine.operating_point
         values = {
@@ -174,9 +225,12 @@ class LoadNode(ManagedNode):
             "torque_kn_m": point.torque / 1e3,
             "thrust_kn": point.thrust / 1e3,
         }
-        text = "streaming" if running else "waiting for the clock or for subscribers"
-        status = messages.status("tbm: loads", "ok" if running else "warn", text, values, self._machine.name)
-        self._diagnostics.publish(messages.diagnostics(now, [status]))
+        problems = list(self._faults.show().values())
+        going = "streaming" if running else "waiting for the clock or for subscribers"
+        if running and self.clock_stands:
+            going = "the clock stands"
+        level: messages.Level = "ok" if running and not problems else "warn"
+        return [self.status("loads", level, "; ".join([going, *problems]), values, self._machine.name)]
 
 
 def main() -> None:

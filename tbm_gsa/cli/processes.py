@@ -16,6 +16,7 @@ from typing import Self
 
 _GRACE_S = 5.0
 _ENDING = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+_START = "tbm_gsa.nodes.start"
 _DISCOVERY = "ROS_AUTOMATIC_DISCOVERY_RANGE"
 
 ParameterValue = bool | int | float | str | list[str]
@@ -47,7 +48,7 @@ class NodeCommand:
     def arguments(self) -> list[str]:
         """Command line of the process."""
         given = [part for key, value in self.parameters.items() for part in ("-p", f"{key}:={_literal(value)}")]
-        return [sys.executable, "-m", self.module, *(["--ros-args", *given] if given else [])]
+        return [sys.executable, "-m", _START, self.module, *(["--ros-args", *given] if given else [])]
 
 
 def _literal(value: ParameterValue) -> str:

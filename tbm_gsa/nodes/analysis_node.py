@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import sys
+from collections.abc import Mapping as AnyMapping
+from collections.abc import Sequence
 from functools import partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from diagnostic_msgs.msg import DiagnosticArray
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from geometry_msgs.msg import Vector3Stamped
 from sensor_msgs.msg import PointCloud2
 from std_srvs.srv import Trigger
@@ -17,6 +19,7 @@ from tbm_dynamics.machine import load_machine
 from tbm_gsa.comparison import AlarmRule, WindowedComparison, WindowResult
 from tbm_gsa.nodes.field_topics import FieldTopics
 from tbm_gsa.nodes.gsa_process import GsaOptions, GsaProcess, GsaStatus
+from tbm_gsa.nodes.health import Condition, StreamHealth
 from tbm_gsa.nodes.statuses import comparison_status, gsa_result_statuses, gsa_status
 from tbm_msgs_py import blocks, topics
 from tbm_msgs_py.bags.mapping import Mapping, SensorMapping, contract_sensor, load_mapping
@@ -26,26 +29,38 @@ from tbm_msgs_py.nodes.managed import ManagedNode, Parameter, run_node
 
 PARAMETERS = (
     Parameter("machine", "dz101", "machine: name of a shipped one, or path of a machine file"),
-    Parameter("window", topics.WINDOW, "length of a comparison window (s)", minimum=0.1, maximum=3600.0),
-    Parameter("threshold", topics.ERROR_THRESHOLD, "relative error that counts (1)", minimum=0.001, maximum=100.0),
+    Parameter(
+        "window", topics.WINDOW, "length of a comparison window (s)", minimum=0.1, maximum=3600.0, changes="running"
+    ),
+    Parameter(
+        "threshold",
+        topics.ERROR_THRESHOLD,
+        "relative error that counts (1)",
+        minimum=0.001,
+        maximum=100.0,
+        changes="running",
+    ),
     Parameter(
         "threshold_windows",
         topics.ERROR_WINDOWS,
         "windows in a row over the threshold that raise the alarm",
         minimum=1,
         maximum=10000,
+        changes="running",
     ),
-    Parameter("alarm_axes", ["x"], "axes whose error is watched; the paper compares the axial one, x"),
+    Parameter(
+        "alarm_axes", ["x"], "axes whose error is watched; the paper compares the axial one, x", changes="running"
+    ),
     Parameter(
         "mapping", "", "mapping file of the field topics; empty: the topics of the contract, m/s², gravity removed"
     ),
-    Parameter("gsa.on_threshold", True, "start the sensitivity analysis when the alarm is raised"),
-    Parameter("gsa.samples", 200, "training simulations", minimum=10, maximum=100000),
-    Parameter("gsa.test", 20, "test simulations", minimum=2, maximum=100000),
-    Parameter("gsa.duration", 3.0, "length of a simulation (s)", minimum=0.1, maximum=600.0),
-    Parameter("gsa.seed", 0, "seed of design and loads", minimum=0, maximum=2**31 - 1),
-    Parameter("gsa.workers", 2, "processes", minimum=1, maximum=256),
-    Parameter("gsa.folder", "tbm_gsa_studies", "folder that gets one folder a study"),
+    Parameter("gsa.on_threshold", True, "start the sensitivity analysis when the alarm is raised", changes="running"),
+    Parameter("gsa.samples", 200, "training simulations", minimum=10, maximum=100000, changes="running"),
+    Parameter("gsa.test", 20, "test simulations", minimum=2, maximum=100000, changes="running"),
+    Parameter("gsa.duration", 3.0, "length of a simulation (s)", minimum=0.1, maximum=600.0, changes="running"),
+    Parameter("gsa.seed", 0, "seed of design and loads", minimum=0, maximum=2**31 - 1, changes="running"),
+    Parameter("gsa.workers", 2, "processes", minimum=1, maximum=256, changes="running"),
+    Parameter("gsa.folder", "tbm_gsa_studies", "folder that gets one folder a study", changes="running"),
 )
 _AXES = ("x", "y", "z")
 
@@ -61,19 +76,18 @@ class AnalysisNode(ManagedNode):
         self._points = tuple(load_machine(self.value("machine")).description.test_points)
         self._sensors = self._field_sensors()
         self._alarm = self._new_alarm()
-        rotating = [sensor.point for sensor in self._sensors.values() if sensor.frame == "rotating"]
-        self._comparison = WindowedComparison(float(self.value("window")), rotating=rotating)
+        self._comparison = self._new_comparison()
         self._latest: dict[str, WindowResult] = {}
-        self._refused: dict[tuple[str, str], str] = {}  # by point and source, until a good block comes
+        self._health = StreamHealth(lambda text: self.get_logger().warning(text))
         self._gsa = GsaProcess(self._gsa_options())
         self._gsa_shown: GsaStatus | None = None
         self._create_publishers()
-        self._subscribed = self._subscribe_model()
-        self._field_topics = FieldTopics(self, self._sensors, partial(self._on_block, "field"), self._feed_field)
-        self._services_made = [
-            self.create_service(Trigger, topics.RUN_GSA, self._on_run_gsa),
-            self.create_service(Trigger, topics.CANCEL_GSA, self._on_cancel_gsa),
-        ]
+        self._subscribe_model()
+        self._field_topics = FieldTopics(
+            self, self._sensors, partial(self._on_block, "field"), self._feed_field, self._health
+        )
+        self.create_service(Trigger, topics.RUN_GSA, self._on_run_gsa)
+        self.create_service(Trigger, topics.CANCEL_GSA, self._on_cancel_gsa)
 
     def _field_sensors(self) -> dict[str, SensorMapping]:
         """Field topics and what they hold; without a mapping file, both topics of every test point."""
@@ -84,11 +98,26 @@ class AnalysisNode(ManagedNode):
         names = (name(point) for point in self._points for name in (topics.field_block, topics.field_accel))
         return {name: contract_sensor(name.split("/")[1]) for name in names}
 
+    def _new_comparison(self) -> WindowedComparison:
+        rotating = [sensor.point for sensor in self._sensors.values() if sensor.frame == "rotating"]
+        return WindowedComparison(float(self.value("window")), rotating=rotating)
+
+    def check_parameters(self, values: AnyMapping[str, Any]) -> None:
+        """Refuse axes that there are not."""
+        if "alarm_axes" in values:
+            _check_axes(values["alarm_axes"])
+
+    def parameters_changed(self, names: frozenset[str]) -> None:
+        """Take over another alarm, window or sensitivity analysis; what was counted for the old one is forgotten."""
+        if "window" in names:
+            self._comparison = self._new_comparison()
+        if not names.isdisjoint(("threshold", "threshold_windows", "alarm_axes")):
+            self._alarm = self._new_alarm()
+        self._gsa.options = self._gsa_options()
+
     def _new_alarm(self) -> AlarmRule:
         axes = self.value("alarm_axes")
-        unknown = [axis for axis in axes if axis not in _AXES]
-        if unknown or not axes:
-            raise ValueError(f"parameter alarm_axes: {axes}, allowed: one or more of x, y, z")
+        _check_axes(axes)
         return AlarmRule(
             float(self.value("threshold")),
             int(self.value("threshold_windows")),
@@ -107,43 +136,31 @@ class AnalysisNode(ManagedNode):
         )
 
     def _create_publishers(self) -> None:
+        def create(kind: Any, name: str, profile: Any) -> Any:
+            return self.create_publisher(kind, name, profile, qos_overriding_options=qos.overridable())
+
         self._quantities = {
-            (point, quantity): self.create_publisher(Vector3Stamped, topics.analysis(point, quantity), qos.ANALYSIS)
+            (point, quantity): create(Vector3Stamped, topics.analysis(point, quantity), qos.ANALYSIS)
             for point in self._points
             for quantity in topics.ANALYSIS_QUANTITIES
         }
-        self._gsa_status = self.create_publisher(DiagnosticArray, topics.GSA_STATUS, qos.GSA)
-        self._gsa_result = self.create_publisher(DiagnosticArray, topics.GSA_RESULT, qos.GSA)
-        self._diagnostics = self.create_publisher(DiagnosticArray, topics.DIAGNOSTICS, qos.DIAGNOSTICS)
+        self._gsa_status = create(DiagnosticArray, topics.GSA_STATUS, qos.GSA)
+        self._gsa_result = create(DiagnosticArray, topics.GSA_RESULT, qos.GSA)
 
-    def _subscribe_model(self) -> list[Any]:
-        plain = {point: contract_sensor(point) for point in self._points}
-        return [
-            self.create_subscription(
-                PointCloud2, topics.model_block(point), partial(self._on_block, "model", plain[point]), qos.BLOCK
-            )
-            for point in self._points
-        ]
+    def _subscribe_model(self) -> None:
+        for point in self._points:
+            callback = partial(self._on_block, "model", contract_sensor(point))
+            name = topics.model_block(point)
+            options = qos.overridable()
+            self.create_subscription(PointCloud2, name, callback, qos.BLOCK, qos_overriding_options=options)
 
     def activate(self) -> None:
-        """Start diagnostics and the watch over the analysis process."""
-        self._timer = self.create_status_timer(self._diagnose)
+        """Show where the analysis process stands."""
         self._publish_gsa()
 
     def deactivate(self) -> None:
-        """Stop comparing; a running analysis is ended, its store stays."""
-        self.destroy_timer(self._timer)
+        """End a running analysis; its store stays."""
         self._gsa.cancel("the node was stopped; `tbm-monitor gsa resume` goes on with it")
-
-    def cleanup(self) -> None:
-        """Release publishers, subscriptions and services."""
-        for publisher in (*self._quantities.values(), self._gsa_status, self._gsa_result, self._diagnostics):
-            self.destroy_publisher(publisher)
-        for subscription in self._subscribed:
-            self.destroy_subscription(subscription)
-        self._field_topics.close()
-        for service in self._services_made:
-            self.destroy_service(service)
 
     def _on_block(self, source: Any, sensor: SensorMapping, message: Any) -> None:
         if not self.active:
@@ -153,9 +170,8 @@ class AnalysisNode(ManagedNode):
             if block.layout != blocks.ACCELERATION:
                 raise BlockError(f"block channels {' '.join(block.layout.channels)}, allowed: ax ay az")
         except BlockError as error:
-            self._refuse(sensor.point, source, f"{source} {sensor.point}: {error}")
+            self._health.refuse(sensor.point, source, str(error))
             return
-        self._refused.pop((sensor.point, source), None)
         self._feed(sensor, source, block.stamp_ns, block.offsets, np.asarray(block.values, dtype=float))
 
     def _feed_field(self, sensor: SensorMapping, stamp: int, offsets: np.ndarray, values: np.ndarray) -> None:
@@ -163,14 +179,10 @@ class AnalysisNode(ManagedNode):
             self._feed(sensor, "field", stamp, offsets, values)
 
     def _feed(self, sensor: SensorMapping, source: Any, stamp: int, offsets: np.ndarray, values: np.ndarray) -> None:
+        self._health.arrived(sensor.point, source)
         rows = values @ sensor.matrix().T
         for result in self._comparison.feed(sensor.point, source, stamp, offsets, rows):
             self._on_window(result)
-
-    def _refuse(self, point: str, source: str, reason: str) -> None:
-        if self._refused.get((point, source)) != reason:
-            self.get_logger().warning(f"{reason}; not used")
-        self._refused[point, source] = reason
 
     def _on_window(self, result: WindowResult) -> None:
         if result.point not in self._points:
@@ -214,22 +226,27 @@ class AnalysisNode(ManagedNode):
         self._publish_gsa()
         return response
 
-    def _diagnose(self) -> None:
+    def statuses(self) -> list[DiagnosticStatus]:
+        """Comparison at every point, and the sensitivity analysis."""
         if self._gsa.running:
             self._gsa.poll()
             self._publish_gsa()
+        health = self._health.look(self._comparison.counters, self.clock_stands)
         statuses = [
             comparison_status(
-                p,
-                self._latest.get(p),
-                self._comparison.counters.get(p),
-                p in self._alarm.raised,
-                "; ".join(reason for (point, _), reason in self._refused.items() if point == p),
+                self.status_name(f"comparison {point}"),
+                point,
+                self._latest.get(point),
+                self._comparison.counters.get(point),
+                point in self._alarm.raised,
+                health.get(point, Condition()),
             )
-            for p in self._points
+            for point in self._points
         ]
-        now = self.get_clock().now().nanoseconds
-        self._diagnostics.publish(messages.diagnostics(now, [*statuses, gsa_status(self._gsa.status)]))
+        return [*statuses, self._gsa_status_now()]
+
+    def _gsa_status_now(self) -> DiagnosticStatus:
+        return gsa_status(self.status_name("sensitivity analysis"), self.value("machine"), self._gsa.status)
 
     def _publish_gsa(self) -> None:
         """Publish the status of the analysis when it has changed, and the result once it is there."""
@@ -241,9 +258,18 @@ class AnalysisNode(ManagedNode):
         if ended:
             self.get_logger().info(f"sensitivity analysis {status.state}: {status.report or status.reason}")
         if ended and status.state == "finished":
-            self._gsa_result.publish(messages.diagnostics(now, gsa_result_statuses(self._gsa.result(), status)))
-        self._gsa_status.publish(messages.diagnostics(now, [gsa_status(status)]))
+            self._gsa_result.publish(messages.diagnostics(now, self._result_statuses()))
+        self._gsa_status.publish(messages.diagnostics(now, [self._gsa_status_now()]))
         self._gsa_shown = status
+
+    def _result_statuses(self) -> list[DiagnosticStatus]:
+        prefix = self.status_name("sensitivity of")
+        return gsa_result_statuses(prefix, self.value("machine"), self._gsa.result(), self._gsa.status)
+
+
+def _check_axes(axes: Sequence[str]) -> None:
+    if not axes or not set(axes) <= set(_AXES):
+        raise ValueError(f"parameter alarm_axes: {list(axes)}, allowed: one or more of x, y, z")
 
 
 def main() -> None:

@@ -8,9 +8,8 @@ from functools import partial
 from typing import Any
 
 import numpy as np
-from rclpy.clock import Clock
-from rclpy.clock_type import ClockType
 
+from tbm_gsa.nodes.health import StreamHealth
 from tbm_msgs_py import topics
 from tbm_msgs_py.bags.mapping import SensorMapping
 from tbm_msgs_py.nodes import messages, qos
@@ -52,12 +51,20 @@ class FieldTopics:
         Called with the sensor and a block message.
     on_samples : callable
         Called with the sensor, the stamp (ns), offsets (n,) in s and values (n, 3) of single samples.
+    health : StreamHealth
+        Is told what is wrong with a topic.
     """
 
     def __init__(
-        self, node: ManagedNode, sensors: Mapping[str, SensorMapping], on_block: OnBlock, on_samples: OnSamples
+        self,
+        node: ManagedNode,
+        sensors: Mapping[str, SensorMapping],
+        on_block: OnBlock,
+        on_samples: OnSamples,
+        health: StreamHealth,
     ) -> None:
-        self._node, self._sensors = node, dict(sensors)
+        self._node, self._sensors, self._health = node, dict(sensors), health
+        self._points = {sensor.point for sensor in self._sensors.values()}
         self._on_block, self._on_samples = on_block, on_samples
         self._offers: dict[str, _Offer] = {}
         self._subscriptions: dict[str, Any] = {}
@@ -67,11 +74,10 @@ class FieldTopics:
                 self._subscribe(name, contract)
         self._look()
         # Who publishes does not depend on the clock, which may stand.
-        self._timer = node.create_timer(LOOK_S, self._look, clock=Clock(clock_type=ClockType.STEADY_TIME))
+        node.create_steady_timer(LOOK_S, self._look)
 
     def close(self) -> None:
-        """Release the subscriptions."""
-        self._node.destroy_timer(self._timer)
+        """Release the subscriptions made since the node was configured."""
         for subscription in self._subscriptions.values():
             self._node.destroy_subscription(subscription)
         self._subscriptions = {}
@@ -79,6 +85,7 @@ class FieldTopics:
     def _look(self) -> None:
         for name in self._sensors:
             publishers = self._node.get_publishers_info_by_topic(name)
+            self._count(name, [publisher.node_name for publisher in publishers])
             if not publishers:
                 continue
             offer = _Offer(publishers[0].topic_type, qos.offered(publishers).reliable)
@@ -91,17 +98,42 @@ class FieldTopics:
         self._offers[name] = offer
         if offer.type != _BLOCK and offer.type not in _SAMPLE:
             allowed = ", ".join([_BLOCK, *_SAMPLE])
-            self._node.get_logger().error(f"{name}: type {offer.type}, allowed: {allowed}; not compared")
+            self._health.doubt(
+                self._sensors[name].point, name, f"{name}: type {offer.type}, allowed: {allowed}; not compared"
+            )
             return
+        self._health.settle(self._sensors[name].point, name)
         sensor = self._sensors[name]
         block = offer.type == _BLOCK
-        callback = partial(self._on_block, sensor) if block else partial(self._sample, _SAMPLE[offer.type], sensor)
+        callback = partial(self._block, sensor) if block else partial(self._sample, _SAMPLE[offer.type], sensor)
         depth = (topics.BLOCK_QUALITY if block else topics.LIVE_QUALITY).depth
         profile = qos.profile(Quality(offer.reliable, latched=False, depth=depth))
         kind = messages.message_class(offer.type)
         self._subscriptions[name] = self._node.create_subscription(kind, name, callback, profile)
 
+    def _count(self, name: str, publishers: list[str]) -> None:
+        """Two publishers on one topic: no telling whose samples are the sensor's."""
+        point, key = self._sensors[name].point, f"{name} publishers"
+        if len(publishers) > 1:
+            self._health.doubt(point, key, f"{len(publishers)} publishers on {name}: {', '.join(sorted(publishers))}")
+        else:
+            self._health.settle(point, key)
+
+    def _foreign(self, sensor: SensorMapping, message: Any) -> bool:
+        """Whether the frame is that of another test point."""
+        frame = message.header.frame_id
+        foreign = frame != sensor.point and frame in self._points
+        if foreign:
+            self._health.refuse(sensor.point, "field", f"frame_id {frame}, allowed: {sensor.point} or the sensor's own")
+        return foreign
+
+    def _block(self, sensor: SensorMapping, message: Any) -> None:
+        if not self._foreign(sensor, message):
+            self._on_block(sensor, message)
+
     def _sample(self, linear: Callable[[Any], Any], sensor: SensorMapping, message: Any) -> None:
+        if self._foreign(sensor, message):
+            return
         vector = linear(message)
         stamp = messages.stamp_to_ns(message.header.stamp)
         self._on_samples(sensor, stamp, np.zeros(1), np.array([[vector.x, vector.y, vector.z]]))

@@ -5,45 +5,83 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
+import numpy as np
 from diagnostic_msgs.msg import DiagnosticStatus
 
 from tbm_gsa.comparison import StreamCounters, WindowResult
 from tbm_gsa.nodes.gsa_process import GsaStatus
+from tbm_gsa.nodes.health import Condition
 from tbm_msgs_py.nodes import messages
 
 _STRONGEST = 5
+_WHOLE = 0.9  # share of a window below which its holes are named
+_UNIT_FACTORS = {
+    1.0 / 9.80665: "values in g",
+    9.80665: "m/s² taken for g",
+    1e3: "values in mm/s²",
+    1e-3: "values in 1000 m/s²",
+}
+_UNIT_DOUBT = 0.4  # of the logarithm: the model itself errs by up to 50 %
 
 
 def comparison_status(
+    name: str,
     point: str,
     latest: WindowResult | None,
     counters: Mapping[Any, StreamCounters] | None,
     alarm: bool,
-    refused: str,
+    health: Condition,
 ) -> DiagnosticStatus:
-    """Comparison at one test point: the latest window, what was lost, and the alarm."""
+    """Comparison at one test point: the latest window, what was lost, and the alarm; the worst comes first."""
     values: dict[str, Any] = {}
     for source, counts in (counters or {}).items():
-        values |= {f"{source}_{name}": value for name, value in vars(counts).items()}
-    name = f"tbm: comparison {point}"
+        values |= {f"{source}_{key}": value for key, value in vars(counts).items()}
+    if latest is not None:
+        values |= _figures(latest)
+    level, text = _judge(latest, alarm, health)
+    return messages.status(name, level, text, values, point)
+
+
+def _judge(latest: WindowResult | None, alarm: bool, health: Condition) -> tuple[messages.Level, str]:
+    if health.refused:
+        return "error", "; ".join([*health.refused, *health.doubts, *health.silent])
+    if health.silent:
+        return "stale", "; ".join([*health.silent, *health.doubts])
     if latest is None:
-        return messages.status(name, "stale", refused or "no window yet", values, point)
+        return "stale", "; ".join(["no window yet", *health.doubts])
+    missing = [source for source in ("model", "field") if getattr(latest, f"{source}_coverage") == 0.0]
+    if missing:
+        return "stale", "; ".join([f"no signal of the {' and the '.join(missing)}", *health.doubts])
+    notes = ["relative error over its threshold"] if alarm else []
+    notes += [*health.doubts, *_holes(latest), *_units(latest)]
+    return ("warn", "; ".join(notes)) if notes else ("ok", "compared")
+
+
+def _figures(latest: WindowResult) -> dict[str, float]:
+    values = {}
     for i, axis in enumerate("xyz"):
         values[f"model_rms_{axis}"] = float(latest.model_rms[i])
         values[f"field_rms_{axis}"] = float(latest.field_rms[i])
         values[f"relative_error_{axis}"] = float(latest.relative_error[i])
-    values |= {"model_coverage": latest.model_coverage, "field_coverage": latest.field_coverage}
-    if refused:
-        return messages.status(name, "error", refused, values, point)
-    missing = [source for source in ("model", "field") if getattr(latest, f"{source}_coverage") == 0.0]
-    if missing:
-        return messages.status(name, "stale", f"no signal of the {' and the '.join(missing)}", values, point)
-    if alarm:
-        return messages.status(name, "warn", "relative error over its threshold", values, point)
-    return messages.status(name, "ok", "compared", values, point)
+    return values | {"model_coverage": latest.model_coverage, "field_coverage": latest.field_coverage}
 
 
-def gsa_status(status: GsaStatus) -> DiagnosticStatus:
+def _holes(latest: WindowResult) -> list[str]:
+    shares = {"model": latest.model_coverage, "field": latest.field_coverage}
+    return [f"{source} covers {share:.0%} of the window" for source, share in shares.items() if share < _WHOLE]
+
+
+def _units(latest: WindowResult) -> list[str]:
+    """Say that the field is off by a factor that units are off by, the same one on every axis."""
+    with np.errstate(invalid="ignore", divide="ignore"):
+        ratio = np.log(np.asarray(latest.field_rms) / latest.model_rms)
+    for factor, text in _UNIT_FACTORS.items():
+        if np.all(np.abs(ratio - np.log(factor)) < _UNIT_DOUBT):
+            return [f"field is about {factor:.3g} times the model on all axes: {text}?"]
+    return []
+
+
+def gsa_status(name: str, machine: str, status: GsaStatus) -> DiagnosticStatus:
     """Where the sensitivity analysis stands."""
     values: dict[str, Any] = {
         "state": status.state,
@@ -55,10 +93,12 @@ def gsa_status(status: GsaStatus) -> DiagnosticStatus:
     values |= {key: path for key, path in paths.items() if path is not None}
     level: messages.Level = "error" if status.state == "failed" else "ok"
     text = f"{status.state}: {status.reason}" if status.reason else status.state
-    return messages.status("tbm: sensitivity analysis", level, text, values)
+    return messages.status(name, level, text, values, machine)
 
 
-def gsa_result_statuses(document: Mapping[str, Any], status: GsaStatus) -> list[DiagnosticStatus]:
+def gsa_result_statuses(
+    prefix: str, machine: str, document: Mapping[str, Any], status: GsaStatus
+) -> list[DiagnosticStatus]:
     """One status an output: its surrogate's quality and its strongest inputs."""
     statuses = []
     for name, output in document["outputs"].items():
@@ -67,5 +107,5 @@ def gsa_result_statuses(document: Mapping[str, Any], status: GsaStatus) -> list[
         values |= {f"first_{code}": output["first"][code] for code in strongest}
         values |= {f"total_{code}": output["total"][code] for code in strongest}
         values["report"] = status.report
-        statuses.append(messages.status(f"tbm: sensitivity of {name}", "ok", ", ".join(strongest), values))
+        statuses.append(messages.status(f"{prefix} {name}", "ok", ", ".join(strongest), values, machine))
     return statuses

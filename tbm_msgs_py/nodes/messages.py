@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import array
 from collections.abc import Iterable, Mapping, Sequence
+from functools import lru_cache
 from importlib import import_module
 from typing import Any, Literal
 
@@ -76,13 +77,19 @@ def block(layout: BlockLayout, stamp_ns: int, offsets: ArrayLike, values: ArrayL
         header=header(stamp_ns, frame_id),
         height=1,
         width=len(data) // layout.point_step,
-        fields=[PointField(name=name, offset=at, datatype=kind, count=1) for name, at, kind in layout.fields],
+        fields=_fields(layout),
         is_bigendian=False,
         point_step=layout.point_step,
         row_step=len(data),
         data=array.array("B", data),
         is_dense=True,
     )
+
+
+@lru_cache
+def _fields(layout: BlockLayout) -> list[PointField]:
+    """Fields of a layout, shared by its messages: nobody changes them."""
+    return [PointField(name=name, offset=at, datatype=kind, count=1) for name, at, kind in layout.fields]
 
 
 def block_message(samples: Block) -> PointCloud2:

@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterable
 from typing import Any
 
-from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
+from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSPolicyKind, QoSProfile, ReliabilityPolicy
+from rclpy.qos_overriding_options import QoSOverridingOptions
 
 from tbm_msgs_py import topics
 from tbm_msgs_py.topics import Quality
@@ -19,6 +20,11 @@ def profile(quality: Quality) -> QoSProfile:
         reliability=ReliabilityPolicy.RELIABLE if quality.reliable else ReliabilityPolicy.BEST_EFFORT,
         durability=DurabilityPolicy.TRANSIENT_LOCAL if quality.latched else DurabilityPolicy.VOLATILE,
     )
+
+
+def overridable() -> QoSOverridingOptions:
+    """Options that declare ``qos_overrides.<topic>.<publisher or subscription>.{depth, reliability, durability}``."""
+    return QoSOverridingOptions([QoSPolicyKind.DEPTH, QoSPolicyKind.RELIABILITY, QoSPolicyKind.DURABILITY])
 
 
 def offered(publishers: Iterable[Any]) -> Quality:

@@ -7,7 +7,7 @@ from pathlib import Path
 import rclpy
 from diagnostic_msgs.msg import DiagnosticArray
 from lifecycle_msgs.srv import ChangeState, GetState
-from processes import wait_for
+from processes import DEADLINE, wait_for
 from rclpy.executors import SingleThreadedExecutor
 
 from tbm_msgs_py.nodes import messages, qos
@@ -45,7 +45,7 @@ class Peer:
         while (left := end - time.monotonic()) > 0:
             self.executor.spin_once(timeout_sec=left)
 
-    def wait_for(self, condition, deadline=20.0):
+    def wait_for(self, condition, deadline=DEADLINE):
         wait_for(condition, deadline, self.spin)
 
     def listen(self, kind, topic, profile):
@@ -60,7 +60,7 @@ class Peer:
         self.wait_for(lambda: made.get_subscription_count() >= matched)
         return made
 
-    def call(self, kind, name, request=None, deadline=20.0):
+    def call(self, kind, name, request=None, deadline=DEADLINE):
         if name not in self._clients:
             self._clients[name] = self.node.create_client(kind, name)
         client = self._clients[name]

@@ -14,7 +14,7 @@ os.environ["ROS_DOMAIN_ID"] = str(DOMAIN)
 os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "LOCALHOST"
 os.environ["ROS_PYTHON_CHECK_FIELDS"] = "1"
 
-DEADLINE = 20.0  # s
+DEADLINE = 60.0  # s; a busy machine takes its time to import and compile
 
 
 def wait_for(
@@ -35,10 +35,11 @@ class NodeProcess:
 
     def __init__(self, log: Path, module: str, arguments: list[str]) -> None:
         self.log = log
-        code = f"import sys; from {module} import main; sys.exit(main())"
         with log.open("wb") as output:
             self.process = subprocess.Popen(
-                [sys.executable, "-c", code, *arguments], stdout=output, stderr=subprocess.STDOUT
+                [sys.executable, "-m", "tbm_gsa.nodes.start", module, *arguments],
+                stdout=output,
+                stderr=subprocess.STDOUT,
             )
 
     @property

@@ -217,7 +217,7 @@ def test_signals_end_run_and_its_nodes(tmp_path, number):
 
 def test_a_node_that_ends_by_itself_is_noticed(tmp_path):
     with NodeProcesses(tmp_path) as nodes:
-        nodes.start(NodeCommand("one", "this"))
+        nodes.start(NodeCommand("one", "timeit"))  # its main just returns
         wait_for(lambda: not nodes.running("one"))
         nodes.check(ending="one")
         with pytest.raises(RuntimeError, match="one was ended"):

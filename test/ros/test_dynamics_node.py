@@ -124,7 +124,7 @@ def test_lost_and_wrong_blocks(run_node, peer):
     ]:
         loads.send(10, **wrong)
         peer.wait_for(lambda reason=reason: reason in peer.text(STATUS))
-        assert peer.diagnostics[STATUS].level == 1
+        assert peer.diagnostics[STATUS].level >= 1  # an error where no good one comes for 2 s
     assert peer.value(STATUS, "refused_blocks") == "3"
     loads.send(12, nan)  # wrong, and after a gap
     peer.wait_for(lambda: peer.value(STATUS, "refused_blocks") == "4")
@@ -135,10 +135,10 @@ def test_lost_and_wrong_blocks(run_node, peer):
     assert peer.value(STATUS, "lost_steps") == "500"
     assert stamps(meshes) == [START_NS + k * BLOCK_NS for k in range(13)]
 
-    loads.send(2)  # a stream that starts again
+    loads.send(-50)  # a stream that starts again, 3 s earlier
     peer.wait_for(lambda: peer.value(STATUS, "restarts") == "1")
     peer.wait_for(lambda: len(meshes) == 14)
-    assert stamps(meshes)[-1] == START_NS + 2 * BLOCK_NS
+    assert stamps(meshes)[-1] == START_NS - 50 * BLOCK_NS
 
 
 def test_lifecycle(run_node, peer):

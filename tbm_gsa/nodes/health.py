@@ -1,0 +1,96 @@
+"""What is wrong with the signals that come in, by test point."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+from tbm_gsa.comparison import StreamCounters
+from tbm_msgs_py.nodes.faults import Faults
+
+SILENCE_S = 2.0  # wall time after which a signal that came no longer comes
+_COUNTED = {
+    "rejected": "{} samples of the {} that are not finite",
+    "late": "{} samples of the {} late or twice: two publishers, or another rate than declared?",
+}
+
+
+@dataclass
+class Condition:
+    """Findings at one test point, each a line.
+
+    Attributes
+    ----------
+    refused : list of str
+        Blocks that could not be used.
+    doubts : list of str
+        What is used, but is not right.
+    silent : list of str
+        Signals that came and come no more.
+    """
+
+    refused: list[str] = field(default_factory=list)
+    doubts: list[str] = field(default_factory=list)
+    silent: list[str] = field(default_factory=list)
+
+
+class StreamHealth:
+    """Gathers what blocks, publishers and counters tell about every signal.
+
+    Parameters
+    ----------
+    warn : callable
+        Takes a line for the log.
+    """
+
+    def __init__(self, warn: Callable[[str], object]) -> None:
+        self._faults: Faults[tuple[str, str, str]] = Faults(warn)
+        self._came: dict[tuple[str, str], float] = {}
+        self._counted: dict[tuple[str, Any, str], int] = {}
+
+    def arrived(self, point: str, source: str) -> None:
+        """Take note of samples that are used."""
+        self._came[point, source] = time.monotonic()
+        self._faults.clear(("refused", point, source))
+
+    def refuse(self, point: str, source: str, reason: str) -> None:
+        """Take note of samples that cannot be used."""
+        self._came.pop((point, source), None)
+        self._faults.report(("refused", point, source), f"{source} {point}: {reason}; not used")
+
+    def doubt(self, point: str, key: str, text: str) -> None:
+        """Take note that something is not right, until it is settled."""
+        self._faults.report(("doubts", point, key), text)
+
+    def settle(self, point: str, key: str) -> None:
+        """Take note that it is right now."""
+        self._faults.clear(("doubts", point, key))
+
+    def look(self, counters: Mapping[str, Mapping[Any, StreamCounters]], clock_stands: bool) -> dict[str, Condition]:
+        """Give what was found since the last look, by test point."""
+        for point, sources in counters.items():
+            for source, counts in sources.items():
+                for name, text in _COUNTED.items():
+                    self._compare(point, source, name, getattr(counts, name), text)
+        found: dict[str, Condition] = {}
+        for (kind, point, _), text in self._faults.show().items():
+            getattr(found.setdefault(point, Condition()), kind).append(text)
+        for (point, source), silence in self._silences(clock_stands).items():
+            found.setdefault(point, Condition()).silent.append(f"no signal of the {source} for {silence:.0f} s")
+        return found
+
+    def _compare(self, point: str, source: Any, name: str, count: int, text: str) -> None:
+        more = count - self._counted.get((point, source, name), 0)
+        self._counted[point, source, name] = count
+        if more > 0:
+            self.doubt(point, f"{source} {name}", text.format(more, source))
+        else:
+            self.settle(point, f"{source} {name}")
+
+    def _silences(self, clock_stands: bool) -> dict[tuple[str, str], float]:
+        now = time.monotonic()
+        if clock_stands:  # nothing comes from a bag that pauses
+            self._came = dict.fromkeys(self._came, now)
+        return {key: now - came for key, came in self._came.items() if now - came > SILENCE_S}

@@ -1,0 +1,41 @@
+"""Start of a node's process: SIGINT and SIGTERM end it cleanly from the first moment, while it still imports.
+
+`python -m tbm_gsa.nodes.start <module> …`, or an executable of the name of a node. Nothing here may import anything
+that takes time: with it the process would die of a signal, or show a traceback, until the node has taken over.
+"""
+
+from __future__ import annotations
+
+import os
+import signal
+import sys
+from importlib import import_module
+from pathlib import Path
+from types import FrameType
+from typing import NoReturn
+
+# By name only: what they import takes seconds.
+NODES = {
+    "load_node": "tbm_dynamics.nodes.load_node",
+    "dynamics_node": "tbm_dynamics.nodes.dynamics_node",
+    "analysis_node": "tbm_gsa.nodes.analysis_node",
+    "bag_player": "tbm_msgs_py.nodes.bag_player",
+    "bag_recorder": "tbm_msgs_py.nodes.bag_recorder",
+}
+
+
+def main() -> NoReturn:
+    """Start the node that the executable is named after, or the module that the first argument names."""
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, _end)
+    module = NODES.get(Path(sys.argv[0]).name) or sys.argv.pop(1)
+    sys.exit(import_module(module).main())
+
+
+def _end(_number: int, _frame: FrameType | None) -> NoReturn:
+    """End at once: there is nothing to release yet, and threads of a half-imported library would be waited for."""
+    os._exit(0)
+
+
+if __name__ == "__main__":
+    main()

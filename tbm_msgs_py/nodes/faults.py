@@ -1,0 +1,53 @@
+"""What is wrong at the moment: said once in the log, and on `/diagnostics` until it is over."""
+
+from __future__ import annotations
+
+import re
+import time
+from collections.abc import Callable, Hashable
+from typing import Generic, TypeVar
+
+Key = TypeVar("Key", bound=Hashable)
+
+REPEAT_S = 60.0  # the same line is not said again before
+
+
+class Faults(Generic[Key]):
+    """Faults by key. One that is over stays until it has been shown once, so that none comes and goes unseen.
+
+    Parameters
+    ----------
+    warn : callable
+        Takes the line for the log.
+    now : callable
+        Seconds, monotonic.
+    """
+
+    def __init__(self, warn: Callable[[str], object], now: Callable[[], float] = time.monotonic) -> None:
+        self._warn, self._now = warn, now
+        self._standing: dict[Key, str] = {}
+        self._over: set[Key] = set()
+        self._said: dict[Key, tuple[str, float]] = {}
+
+    def report(self, key: Key, text: str) -> None:
+        """Take note that something is wrong."""
+        self._standing[key] = text
+        self._over.discard(key)
+        gist = re.sub(r"\d+", "#", text)  # another count is no other fault
+        said, when = self._said.get(key, ("", 0.0))
+        if gist != said or self._now() - when > REPEAT_S:
+            self._warn(text)
+            self._said[key] = gist, self._now()
+
+    def clear(self, key: Key) -> None:
+        """Take note that it is over."""
+        if key in self._standing:
+            self._over.add(key)
+
+    def show(self) -> dict[Key, str]:
+        """Give the faults for one message; those that are over are gone from the next."""
+        shown = dict(self._standing)
+        for key in self._over:
+            del self._standing[key]
+        self._over.clear()
+        return shown

@@ -1,0 +1,110 @@
+"""Declaration of ROS parameters: type, range, description, and when a value may change."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any, Literal
+
+from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescriptor
+
+_KINDS = {bool: "true or false", int: "a whole number", float: "a decimal number", str: "text", list: "a list"}
+ParameterValue = bool | int | float | str | list[str] | list[float]
+Changes = Literal["start", "unconfigured", "running"]
+_WHEN = {
+    "start": "set at the start only",
+    "unconfigured": "set while the node is unconfigured",
+    "running": "may change at run time",
+}
+
+
+class ParameterError(ValueError):
+    """A parameter given a value that is not allowed, in one line."""
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """Declaration of one ROS parameter; its type is that of the default.
+
+    Attributes
+    ----------
+    name : str
+        Name, dots for groups.
+    default : bool, int, float, str or list
+        Default. An empty list of strings is ``[""]``: ROS cannot type an empty one. A list of floats keeps its length.
+    description : str
+        One line for the user, with the unit.
+    minimum, maximum : float, optional
+        Allowed range of a number, or of every number of a list, ends included.
+    choices : tuple of str
+        Allowed values of a string.
+    changes : "start", "unconfigured" or "running"
+        When another value is taken: at the start only (read-only), between `cleanup` and `configure`, or always.
+    """
+
+    name: str
+    default: ParameterValue
+    description: str
+    minimum: float | None = None
+    maximum: float | None = None
+    choices: tuple[str, ...] = ()
+    changes: Changes = "unconfigured"
+
+    def descriptor(self) -> ParameterDescriptor:
+        """Descriptor with range, description and read-only flag."""
+        constraints = [f"one of: {', '.join(self.choices)}"] if self.choices else []
+        described = ParameterDescriptor(
+            description=self.description,
+            read_only=self.changes == "start",
+            additional_constraints="; ".join([*constraints, _WHEN[self.changes]]),
+        )
+        if isinstance(self.default, list) or (self.minimum is None and self.maximum is None):
+            return described
+        if isinstance(self.default, int):
+            lowest = -(2**63) if self.minimum is None else int(self.minimum)
+            highest = 2**63 - 1 if self.maximum is None else int(self.maximum)
+            described.integer_range = [IntegerRange(from_value=lowest, to_value=highest, step=0)]
+        else:
+            low, high = self._float_limits()
+            described.floating_point_range = [FloatingPointRange(from_value=low, to_value=high, step=0.0)]
+        return described
+
+    def problem(self, value: Any) -> str | None:
+        """Name what is wrong with a value of the right type, in one line; None when it is allowed."""
+        low, high = self._float_limits()
+        entries = list(value) if self._vector else [value]
+        numbers = [entry for entry in entries if isinstance(entry, int | float) and not isinstance(entry, bool)]
+        wrong = (
+            (self.choices and value not in self.choices)
+            or (self._vector and len(entries) != len(self.default))  # type: ignore[arg-type]  # a vector has a length
+            or not all(math.isfinite(number) and low <= number <= high for number in numbers)
+        )
+        return f"parameter {self.name}: {_text(value)}, allowed: {self.allowed()}" if wrong else None
+
+    def allowed(self) -> str:
+        """Type and range in words."""
+        if self.choices:
+            return f"one of {', '.join(self.choices)}"
+        low, high = self._float_limits()
+        limits = "" if math.isinf(low) and math.isinf(high) else f" from {low:g} to {high:g}"
+        if isinstance(self.default, list) and self._vector:
+            return f"{len(self.default)} decimal numbers{limits}"
+        return f"{_KINDS[type(self.default)]}{limits}"
+
+    @property
+    def _vector(self) -> bool:
+        return isinstance(self.default, list) and all(isinstance(entry, float) for entry in self.default)
+
+    def _float_limits(self) -> tuple[float, float]:
+        low = -math.inf if self.minimum is None else float(self.minimum)
+        high = math.inf if self.maximum is None else float(self.maximum)
+        return low, high
+
+
+def _text(value: Any) -> str:
+    return str(value) if isinstance(value, bool | int | float | str) else str(list(value))
+
+
+AUTOSTART = Parameter(
+    "autostart", True, "configure and activate at the start, without a lifecycle manager", changes="start"
+)
