@@ -18,7 +18,7 @@ from tbm_msgs_py.bags.mapping import (
     default_mapping_file,
     load_mapping,
 )
-from tbm_msgs_py.bags.mcap_file import RawMessage, Topic
+from tbm_msgs_py.bags.stretch import RawMessage, Topic
 from tbm_msgs_py.bags.samples import ACCELERATION_TYPES, JOINT_STATE_TYPE, Samples, decode_samples, typestore
 from tbm_msgs_py.blocks import stamp_to_ns
 from tbm_msgs_py.operating_point import OperatingPoint, OperatingPointError, from_joint_state
