@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import struct
-import zlib
+from collections.abc import Callable
 from typing import NamedTuple
 
 import lz4.frame  # type: ignore[import-untyped]
 import numpy as np
 import zstandard
+from isal import isal_zlib  # zlib's checksum, five times as fast
 
 from tbm_msgs_py.bags.records import LONGEST, Bytes
 
@@ -35,7 +36,7 @@ def chunk_records(data: Bytes, first: int, end: int) -> ChunkRecords:
     A chunk that is whole and does not have the stated size or checksum is a `ChunkError`: some of it is wrong, and
     nothing says which part. One that was cut is read as far as it goes.
     """
-    _, _, size, crc, name = _HEAD.unpack_from(data[first:end])
+    _, _, size, crc, name = _HEAD.unpack(data[first : min(end, first + _HEAD.size)].tobytes())
     start = first + _HEAD.size + name + 8
     if start > end or size > LONGEST:
         raise ChunkError(f"chunk of {size} bytes, allowed: up to {LONGEST}")
@@ -45,7 +46,7 @@ def chunk_records(data: Bytes, first: int, end: int) -> ChunkRecords:
     if compression:
         data = _decompressed(data[start : start + stored].tobytes(), compression, size)
         start, end = 0, len(data)
-    if whole and (end - start != size or (crc and zlib.crc32(data[start:end]) != crc)):
+    if whole and (end - start != size or (crc and isal_zlib.crc32(data[start:end]) != crc)):
         raise ChunkError(f"chunk of {end - start} bytes, stated are {size} and a checksum")
     return ChunkRecords(data, start, end, whole)
 
@@ -53,15 +54,9 @@ def chunk_records(data: Bytes, first: int, end: int) -> ChunkRecords:
 def _decompressed(stored: bytes, compression: str, size: int) -> Bytes:
     """Up to `size` bytes, and one more where there are more; fewer when the frame is cut or damaged."""
     if compression == "zstd":
-        read = zstandard.ZstdDecompressor().stream_reader(stored).read
+        read: Callable[[int], bytes] = zstandard.ZstdDecompressor().stream_reader(stored).read
     elif compression == "lz4":
-        frame = lz4.frame.LZ4FrameDecompressor()
-
-        def read(count: int) -> bytes:
-            nonlocal stored
-            part, stored = stored, b""
-            return b"" if frame.eof else bytes(frame.decompress(part, max_length=count))
-
+        read = _lz4_reader(stored)
     else:
         raise ChunkError(f"compression {compression}, allowed: none, zstd, lz4")
     parts, room = [], size + 1
@@ -75,3 +70,14 @@ def _decompressed(stored: bytes, compression: str, size: int) -> Bytes:
         parts.append(part)
         room -= len(part)
     return np.frombuffer(b"".join(parts), np.uint8)
+
+
+def _lz4_reader(stored: bytes) -> Callable[[int], bytes]:
+    """Reader of a frame; the library's own file object gives nothing of the last blocks of a cut one."""
+    frame = lz4.frame.LZ4FrameDecompressor()
+    rest = [stored]
+
+    def read(count: int) -> bytes:
+        return b"" if frame.eof else bytes(frame.decompress(rest.pop() if rest else b"", max_length=count))
+
+    return read

@@ -59,6 +59,7 @@ class McapFile:
 
     def __init__(self, path: Path) -> None:
         self.path = path
+        self._stated: dict[int, Topic] | None = None  # channels by the end of the file, once it was looked at
         self._restart()
 
     def stretches(self) -> Iterator[Stretch]:
@@ -84,7 +85,7 @@ class McapFile:
         self._settle(0, 0)
 
     def summary(self) -> Summary | None:
-        """What the end of the file states about it; None when that is missing or does not fit together."""
+        """Read what the end of the file states about it; None when that is missing or does not fit together."""
         with self.path.open("rb") as file:
             found = _summary_records(file)
         if found is None:
@@ -116,7 +117,7 @@ class McapFile:
         self.declared: int | None = None
         self._schemas: dict[int, Schema] = {}
         self._channels: dict[int, Topic] = {}
-        self._stated: dict[int, Topic] | None = None  # by the end of the file
+        self._stated = None
         self._indexed = self._accounted = 0  # messages of the last chunk: by its index; read or counted as lost
 
     def _begin(self, file: IO[bytes]) -> int:
@@ -205,7 +206,7 @@ class McapFile:
         return channel in self._channels
 
     def _end(self, data: Bytes, found: Walk) -> Iterator[Stretch]:
-        """What is left of the record that the file ends in."""
+        """Read what is left of the record that the file ends in."""
         self.truncated = True
         if found.stop + HEAD > len(data):
             return
@@ -255,7 +256,7 @@ def _loaded(file: IO[bytes], tail: Bytes, at: int) -> Bytes:
     file.seek(at + len(tail))
     filled = len(tail)
     while filled < len(data):
-        count = file.readinto(memoryview(data)[filled:])  # type: ignore[attr-defined]
+        count = file.readinto(data[filled:])  # type: ignore[attr-defined]
         if not count:
             break
         filled += count

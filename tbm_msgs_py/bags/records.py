@@ -1,6 +1,6 @@
 """The records of an MCAP file or chunk, walked over in compiled code, damaged or not.
 
-A record is an opcode (1 byte), the length of its body (8 bytes) and the body (https://mcap.dev/spec). One walk finds the
+A record is an opcode (1 byte), the length of its body (8 bytes) and the body (mcap.dev/spec). One walk finds the
 messages of a stretch of bytes as four rows of numbers; nothing is made for a single message. Where no record can
 begin, the walk searches for the next place from which three records follow one another.
 """
@@ -98,16 +98,16 @@ def join(data: Bytes, starts: NDArray[np.int64], sizes: NDArray[np.int64]) -> By
 
 
 @njit(**_COMPILED)  # type: ignore[untyped-decorator]
-def _number(data: Any, at: int, size: int) -> int:
+def _number(data: Any, at: int, size: int) -> Any:
     """Unsigned little-endian number, taken as int64."""
-    value = np.int64(0)
+    value, place = np.int64(0), np.uintp(at)
     for i in range(size):
-        value |= np.int64(data[at + i]) << (8 * i)
+        value |= np.int64(data[place + np.uintp(i)]) << (8 * i)
     return value
 
 
 @njit(**_COMPILED)  # type: ignore[untyped-decorator]
-def _is_chunk(data: Any, at: int, end: int) -> bool:
+def _is_chunk(data: Any, at: int, end: int) -> Any:
     """Whether the two lengths of a chunk, of its body and of its records, agree."""
     if at + HEAD + CHUNK_HEAD > end:
         return False
@@ -119,7 +119,7 @@ def _is_chunk(data: Any, at: int, end: int) -> bool:
 
 
 @njit(**_COMPILED)  # type: ignore[untyped-decorator]
-def _fits(data: Any, at: int, end: int, limit: int) -> bool:
+def _fits(data: Any, at: int, end: int, limit: int) -> Any:
     """Whether a record of the specification can begin at a place."""
     if at + HEAD > end:
         return False
@@ -135,7 +135,7 @@ def _fits(data: Any, at: int, end: int, limit: int) -> bool:
 
 
 @njit(**_COMPILED)  # type: ignore[untyped-decorator]
-def _begins(data: Any, at: int, end: int, limit: int) -> int:
+def _begins(data: Any, at: int, end: int, limit: int) -> Any:
     """1 where records certainly begin, 0 where not, -1 where more bytes have to be seen."""
     place = at
     for count in range(_CHAIN):
@@ -154,7 +154,7 @@ def _begins(data: Any, at: int, end: int, limit: int) -> int:
 
 
 @njit(**_COMPILED)  # type: ignore[untyped-decorator]
-def _search(data: Any, first: int, end: int, limit: int) -> tuple[int, int]:
+def _search(data: Any, first: int, end: int, limit: int) -> Any:
     """Place of the next record from `first` on, and what `_begins` says there; (-1, 0) without one."""
     for place in range(first, end - HEAD + 1):
         if data[place] == 0 or data[place] > 15:
@@ -166,7 +166,7 @@ def _search(data: Any, first: int, end: int, limit: int) -> tuple[int, int]:
 
 
 @njit(**_COMPILED)  # type: ignore[untyped-decorator]
-def _foreign(data: Any, at: int, end: int, limit: int) -> bool:
+def _foreign(data: Any, at: int, end: int, limit: int) -> Any:
     """Whether a record of an opcode that the specification leaves open stands there: one that fits follows it."""
     if at + HEAD > end or data[at] <= 15:
         return False
@@ -237,19 +237,21 @@ def _walk(data: Any, first: int, end: int, limit: int, searching: bool) -> Any: 
     return messages[:, :n].copy(), others[:, :m].copy(), at, state, searching, damaged, lost
 
 
+# Unsigned indices: numba asks of every signed one whether it counts from the end, which keeps copies from being fast.
 @njit(**_COMPILED)  # type: ignore[untyped-decorator]
 def _gather(data: Any, starts: Any, out: Any) -> None:
+    width = np.uintp(out.shape[1])
     for k in range(len(starts)):
-        at = starts[k]
-        for i in range(out.shape[1]):
-            out[k, i] = data[at + i]
+        at = np.uintp(starts[k])
+        for i in range(width):
+            out[k, i] = data[at + np.uintp(i)]
 
 
 @njit(**_COMPILED)  # type: ignore[untyped-decorator]
 def _join(data: Any, starts: Any, sizes: Any, out: Any) -> None:
-    place = 0
+    place = np.uintp(0)
     for k in range(len(starts)):
-        at, size = starts[k], sizes[k]
+        at, size = np.uintp(starts[k]), np.uintp(sizes[k])
         for i in range(size):
-            out[place + i] = data[at + i]
+            out[place + np.uintp(i)] = data[at + np.uintp(i)]
         place += size

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable, Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
 from itertools import groupby
 from typing import NamedTuple
@@ -70,7 +70,7 @@ class Stretch:
     ends: tuple[int, ...]
 
     def __len__(self) -> int:
-        return self.messages.shape[1]
+        return int(self.messages.shape[1])
 
     def counts(self) -> dict[Topic, int]:
         """Messages of each topic."""
@@ -81,12 +81,20 @@ class Stretch:
                 found[topic] = found.get(topic, 0) + int(count)
         return found
 
-    def of(self, topics: Collection[Topic]) -> Stretch:
-        """Messages of some topics, as one batch."""
-        channels = [channel for channel, topic in self.topics.items() if topic in topics]
-        mask = self.messages[0] == channels[0] if len(channels) == 1 else np.isin(self.messages[0], channels)
-        chosen = np.ascontiguousarray(self.messages[:, mask])
-        return Stretch(self.data, chosen, self.topics, (chosen.shape[1],))
+    def by_topic(self) -> Iterator[tuple[Topic, Stretch]]:
+        """Messages of each topic, in file order, as one batch."""
+        channels = self.messages[0].astype(np.uint16)
+        ordered = self.messages[:, np.argsort(channels, kind="stable")]
+        ends = np.cumsum(np.bincount(channels))
+        found: dict[Topic, list[NDArray[np.int64]]] = {}
+        for channel in np.flatnonzero(np.diff(ends, prepend=0)).tolist():
+            first = int(ends[channel - 1]) if channel else 0
+            found.setdefault(self.topics[channel], []).append(ordered[:, first : int(ends[channel])])
+        for topic, parts in found.items():
+            chosen = parts[0] if len(parts) == 1 else np.concatenate(parts, axis=1)
+            if len(parts) > 1:  # two publishers of a topic: back into file order
+                chosen = chosen[:, np.argsort(chosen[2], kind="stable")]
+            yield topic, Stretch(self.data, chosen, self.topics, (chosen.shape[1],))
 
     def batches(self) -> Iterator[Stretch]:
         """Chunk after chunk."""
@@ -95,10 +103,9 @@ class Stretch:
 
     def raw(self) -> Iterator[RawMessage]:
         """One object a message, ordered by log time."""
-        view = memoryview(self.data)
         order = np.argsort(self.messages[1], kind="stable")
         for channel, log_ns, at, size in self.messages[:, order].T.tolist():
-            yield RawMessage(self.topics[channel], log_ns, bytes(view[at : at + size]))
+            yield RawMessage(self.topics[channel], log_ns, self.data[at : at + size].tobytes())
 
 
 def joined(
@@ -114,7 +121,8 @@ def joined(
         if not inside and len(found) > 1:
             places = np.cumsum([0, *(len(part) for part, _ in found)])
             data = np.concatenate([part for part, _ in found])
-            found = [(data, part + [[0], [0], [place], [0]]) for (_, part), place in zip(found, places, strict=False)]
+            shifts = [np.array([[0], [0], [place], [0]]) for place in places[:-1]]
+            found = [(data, part + shift) for (_, part), shift in zip(found, shifts, strict=True)]
         messages = np.concatenate([part for _, part in found], axis=1)
         ends = tuple(np.cumsum([part.shape[1] for _, part in found]).tolist())
         yield Stretch(data, messages, topics, ends)
