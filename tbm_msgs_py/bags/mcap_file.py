@@ -169,7 +169,7 @@ class McapFile:
         for opcode, at, size in inner.others.T.tolist():
             self._record(opcode, records.data[at : at + size].tobytes())
         broken = inner.damaged + (inner.state == CUT and records.whole and inner.stop < records.end)
-        lost = inner.lost + (inner.stop < records.end and records.data[inner.stop] == Opcode.MESSAGE)
+        lost = inner.lost + int(inner.stop < records.end and records.data[inner.stop] == Opcode.MESSAGE)
         self.lost += lost
         self._settle(inner.messages.shape[1] + lost, broken)
         return records.data, inner.messages

@@ -24,7 +24,7 @@ LONGEST = 1 << 28  # bytes of the longest body that is read; attachments are ski
 MORE, FOOTER, CUT = 0, 1, 2  # why a walk ended: more bytes are needed, the footer, the end of the bytes
 
 # Least bytes of a body by opcode; 0 for opcodes that the specification leaves open.
-_LEAST = np.array([0, 8, 20, 14, 16, 22, 40, 6, 68, 36, 52, 46, 8, 28, 17, 4], np.int64)
+_LEAST = np.array([0, 8, 20, 14, 16, 22, 40, 6, 64, 36, 48, 46, 8, 20, 17, 4], np.int64)
 _FIXED = np.isin(np.arange(16), (Opcode.FOOTER, Opcode.SUMMARY_OFFSET, Opcode.DATA_END))
 # Records whose body is needed; the others are stepped over.
 _WANTED = np.isin(

@@ -2,9 +2,9 @@
 
 import numpy as np
 import pytest
+from bag_files import rewrite
 from mcap.reader import make_reader
 from mcap.writer import CompressionType
-from mcap.writer import Writer as McapWriter
 from rosbags.highlevel import AnyReader
 from sample_bag import BLOCKS, RATE, SAMPLES, START_NS, fill, signal
 
@@ -85,22 +85,6 @@ def test_messages_come_in_log_time_order_though_written_otherwise(tmp_path):
     assert first_two == sorted(first_two)
     late = [m.log_ns - START_NS for m in Bag(tmp_path / "bag").messages(start_ns=START_NS + 5)]
     assert late == [5, 6, 8, 9]
-
-
-def rewrite(folder, path, compression, **options):
-    """The recording as another writer would have made it: small chunks with checksums."""
-    with path.open("wb") as file:
-        writer = McapWriter(file, chunk_size=20_000, compression=compression, **options)
-        writer.start("ros2", "test")
-        channels = {}
-        for message in Bag(folder).messages():
-            topic = message.topic
-            if topic not in channels:
-                schema = writer.register_schema(topic.type, "ros2msg", topic.definition.encode())
-                channels[topic] = writer.register_channel(topic.name, "cdr", schema)
-            writer.add_message(channels[topic], message.log_ns, message.data, message.log_ns)
-        writer.finish()
-    return path
 
 
 @pytest.mark.parametrize("chunks", [True, False])
