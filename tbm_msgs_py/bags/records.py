@@ -167,14 +167,18 @@ def _search(data: Any, first: int, end: int, limit: int) -> Any:
 
 @njit(**_COMPILED)  # type: ignore[untyped-decorator]
 def _foreign(data: Any, at: int, end: int, limit: int) -> Any:
-    """Whether a record of an opcode that the specification leaves open stands there: one that fits follows it."""
-    if at + HEAD > end or data[at] <= 15:
-        return False
-    length = _number(data, at + 1, 8)
-    if length < 0 or length > limit - at - HEAD:
-        return False
-    stop = at + HEAD + length
-    return stop == limit or _fits(data, stop, end, limit)
+    """Whether a record of an opcode that the specification leaves open stands there: one that fits follows."""
+    place = at
+    for _ in range(_CHAIN):
+        if place == limit or (place + HEAD <= end and data[place] <= 15):
+            return place > at and (place == limit or _fits(data, place, end, limit))
+        if place + HEAD > end:
+            return False
+        length = _number(data, place + 1, 8)
+        if length < 0 or length > limit - place - HEAD:
+            return False
+        place += HEAD + length
+    return True
 
 
 @njit(**_COMPILED)  # type: ignore[untyped-decorator]
