@@ -5,6 +5,7 @@ from mcap.writer import CompressionType
 from mcap.writer import Writer as McapWriter
 
 from tbm_msgs_py import Bag
+from tbm_msgs_py.bags.stretch import Stretch
 
 VALUES = (0, 1, 2**16, 2**28, 2**31 - 1, 2**32 - 1, 2**40, 2**63 - 1, 2**64 - 1)
 KINDS = [(compression, True) for compression in CompressionType] + [(CompressionType.NONE, False)]
@@ -24,6 +25,14 @@ def rewrite(source, path, compression, *, chunk_size=20_000, **options):
             writer.add_message(channels[topic], message.log_ns, message.data, message.log_ns)
         writer.finish()
     return path
+
+
+def stretch_of(messages):
+    """Messages of one topic as a stretch, one byte apart so that nothing is aligned."""
+    data = np.frombuffer(b"".join(message + b"x" for message in messages), np.uint8)
+    sizes = np.array([len(message) for message in messages])
+    at = np.cumsum(sizes + 1) - sizes - 1
+    return Stretch(data, np.array([np.ones_like(at), at, at, sizes]), {}, (len(messages),))
 
 
 class Mutations:
