@@ -1,7 +1,8 @@
 """The model against a recording: conditioning, statistics, and the comparison afterwards and live."""
 
 from tbm_gsa.comparison.live import AlarmRule, WindowedComparison, WindowResult
-from tbm_gsa.comparison.offline import Comparison, Record, Settings, compare_records
+from tbm_gsa.comparison.offline import Comparison, Record, compare_records
+from tbm_gsa.comparison.settings import Settings
 from tbm_gsa.comparison.streams import StreamCounters
 
 __all__ = [

@@ -4,13 +4,13 @@ import scipy.signal
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from tbm_gsa.comparison.clock import sampling_rate
 from tbm_gsa.comparison.conditioning import (
     Band,
     CausalConditioner,
     common_band,
     compared_axes,
     condition,
-    sampling_rate,
 )
 
 RATE = 1000.0
