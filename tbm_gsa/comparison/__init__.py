@@ -1,6 +1,7 @@
 """The model against a recording: conditioning, statistics, and the comparison afterwards and live."""
 
-from tbm_gsa.comparison.live import AlarmRule, WindowedComparison, WindowResult
+from tbm_gsa.comparison.alarm import AlarmRule, UsualError
+from tbm_gsa.comparison.live import WindowedComparison, WindowResult
 from tbm_gsa.comparison.offline import Comparison, Record, compare_records
 from tbm_gsa.comparison.settings import Settings
 from tbm_gsa.comparison.streams import StreamCounters
@@ -11,6 +12,7 @@ __all__ = [
     "Record",
     "Settings",
     "StreamCounters",
+    "UsualError",
     "WindowResult",
     "WindowedComparison",
     "compare_records",

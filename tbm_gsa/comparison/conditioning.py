@@ -156,9 +156,8 @@ class ZeroPhaseConditioner:
         self._given = 0  # samples at the front that were given already and are kept as context
 
     def feed(self, time: Array, values: Array) -> Iterator[Stretch]:
-        """Take the next samples, time (n,) s strictly increasing, values (n, 3) m/s²; rows not finite are left out."""
-        finite = np.isfinite(values).all(axis=1)
-        return self._take(self._clock.feed(time[finite], values[finite]))
+        """Take the next samples, time (n,) s strictly increasing, values (n, 3) m/s², all finite."""
+        return self._take(self._clock.feed(time, values))
 
     def finish(self) -> Iterator[Stretch]:
         """End the signal."""
@@ -198,7 +197,8 @@ class ZeroPhaseConditioner:
 
     def _filter(self, values: Array, core: slice) -> tuple[Array, Array | None]:
         # The straight line is nothing to the high-pass, but its start and end would be.
-        straight = scipy.signal.detrend(values, axis=0)
+        place, slope = _slope(values)
+        straight = values - values.mean(axis=0) - place[:, None] * slope
         filtered: Array = scipy.signal.sosfiltfilt(self._sections, straight, axis=0, padlen=0)
         if self._band.high <= VELOCITY_LOW_HZ:
             return filtered[core], None
@@ -287,11 +287,16 @@ def _mirrored(values: Array, count: int) -> Array:
     Mirrored, because an odd extension turns about the first value of the vibration and so shifts the mean there.
     """
     head = values[: count + 1]
-    place = np.arange(len(head)) - (len(head) - 1) / 2.0
-    slope = place @ head / (place @ place)
+    place, slope = _slope(head)
     flat = head - place[:, None] * slope
     before = np.pad(flat, ((count, 0), (0, 0)), mode="reflect")[:count]
     return np.asarray(before + (np.arange(-count, 0) + place[0])[:, None] * slope)
+
+
+def _slope(values: Array) -> tuple[Array, Array]:
+    """Places of samples about their middle, (n,), and slopes of the straight lines through values (n, 3)."""
+    place = np.arange(len(values)) - (len(values) - 1) / 2.0
+    return place, place @ values / (place @ place)
 
 
 def _velocity_gain(frequency: Array) -> Array:

@@ -23,7 +23,7 @@ from tbm_gsa.comparison.reader_adapter import RecordingReader
 from tbm_gsa.study.document import package_versions
 
 STATISTICS = ("rms", "peak", "crest_factor", "kurtosis", "velocity_rms")
-_DIGITS = 6  # significant ones of what is written by the thousand
+_DIGITS = 8  # significant ones of what is written by the thousand
 
 
 @dataclass(frozen=True, eq=False)
@@ -231,7 +231,7 @@ def _interval(interval: Interval) -> list[float] | None:
 
 
 def _numbers(values: Array) -> list[float | None]:
-    """Numbers to six digits, for there are thousands."""
+    """Numbers to eight digits, for there are thousands."""
     found = np.array([float(f"{value:.{_DIGITS}g}") for value in values.tolist()])
     return [number(value) for value in found.tolist()]
 

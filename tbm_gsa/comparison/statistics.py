@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 import scipy.fft
@@ -85,14 +86,23 @@ def periodograms(values: Array, rate_hz: float, size: int) -> Array:
     ndarray, shape (k, size // 2 + 1, c)
         Unit of the signal squared per Hz.
     """
-    window = scipy.signal.get_window("hann", size)
-    segments = np.lib.stride_tricks.sliding_window_view(values, size, axis=0)[:: size - size // 2]  # (k, c, size)
-    density = np.square(np.abs(scipy.fft.rfft(segments * window, axis=2)))
-    density *= 2.0 / (rate_hz * np.sum(np.square(window)))
+    window = _hann(size)
+    columns = np.ascontiguousarray(values.T)
+    segments = np.lib.stride_tricks.sliding_window_view(columns, size, axis=1)[:, :: size - size // 2]  # (c, k, size)
+    transformed = scipy.fft.rfft(segments * window, axis=2)
+    density = np.square(transformed.real)
+    density += np.square(transformed.imag)
+    density *= 2.0 / (rate_hz * (window @ window))
     density[:, :, 0] /= 2.0  # zero and the Nyquist frequency have no mirror image
     if size % 2 == 0:
         density[:, :, -1] /= 2.0
-    return np.asarray(density.swapaxes(1, 2))
+    return np.asarray(density.transpose(1, 2, 0))
+
+
+@lru_cache(maxsize=8)
+def _hann(size: int) -> Array:
+    window: Array = scipy.signal.get_window("hann", size)
+    return window
 
 
 def strongest_lines(spectrum: Spectrum, count: int, separation_hz: float = 1.0) -> tuple[Line, ...]:

@@ -132,25 +132,28 @@ class WindowCollector:
         if self._open is None:
             return
         window, self._open = self._open, None
-        values = np.column_stack([self._along(np.concatenate(window.acceleration), axis) for axis in self._axes])
-        speed = np.square(np.concatenate(window.velocity))
+        values = self._along(window.acceleration)
         squares = np.square(values)
-        moments = np.array([part.sum(axis=0) for part in (values, squares, squares * values, squares * squares)])
+        speed = np.square(self._along(window.velocity)).sum(axis=1)
+        powers = (values, squares, squares * values, np.square(squares))
+        moments = np.array([part.sum(axis=1) for part in powers])
         bands, line = self._in_frequency(window.acceleration)
         self._rows.append(
             (
                 window.index,
-                len(values),
+                values.shape[1],
                 moments,
-                np.abs(values).max(axis=0),
-                np.array([speed[:, list(axis)].sum() for axis in self._axes]),
+                np.sqrt(squares.max(axis=1)),
+                speed,
                 bands * moments[1],
                 line,
             )
         )
 
-    def _along(self, values: Array, axis: tuple[int, ...]) -> Array:
-        return values[:, axis[0]] if len(axis) == 1 else np.asarray(np.linalg.norm(values[:, list(axis)], axis=1))
+    def _along(self, parts: list[Array]) -> Array:
+        """Values along the compared axes, (a, n)."""
+        columns = np.concatenate(parts).T
+        return np.array([columns[axis[0]] if len(axis) == 1 else np.hypot(*columns[list(axis)]) for axis in self._axes])
 
     def _in_frequency(self, parts: list[Array]) -> tuple[Array, Array]:
         """Share of each band in the power, (b, a), and frequency of the highest line, (a,)."""
