@@ -17,6 +17,7 @@ REQUIRED = [
     "pydantic>=2.5",
     "pyyaml>=6.0",
     "mcap>=1.2",
+    "isal>=1.6",
     "rosbags>=0.10",
     "scikit-learn>=1.4",
     "threadpoolctl>=3.1",

@@ -17,10 +17,11 @@ from tbm_msgs_py import (
     read_acceleration,
     read_recording,
 )
+from tbm_msgs_py.bags.faults import find_gaps
 from tbm_msgs_py.bags.mcap_file import MAGIC
 from tbm_msgs_py.bags.quality import offered_quality
 from tbm_msgs_py.bags.samples import typestore
-from tbm_msgs_py.recording import find_gaps
+from tbm_msgs_py.bags.stretch import Stretch
 from tbm_msgs_py.topics import BLOCK_QUALITY, OPERATING_POINT_QUALITY
 
 BLOCK_TOPIC = "/tbm/field/cutterhead/block"
@@ -207,6 +208,14 @@ def test_rate_follows_a_slow_clock():
     assert find_gaps(time[:1]) == ([], 0.0)
 
 
+def stretch_of(messages):
+    """Messages of one topic as a stretch, one byte apart so that nothing is aligned."""
+    data = np.frombuffer(b"".join(message + b"x" for message in messages), np.uint8)
+    sizes = np.array([len(message) for message in messages])
+    at = np.cumsum(sizes + 1) - sizes - 1
+    return Stretch(data, np.array([np.ones_like(at), at, at, sizes]), {}, (len(messages),))
+
+
 def refusal(call):
     with pytest.raises(RecordingError) as caught:
         call()
@@ -259,7 +268,7 @@ def test_samples_without_stamps_are_refused(tmp_path):
 @pytest.mark.parametrize("kind", ["AccelStamped", "Vector3Stamped", "Imu"])
 @pytest.mark.parametrize("big_endian", [False, True])
 def test_single_samples_decode_as_the_library_decodes_them(frame, kind, big_endian):
-    from tbm_msgs_py.bags.samples import decode_samples
+    from tbm_msgs_py.bags.decoding import decode_samples
 
     store = typestore()
     t = store.types
@@ -274,7 +283,7 @@ def test_single_samples_decode_as_the_library_decodes_them(frame, kind, big_endi
     else:
         message = t[name](header, vector)
     data = bytes(store.serialize_cdr(message, name, little_endian=not big_endian))
-    samples = decode_samples(name, [data, data, data[:30], b""])
+    samples = decode_samples(name, stretch_of([data, data, data[:30], b""]))
     np.testing.assert_array_equal(samples.times_ns, [12 * 10**9 + 34] * 2)
     np.testing.assert_array_equal(samples.values, [[1.5, -2.5, 9.8]] * 2)
     assert samples.undecodable == 2

@@ -1,0 +1,76 @@
+"""Where the timelines of a recording are cut into pieces while it is read."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+
+from tbm_msgs_py.bags.timeline import LATENESS_NS, Taken, Timeline
+
+_WHOLE_NS = 1 << 62
+
+
+class Cutter:
+    """Cuts timelines at common header times, a piece length apart.
+
+    A timeline whose clock is more than a piece from that of the one that has got furthest has cuts of its own, at what
+    it has reached itself: nothing waits for a time that a clock never shows.
+
+    Parameters
+    ----------
+    lines : mapping of str to Timeline
+        By test point.
+    length_s : float
+        Length of a piece, s; ``inf`` for one piece.
+    """
+
+    def __init__(self, lines: Mapping[str, Timeline], length_s: float) -> None:
+        self._lines = lines
+        self._length = round(min(length_s * 1e9, _WHOLE_NS))
+        self._origin: int | None = None
+        self._cuts: dict[str, int] = {}
+
+    def due(self) -> Iterator[dict[str, Taken]]:
+        """Pieces that are complete: samples may be late by `LATENESS_NS`."""
+        self._begin()
+        while leader := next((point for point in self._cuts if self._reached(point)), None):
+            yield from self._cut(self._cuts[leader])
+
+    def rest(self) -> Iterator[dict[str, Taken]]:
+        """Give what is left when all is read."""
+        self._begin()
+        while left := [point for point in self._cuts if self._lines[point].first_ns() is not None]:
+            yield from self._cut(min(self._cuts[point] for point in left), last=True)
+
+    def _begin(self) -> None:
+        """Give every timeline that has samples by now its first cut."""
+        for point, line in self._lines.items():
+            if point in self._cuts or (first := line.first_ns()) is None:
+                continue
+            self._origin = first if self._origin is None else self._origin
+            self._cuts[point] = self._after(first)
+
+    def _after(self, time_ns: int) -> int:
+        """Next cut of the common grid after a time."""
+        origin = self._origin or 0
+        return origin + ((time_ns - origin) // self._length + 1) * self._length
+
+    def _reached(self, point: str) -> bool:
+        latest = self._lines[point].latest_ns
+        return latest is not None and latest >= self._cuts[point] + LATENESS_NS
+
+    def _cut(self, until: int, *, last: bool = False) -> Iterator[dict[str, Taken]]:
+        piece: dict[str, Taken] = {}
+        for point, cut in self._cuts.items():
+            line = self._lines[point]
+            in_step = abs(cut - until) < self._length
+            if last and not in_step:
+                continue
+            own = (line.latest_ns or 0) - LATENESS_NS
+            here = until if in_step else own
+            taken = line.take(here)
+            if taken is not None:
+                piece[point] = taken
+            first = line.first_ns()
+            self._cuts[point] = self._after(max(here, own if first is None else first))
+        if piece:
+            yield piece
