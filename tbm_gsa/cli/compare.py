@@ -13,10 +13,11 @@ from rich.text import Text
 from tbm_gsa.cli.history import HISTORY_HELP
 from tbm_gsa.cli.output import JSON_OPTION, MACHINE_OPTION, SEED_OPTION, notes, print_json, progress_bar, results
 from tbm_gsa.comparison.document import axial_rows
+from tbm_gsa.comparison.ledger import COUNTS
 from tbm_gsa.comparison.settings import Settings
 from tbm_gsa.comparison.workflow import ComparisonResult, compare_recording
 from tbm_gsa.history import History, HistoryError, Source, default_history, recording_entries
-from tbm_gsa.report.compare_page import write_page
+from tbm_gsa.report.compare_page import stuck_texts, write_page
 from tbm_gsa.report.files import check_folder
 
 
@@ -105,14 +106,21 @@ def _axial_table(document: dict[str, Any]) -> Table:
     synthetic = " (synthetic)" if document.get("synthetic") else ""
     path = document["recording"]["path"]
     table = Table(title=Text(f"axial acceleration, RMS: {path}{synthetic} against {document['machine']}"))
-    for heading in ("test point", "node", "predicted, g", "measured, g", "relative error", "95 % interval", "coverage"):
+    for heading in ("test point", "node", "predicted, g", "measured, g", "error", "95 %", "coverage"):
         table.add_column(heading, justify="left" if heading == "test point" else "right")
     for row in axial_rows(document):
         axis = document["points"][row.point]["x"]
         error = "–" if row.relative_error is None else f"{row.relative_error:.0%}"
         interval = axis["intervals"]["relative_error"]
-        reach = "–" if interval is None else f"{interval[0]:.0%} to {interval[1]:.0%}"
-        cells = (str(row.node), f"{row.predicted_g:.3f}", f"{row.measured_g:.3f}", error, reach, f"{axis['coverage']:.1%}")
+        reach = "–" if interval is None else f"{interval[0]:.0%}–{interval[1]:.0%}"
+        cells = (
+            str(row.node),
+            f"{row.predicted_g:.3f}",
+            f"{row.measured_g:.3f}",
+            error,
+            reach,
+            f"{axis['coverage']:.1%}",
+        )
         table.add_row(Text(row.point), *cells)
     return table
 
@@ -137,9 +145,9 @@ def _fault_table(document: dict[str, Any]) -> Table:
         table.add_column(heading)
     for point, record in document["recording"]["points"].items():
         gaps = [end - begin for begin, end in record["gaps"]]
-        texts = [f"{len(gaps)} gaps, longest {max(gaps):.3g} s"] if gaps else []
-        texts += [f"no signal along {axis}" for axis in record["dead"]]
-        texts += [f"{value} {key}" for key, value in record.items() if type(value) is int and value and key != "samples"]
+        texts = [f"gaps: {len(gaps)}, longest {max(gaps):.3g} s"] if gaps else []
+        texts += [f"stuck along {text}" for text in stuck_texts(record)]
+        texts += [f"{record[name]} {name.replace('_', ' ')}" for name in COUNTS if record[name]]
         if texts:
             table.add_row(Text(point), Text(", ".join(texts)))
     return table

@@ -131,11 +131,12 @@ def _plot(history: History, selection: Selection, html: Path | None, png: Path |
 
 def _print_tables(document: dict[str, Any]) -> None:
     table = Table(title=Text(f"{document['path']}: {document['total']} entries"))
-    for heading in ("test point", "axis", "machine", "source", "windows", "first", "last", "mean error", "scatter", "latest"):
-        table.add_column(heading, justify="right" if heading in ("windows", "mean error", "scatter", "latest") else "left")
+    for heading in ("test point", "axis", "machine", "source", "windows", "last", "error", "latest"):
+        table.add_column(heading, justify="right" if heading in ("windows", "error", "latest") else "left")
     for row in document["summary"]:
-        texts = [Text(str(row[key])) for key in ("point", "axis", "machine", "source", "windows", "first", "last")]
-        table.add_row(*texts, *(_percent(row[key]) for key in ("error_mean", "error_scatter", "error_latest")))
+        texts = [Text(str(row[key])) for key in ("point", "axis", "machine", "source", "windows")]
+        error = f"{_percent(row['error_mean'])} ± {_percent(row['error_scatter'])}"
+        table.add_row(*texts, row["last"][:10], error, _percent(row["error_latest"]))
     results.print(table)
     for one in document["baselines"]:
         results.print(_baseline_table(one))
@@ -149,11 +150,9 @@ def _baseline_table(document: dict[str, Any]) -> Table:
         table.add_column(heading, justify="left" if heading in ("test point", "axis") else "right")
     for point, axes in document["points"].items():
         for axis, usual in axes.items():
-            table.add_row(
-                Text(point), axis, _percent(usual["mean"]), _percent(usual["scatter"]), str(usual["windows"])
-            )
+            table.add_row(Text(point), axis, _percent(usual["mean"]), _percent(usual["scatter"]), str(usual["windows"]))
     return table
 
 
 def _percent(value: float | None) -> str:
-    return "–" if value is None else f"{value:.1%}"
+    return "–" if value is None else f"{value:.0%}"

@@ -88,7 +88,7 @@ class UniformClock:
         count = int((end - self._grid) / self._period + 1e-9) + 1
         if count < 1:
             return
-        grid = self._grid + self._period * np.arange(count)
+        grid = self._grid + self._period * np.arange(count, dtype=np.float64)
         first = self._time[0]
         yield Run(grid, scipy.interpolate.CubicSpline(self._time - first, self._values)(grid - first), self._begun)
         self._grid, self._begun = float(grid[-1]) + self._period, True
@@ -103,5 +103,6 @@ class UniformClock:
     def _check_rate(self, time: Array) -> None:
         if time.size > 1 and abs(sampling_rate(time) * self._period - 1.0) > RATE_TOLERANCE:
             raise ValueError(
-                f"sampling rate {1.0 / self._period:g} Hz does not fit the stamps, which say {sampling_rate(time):.4g} Hz"
+                f"sampling rate {1.0 / self._period:g} Hz does not fit the stamps, "
+                f"which say {sampling_rate(time):.4g} Hz"
             )

@@ -203,7 +203,7 @@ class ZeroPhaseConditioner:
         if self._band.high <= VELOCITY_LOW_HZ:
             return filtered[core], None
         size = scipy.fft.next_fast_len(len(filtered), real=True)
-        gain = _velocity_gain(np.fft.rfftfreq(size, 1.0 / self._rate))
+        gain = _velocity_gain(np.arange(size // 2 + 1, dtype=np.float64) * (self._rate / size))
         velocity = scipy.fft.irfft(scipy.fft.rfft(filtered, size, axis=0) * gain[:, None], size, axis=0)
         return filtered[core], velocity[core]
 
@@ -295,7 +295,7 @@ def _mirrored(values: Array, count: int) -> Array:
 
 def _slope(values: Array) -> tuple[Array, Array]:
     """Places of samples about their middle, (n,), and slopes of the straight lines through values (n, 3)."""
-    place = np.arange(len(values)) - (len(values) - 1) / 2.0
+    place = np.arange(len(values), dtype=np.float64) - (len(values) - 1) / 2.0
     return place, place @ values / (place @ place)
 
 

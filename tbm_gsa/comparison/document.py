@@ -19,8 +19,8 @@ from tbm_gsa.comparison.field_side import FieldSide
 from tbm_gsa.comparison.intervals import CONFIDENCE, Interval
 from tbm_gsa.comparison.levels import Schedule
 from tbm_gsa.comparison.offline import AxisComparison, Comparison, G, PointComparison, Windows
-from tbm_gsa.comparison.reader_adapter import RecordingReader
 from tbm_gsa.study.document import package_versions
+from tbm_msgs_py.recording import RecordingReader
 
 STATISTICS = ("rms", "peak", "crest_factor", "kurtosis", "velocity_rms")
 _DIGITS = 8  # significant ones of what is written by the thousand
@@ -32,8 +32,6 @@ class Provenance:
 
     Attributes
     ----------
-    path : Path
-        Of the recording.
     reader : RecordingReader
         Read to its end.
     machine : Machine
@@ -48,7 +46,6 @@ class Provenance:
         Of the run at each level, s.
     """
 
-    path: Path
     reader: RecordingReader
     machine: Machine
     schedule: Schedule
@@ -93,7 +90,7 @@ def comparison_document(field: FieldSide, comparison: Comparison, provenance: Pr
         "model_duration": provenance.model_duration,
         "versions": package_versions(),
     }
-    return {**document, "synthetic": True} if _called_synthetic(provenance.path) else document
+    return {**document, "synthetic": True} if _called_synthetic(provenance.reader.path) else document
 
 
 @dataclass(frozen=True)
@@ -132,7 +129,7 @@ def machine_sha256(machine: Machine) -> str:
 
 def _axis(point: PointComparison, compared: AxisComparison) -> dict[str, Any]:
     result: dict[str, Any] = {"relative_error": number(compared.relative_error), "coverage": point.coverage}
-    intervals = {"relative_error": _interval(compared.error_interval)}
+    intervals: dict[str, Any] = {"relative_error": _interval(compared.error_interval)}
     for side, statistics in (("field", compared.field), ("model", compared.model)):
         result |= {f"{side}_{name}": number(getattr(statistics, name)) for name in STATISTICS}
         intervals |= {f"{side}_{name}": _interval(statistics.intervals[name]) for name in STATISTICS}
@@ -211,10 +208,11 @@ def _band(point: PointComparison) -> dict[str, float]:
 def _recording(field: FieldSide, provenance: Provenance) -> dict[str, Any]:
     reader = provenance.reader
     return {
-        "path": str(provenance.path),
+        "path": str(reader.path),
         "messages": reader.messages,
         "lost": reader.lost,
         "truncated": reader.truncated,
+        "damaged": reader.damaged,
         "sha256": reader.sha256,
         "duration": (field.end_ns - field.begin_ns) * 1e-9,
         "points": {point: ledger.to_dict() for point, ledger in field.ledgers.items()},
@@ -222,7 +220,7 @@ def _recording(field: FieldSide, provenance: Provenance) -> dict[str, Any]:
 
 
 def number(value: float) -> float | None:
-    """A number as JSON has it."""
+    """Give a number as JSON has it."""
     return value if math.isfinite(value) else None
 
 

@@ -130,24 +130,14 @@ def estimate(sample: Sample, signal: ReducedSignal, settings: Settings) -> dict[
     """
     if not sample.spectra:
         raise ValueError("no second without a gap at a steady level of operation")
-    table, groups = sample.windows, group_windows(sample.level)
-
-    def value(
-        parts: Array, function: Callable[[Array, Array], Array], known: Array | None = None
-    ) -> tuple[Array, Array]:
-        """Statistic (a,) of sums (w, p, a), and half width of the interval of its logarithm."""
-        weight = sample.weight if known is None else sample.weight * known
-        rows = np.column_stack([table.count, np.nan_to_num(parts).reshape(len(table), -1)]) * weight[:, None]
-        shape = parts.shape[1:]
-        whole = lambda sums: function(sums[..., 0], sums[..., 1:].reshape(*sums.shape[:-1], *shape))  # noqa: E731
-        return whole(rows.sum(axis=0)), jackknife(whole, rows, groups, sample.level)[0]
-
-    powers = {"rms": value(table.moments, rms), "kurtosis": value(table.moments, kurtosis)}
-    fast = np.isfinite(table.velocity[:, 0])
-    powers["velocity_rms"] = value(table.velocity[:, None], _root_mean, fast.astype(np.float64))
-    transformed = np.isfinite(table.bands).all(axis=(1, 2)).astype(np.float64)
+    table = sample.windows
+    powers = {
+        "rms": _value(sample, table.moments, rms),
+        "kurtosis": _value(sample, table.moments, kurtosis),
+        "velocity_rms": _value(sample, table.velocity[:, None], _root_mean),
+    }
     bands = {
-        band_name(*limits): value(table.bands[:, i : i + 1], _root_mean, transformed)
+        band_name(*limits): _value(sample, table.bands[:, i : i + 1], _root_mean)
         for i, limits in enumerate(settings.bands)
     }
     full = table.count >= 0.5 * table.count.max()
@@ -163,6 +153,17 @@ def estimate(sample: Sample, signal: ReducedSignal, settings: Settings) -> dict[
             match_lines(strongest_lines(spectrum, settings.line_count), settings.expected_lines),
         )
     return statistics
+
+
+def _value(sample: Sample, parts: Array, function: Callable[[Array, Array], Array]) -> tuple[Array, Array]:
+    """Statistic (a,) of sums (w, p, a) but those of NaN, and half width of the interval of its logarithm."""
+    weight = sample.weight * np.isfinite(parts).all(axis=(1, 2))
+    rows = np.column_stack([sample.windows.count, np.nan_to_num(parts).reshape(len(parts), -1)]) * weight[:, None]
+
+    def whole(sums: Array) -> Array:
+        return function(sums[..., 0], sums[..., 1:].reshape(*sums.shape[:-1], *parts.shape[1:]))
+
+    return whole(rows.sum(axis=0)), jackknife(whole, rows, group_windows(sample.level), sample.level)[0]
 
 
 def _one_axis(

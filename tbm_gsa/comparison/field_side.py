@@ -2,20 +2,18 @@
 
 from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass
-from typing import cast
 
 import numpy as np
 
 from tbm_gsa.comparison.clock import sampling_rate
 from tbm_gsa.comparison.conditioning import Frame
-from tbm_gsa.comparison.faults import PointLedger
+from tbm_gsa.comparison.ledger import PointLedger
 from tbm_gsa.comparison.levels import Schedule
 from tbm_gsa.comparison.model_run import MODEL_RATE_HZ
 from tbm_gsa.comparison.offline import compared_band
-from tbm_gsa.comparison.reader_adapter import RecordingReader
 from tbm_gsa.comparison.reduction import ReducedSignal, SignalReducer, one_level
 from tbm_gsa.comparison.settings import Settings
-from tbm_msgs_py.recording import AccelerationRecord
+from tbm_msgs_py.recording import AccelerationRecord, RecordingReader
 
 LEAST_SAMPLES = 1000  # that a sampling rate is taken from, if there are as many
 
@@ -70,7 +68,7 @@ def reduce_field(
         Called with the seconds of the recording that are done.
     """
     ledgers: dict[str, PointLedger] = {}
-    intakes = {point: _Intake(cast(Frame, reader.points[point].frame), settings, schedule) for point in points}
+    intakes = {point: _Intake(reader.points[point].frame, settings, schedule) for point in points}
     for piece in reader.pieces():
         for point, record in piece.items():
             ledgers.setdefault(point, PointLedger.of(record)).add(record)
@@ -134,5 +132,5 @@ class _Intake:
         self._reducer = SignalReducer(rate, band, self._frame, self._settings, level_of)
 
     def _seconds(self, record: AccelerationRecord) -> np.ndarray:
-        """Times of a piece after the point's first sample, s."""
+        """Give the times of a piece after the point's first sample, s."""
         return (record.start_ns - self._origin_ns) * 1e-9 + record.time

@@ -1,7 +1,7 @@
 """The levels of operation of a recording: when the machine was driven how, found in the recorded operating point.
 
 The rule. An entry holds until the next one, the first also before itself, the last to the end. A stretch goes on while
-speed, torque and thrust each stay within `TOLERANCE` of its time-weighted mean. A stretch of at least `SHORTEST_DWELL_S`
+speed, torque and thrust each stay within `TOLERANCE` of its time-weighted mean. A stretch of `SHORTEST_DWELL_S` or more
 is steady; shorter ones are transient, and entries without speed, torque or thrust a standstill. Steady stretches whose
 means lie within the tolerance are one level. Of the levels the `MOST_LEVELS` that were held longest are compared, the
 others count as transient. A recording that was driven but never steady is taken as one level at its mean.
@@ -17,7 +17,7 @@ import numpy as np
 from tbm_dynamics import Machine
 from tbm_gsa.arrays import Array, Integers
 from tbm_gsa.comparison.spectrum import LevelOf
-from tbm_msgs_py.recording import OperatingRecord
+from tbm_msgs_py.bags.operating import OperatingRecord
 
 TOLERANCE = 0.05
 SHORTEST_DWELL_S = 10.0
@@ -121,7 +121,9 @@ def recorded_schedule(record: OperatingRecord, begin_ns: int, end_ns: int) -> Sc
     if not steady:
         note = f"never steady for {SHORTEST_DWELL_S:g} s: time-weighted mean of {len(driven)} stretches"
         level = _level(driven, note if len(driven) > 1 else "recorded")
-        return Schedule((level,), tuple(stretch.dwell(None if stretch.kind == "standstill" else 0) for stretch in stretches))
+        return Schedule(
+            (level,), tuple(stretch.dwell(None if stretch.kind == "standstill" else 0) for stretch in stretches)
+        )
     groups = _groups(steady)
     number = {id(stretch): place for place, group in enumerate(groups[:MOST_LEVELS]) for stretch in group}
     levels = tuple(_level(group, "recorded") for group in groups[:MOST_LEVELS])

@@ -210,7 +210,9 @@ def compare_signals(field: ReducedSignal, model: Mapping[int, ReducedSignal], se
     }
     axes = {}
     for number, axis in enumerate(field.axes):
-        levels = {level: LevelComparison(a[axis], b[axis], *_error(a[axis], b[axis])) for level, (a, b) in by_level.items()}
+        levels = {
+            level: LevelComparison(a[axis], b[axis], *_error(a[axis], b[axis])) for level, (a, b) in by_level.items()
+        }
         model_rms = {level: one.model.rms for level, one in levels.items()}
         windows = _windows(field, number, model_rms, settings)
         error = _error(measured[axis], predicted[axis])

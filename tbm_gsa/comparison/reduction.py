@@ -112,7 +112,7 @@ class SignalReducer:
         table = self._windows.finish()
         if not len(table):
             raise ValueError(f"no stretch of {SHORTEST_S:g} s without a gap at {self._rate:g} Hz")
-        begin = table.index * self._window_s
+        begin = np.asarray(table.index * self._window_s, dtype=np.float64)
         return ReducedSignal(
             self._rate,
             self._band,

@@ -115,4 +115,5 @@ def mixed_spectrum(sums: Sequence[tuple[SpectrumSum, float]], axis: Sequence[int
     means = np.array([total.density[:, list(axis)].sum(axis=1) / total.segments for total, _ in used])
     # As many segments as a plain mean of the same scatter would have, levels taken as alike (Satterthwaite).
     segments = 1.0 / float(np.sum(np.square(shares) / [total.segments for total, _ in used]))
-    return Spectrum(np.fft.rfftfreq(size, 1.0 / rate_hz), np.asarray(shares @ means), segments)
+    frequency = np.arange(size // 2 + 1, dtype=np.float64) * (rate_hz / size)
+    return Spectrum(frequency, np.asarray(shares @ means), segments)

@@ -2,9 +2,11 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, fields
+from itertools import pairwise
 from typing import Self
 
 import numpy as np
+from numpy.typing import NDArray
 
 from tbm_gsa.arrays import Array, Integers
 from tbm_gsa.comparison.conditioning import Stretch
@@ -47,8 +49,8 @@ class WindowTable:
     def __len__(self) -> int:
         return len(self.index)
 
-    def take(self, chosen: Array | Integers) -> Self:
-        """Windows chosen by a mask or by their numbers."""
+    def take(self, chosen: NDArray[np.bool_]) -> Self:
+        """Windows chosen by a mask (w,)."""
         return type(self)(**{item.name: getattr(self, item.name)[chosen] for item in fields(self)})
 
     @classmethod
@@ -98,12 +100,9 @@ class WindowCollector:
         index = np.floor(stretch.time / self._length + 1e-6).astype(np.int64)
         cuts = np.flatnonzero(np.diff(index)) + 1
         joined = stretch.joined
-        borders = [0, *cuts.tolist(), len(index)]
-        for begin, end in zip(borders[:-1], borders[1:], strict=True):
+        for begin, end in pairwise([0, *cuts.tolist(), len(index)]):
             part = slice(begin, end)
-            self._add(
-                int(index[begin]), stretch.acceleration[part], _velocity(stretch, part), joined and begin == 0
-            )
+            self._add(int(index[begin]), stretch.acceleration[part], _velocity(stretch, part), joined and begin == 0)
 
     def finish(self) -> WindowTable:
         """Give the windows, the last one with what there is of it."""

@@ -3,6 +3,7 @@
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -13,11 +14,11 @@ from tbm_gsa.comparison.field_side import FieldSide, reduce_field
 from tbm_gsa.comparison.levels import NeverDrivenError, Schedule, machine_schedule, recorded_schedule
 from tbm_gsa.comparison.model_run import MODEL_RATE_HZ, run_model
 from tbm_gsa.comparison.offline import Comparison, PointComparison, compare_signals
-from tbm_gsa.comparison.reader_adapter import RecordingReader, open_recording
 from tbm_gsa.comparison.reduction import ReducedSignal, SignalReducer
 from tbm_gsa.comparison.settings import Settings
 from tbm_msgs_py.bags.errors import RecordingError
 from tbm_msgs_py.bags.mapping import Mapping as TopicMapping
+from tbm_msgs_py.recording import RecordingReader, open_recording
 
 LONGEST_MODEL_S = 3600.0
 SHORTEST_MODEL_S = 1.0
@@ -94,25 +95,25 @@ def compare_recording(
     chosen = settings or Settings()
     _check_lengths(model_duration, chosen.window_s)
     described = machine if isinstance(machine, Machine) else load_machine(machine)
-    path = Path(bag)
-    reader = open_recording(path, mapping)
-    shared = _shared_points(path, reader, described)
+    reader = open_recording(bag, mapping)
+    shared = _shared_points(reader, described)
     field = reduce_field(reader, shared, chosen, progress=lambda seconds: progress(f"reading, {seconds:.0f} s", None))
-    schedule = _schedule(path, reader, described, field)
+    schedule = _schedule(reader, described, field)
     if len(schedule.dwells) > 1:
         # Now that the levels are known, once more: each has a spectrum of its own.
-        reader = open_recording(path, mapping)
-        field = reduce_field(reader, shared, chosen, schedule, lambda seconds: progress(f"levels, {seconds:.0f} s", None))
-    machines = _machines(path, schedule, described)
+        field = reduce_field(
+            reader, shared, chosen, schedule, lambda seconds: progress(f"levels, {seconds:.0f} s", None)
+        )
+    machines = _machines(reader.path, schedule, described)
     lines = lines_of_levels(machines)
     named = {**{line.name: line.frequency for line in lines}, **chosen.expected_lines}
     chosen = replace(chosen, expected_lines=named)
     predicted = _model_side(machines, field.signals, chosen, (model_duration, seed), progress)
-    comparison, failed = _compare_each(path, field, predicted, chosen)
+    comparison, failed = _compare_each(reader, field, predicted, chosen)
     skipped = {
-        point: f"machine {described.name} has no such test point" for point in field.ledgers if point not in shared
+        point: f"machine {described.name} has no such test point" for point in reader.points if point not in shared
     }
-    provenance = Provenance(path, reader, described, schedule, lines, {**skipped, **failed}, seed, model_duration)
+    provenance = Provenance(reader, described, schedule, lines, {**skipped, **failed}, seed, model_duration)
     return ComparisonResult(
         comparison,
         lines,
@@ -128,25 +129,25 @@ def _check_lengths(model_duration: float, window_s: float) -> None:
         raise ValueError(f"window {window_s:g} s, allowed: a positive length")
 
 
-def _shared_points(path: Path, reader: RecordingReader, machine: Machine) -> list[str]:
+def _shared_points(reader: RecordingReader, machine: Machine) -> list[str]:
     """Test points of the machine that are recorded, in the machine's order: along the power flow."""
     shared = [point for point in machine.description.test_points if point in reader.points]
     if not shared:
         raise RecordingError(
-            f"{path}: test points {', '.join(map(repr, reader.points))}: none is one of machine "
+            f"{reader.path}: test points {', '.join(map(repr, reader.points))}: none is one of machine "
             f"{machine.name}, allowed: {', '.join(machine.description.test_points)}"
         )
     return shared
 
 
-def _schedule(path: Path, reader: RecordingReader, machine: Machine, field: FieldSide) -> Schedule:
+def _schedule(reader: RecordingReader, machine: Machine, field: FieldSide) -> Schedule:
     span = field.begin_ns, field.end_ns
     if reader.operating_point is None:
         return machine_schedule(machine, *span)
     try:
         return recorded_schedule(reader.operating_point, *span)
     except NeverDrivenError as error:
-        raise RecordingError(f"{path}: {error}") from error
+        raise RecordingError(f"{reader.path}: {error}") from error
 
 
 def _machines(path: Path, schedule: Schedule, machine: Machine) -> dict[int, Machine]:
@@ -173,16 +174,16 @@ def _model_side(
             for point, signal in field.items()
         }
         name = "model" if len(machines) == 1 else f"model, level {level + 1} of {len(machines)}"
-        predicted[level] = run_model(machines[level], *run, reducers, lambda share, name=name: progress(name, share))
+        predicted[level] = run_model(machines[level], *run, reducers, partial(progress, name))
     return predicted
 
 
 def _compare_each(
-    path: Path, field: FieldSide, predicted: Mapping[int, Mapping[str, ReducedSignal]], settings: Settings
+    reader: RecordingReader, field: FieldSide, predicted: Mapping[int, Mapping[str, ReducedSignal]], settings: Settings
 ) -> tuple[Comparison, dict[str, str]]:
     """Compare point by point, so that one dead sensor does not take the others with it; the failed with the reason."""
     compared: dict[str, PointComparison] = {}
-    failed = dict(field.failed)
+    failed = {**field.failed, **reader.problems}
     for point, signal in field.signals.items():
         try:
             runs = {level: signals[point] for level, signals in predicted.items()}
@@ -190,5 +191,6 @@ def _compare_each(
         except ValueError as error:
             failed[point] = str(error)
     if not compared:
-        raise RecordingError(f"{path}: {'; '.join(f'test point {point}: {failed[point]}' for point in failed)}")
+        reasons = (f"test point {point}: {reason}" for point, reason in failed.items())
+        raise RecordingError(f"{reader.path}: {'; '.join(reasons)}")
     return Comparison(compared, settings.window_s), failed

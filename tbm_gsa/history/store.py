@@ -7,10 +7,10 @@ from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import astuple, dataclass
 from pathlib import Path
-from typing import Final, Self
+from typing import Any, Final, Self
 
 from tbm_gsa.history.baseline import Baseline, Usual
-from tbm_gsa.history.entries import Entry, Kind, Source, Window
+from tbm_gsa.history.entries import Entry, Source, Window
 
 SCHEMA_VERSION: Final = 1
 APPLICATION_ID: Final = 0x54424D48  # "TBMH"
@@ -115,6 +115,8 @@ class History:
     path : Path
     create : bool
         Make the file, and its folder, if it is not there.
+    wait_s : float
+        Longest wait for another writer, s.
 
     Raises
     ------
@@ -122,13 +124,13 @@ class History:
         No file, no history, of a newer version, or not to be written.
     """
 
-    def __init__(self, path: Path, *, create: bool = True) -> None:
+    def __init__(self, path: Path, *, create: bool = True, wait_s: float = WAIT_S) -> None:
         if not create and not path.is_file():
             raise HistoryError(f"{path}: no such history; `compare` and the analysis node write one")
         self.path = path
         try:
             path.parent.mkdir(parents=True, exist_ok=True)
-            self._connection = sqlite3.connect(path, timeout=WAIT_S, isolation_level=None)
+            self._connection = sqlite3.connect(path, timeout=wait_s, isolation_level=None)
         except (OSError, sqlite3.Error) as error:
             raise HistoryError(f"{path}: {getattr(error, 'strerror', None) or error}") from None
         try:
@@ -176,7 +178,7 @@ class History:
         """Commit windows of a source at once, replacing those it had for the same time; the number of entries."""
         with self._transaction() as ask:
             described = astuple(source)
-            ask(f"INSERT OR IGNORE INTO sources ({_SOURCE}) VALUES (?, ?, ?, ?, ?)", described)
+            ask(f"INSERT OR IGNORE INTO sources ({_SOURCE}) VALUES (?, ?, ?, ?, ?)", described)  # noqa: S608
             number = ask(f"SELECT id FROM sources WHERE ({_SOURCE}) = (?, ?, ?, ?, ?)", described).fetchone()[0]  # noqa: S608
             count = 0
             for entry in entries:
@@ -193,8 +195,7 @@ class History:
             f"ORDER BY start_ns DESC, point DESC, axis DESC{limit}",
             values,
         )
-        found = [Window(Source(*row[:5]), Entry(*row[5:9], *map(_known, row[9:12]), row[12])) for row in rows]
-        return found[::-1]
+        return [_window(*row) for row in rows][::-1]
 
     def count(self, selection: Selection | None = None) -> int:
         """Count the entries of a selection."""
@@ -223,7 +224,7 @@ class History:
     def baselines(self) -> list[Baseline]:
         """All baselines, the oldest first."""
         rows = self._connection.execute("SELECT * FROM baselines ORDER BY created_ns, name").fetchall()
-        return [Baseline(*row, self._usual(row[0])) for row in rows]
+        return [Baseline(*(*row, self._usual(row[0]))) for row in rows]
 
     def baseline(self, name: str) -> Baseline:
         """Find a baseline by its name."""
@@ -234,7 +235,8 @@ class History:
 
     def _usual(self, name: str) -> dict[tuple[str, str], Usual]:
         rows = self._connection.execute(
-            "SELECT point, axis, mean, scatter, windows FROM usual_errors WHERE baseline = ? ORDER BY point, axis", (name,)
+            "SELECT point, axis, mean, scatter, windows FROM usual_errors WHERE baseline = ? ORDER BY point, axis",
+            (name,),
         )
         return {(point, axis): Usual(*values) for point, axis, *values in rows}
 
@@ -250,6 +252,7 @@ class History:
         self._connection.execute("COMMIT")
 
 
-def _known(value: float | None) -> float:
-    """SQLite keeps NaN as NULL."""
-    return math.nan if value is None else value
+def _window(*row: Any) -> Window:
+    """Window from a row; SQLite keeps NaN as NULL."""
+    entry: list[Any] = [math.nan if value is None else value for value in row[5:]]
+    return Window(Source(*row[:5]), Entry(*entry))

@@ -34,7 +34,7 @@ def history_document(history: History, selection: Selection, newest: int) -> dic
 
 
 def summarise(windows: Sequence[Window]) -> list[dict[str, Any]]:
-    """What windows in the order of time come to, by point, axis, machine and kind of source."""
+    """Say what windows in the order of time come to, by point, axis, machine and kind of source."""
     groups: dict[tuple[str, str, str, str], list[Window]] = {}
     for window in windows:
         key = (window.entry.point, window.entry.axis, window.source.machine, window.source.kind)

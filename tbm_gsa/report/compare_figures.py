@@ -26,7 +26,7 @@ DECADES: Final = 7
 
 
 def time_series(point: PointComparison) -> Figure:
-    """A second of the axial acceleration, field above model, on one scale."""
+    """Draw a second of the axial acceleration, field above model, on one scale."""
     figure = Figure(figsize=(WIDTH, 4.2), layout="constrained")
     panels: list[Axes] = list(figure.subplots(2, 1, sharex=True, sharey=True))
     sides = (("measured", point.field.excerpt, FIELD), ("model", point.model.excerpt, MODEL))
@@ -128,9 +128,13 @@ def windows(comparison: Comparison) -> Figure:
         middle = seen.start + comparison.window_s / 2.0
         levels.plot(middle, seen.field_rms / G, "-", color=_OUTSIDE, linewidth=0.8)
         inside = np.where(seen.level >= 0, seen.field_rms, np.nan)
-        levels.plot(middle, inside / G, "o-", color=FIELD, markersize=_dot(len(middle)), linewidth=1.0, label="measured")
+        levels.plot(
+            middle, inside / G, "o-", color=FIELD, markersize=_dot(len(middle)), linewidth=1.0, label="measured"
+        )
         model = np.array([axis.levels[one].model.rms if one in axis.levels else np.nan for one in seen.level.tolist()])
-        levels.plot(middle, model / G, color=MODEL, linewidth=1.0, linestyle="--", label="model, whole run at the level")
+        levels.plot(
+            middle, model / G, color=MODEL, linewidth=1.0, linestyle="--", label="model, whole run at the level"
+        )
         levels.set_title(plain_text(f"{name}: axial RMS, g"), loc="left")
         percent = 100.0 * _finite(seen.relative_error)
         errors.plot(middle, percent, "o-", color="#333333", markersize=_dot(len(middle)), linewidth=1.0)

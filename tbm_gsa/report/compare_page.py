@@ -5,13 +5,14 @@ from pathlib import Path
 from typing import Any, Final
 
 from tbm_gsa.comparison.document import axial_rows
+from tbm_gsa.comparison.ledger import COUNTS
 from tbm_gsa.comparison.workflow import ComparisonResult
 from tbm_gsa.report import compare_figures
 from tbm_gsa.report.files import write_whole
 from tbm_gsa.report.page import embed_figure, render_page
 
 LOW_COVERAGE: Final = 0.9
-FAULT_NAMES: Final = {"clipped": "Clipped", "duplicates": "Repeated", "invalid": "Invalid", "undecodable": "Broken"}
+ALWAYS_SHOWN: Final = ("clipped", "duplicates", "invalid", "undecodable")
 
 
 def compare_page(result: ComparisonResult) -> str:
@@ -31,8 +32,10 @@ def compare_page(result: ComparisonResult) -> str:
         "excerpt": next(iter(result.comparison.points)),
         "levels": document["levels"],
         "left_out": [dwell for dwell in document["dwells"] if dwell["level"] is None],
-        "fault_names": FAULT_NAMES,
-        "band_names": [name.replace("-", " to ").replace("_hz", " Hz") for name in _first_axis(document)["field_band_rms"]],
+        "fault_names": _fault_names(document),
+        "band_names": [
+            name.replace("-", " to ").replace("_hz", " Hz") for name in _first_axis(document)["field_band_rms"]
+        ],
         "window_count": max(len(axes["x"]["windows"]["start"]) for axes in document["points"].values()),
         "provenance": _provenance(document),
         **_figures(result),
@@ -43,6 +46,21 @@ def compare_page(result: ComparisonResult) -> str:
 def write_page(result: ComparisonResult, path: Path) -> None:
     """Write the page so that a reader sees the old file or the new one, never half of it."""
     write_whole(path, compare_page(result).encode())
+
+
+def _fault_names(document: Mapping[str, Any]) -> dict[str, str]:
+    """Faults to give a column: the usual ones, and what else was found at any point."""
+    records = document["recording"]["points"].values()
+    found = [name for record in records for name in COUNTS if record[name]]
+    return {name: name.replace("_", " ").capitalize() for name in dict.fromkeys((*ALWAYS_SHOWN, *found))}
+
+
+def stuck_texts(record: Mapping[str, Any]) -> list[str]:
+    """Sensor axes that held one value, and for how long."""
+    seconds: dict[str, float] = {}
+    for axis, begin, end in record["stuck"]:
+        seconds[axis] = seconds.get(axis, 0.0) + end - begin
+    return [f"{axis} for {time:.3g} s" for axis, time in seconds.items()]
 
 
 def _first_axis(document: Mapping[str, Any]) -> Mapping[str, Any]:
@@ -57,13 +75,6 @@ def _axes(document: Mapping[str, Any]) -> Iterator[dict[str, Any]]:
             yield {"point": name, "axis": axis, "first": axis == "x", "span": len(axes), **values}
 
 
-def _other_faults(record: Mapping[str, Any]) -> str:
-    """Counts of faults that have no column of their own."""
-    counts = {key: value for key, value in record.items() if isinstance(value, int) and not isinstance(value, bool)}
-    named = {*FAULT_NAMES, "samples"}
-    return ", ".join(f"{key.replace('_', ' ')} {value}" for key, value in counts.items() if value and key not in named)
-
-
 def _health(document: Mapping[str, Any], name: str) -> dict[str, Any]:
     """One recorded point in the table of the recording's health."""
     record = document["recording"]["points"][name]
@@ -74,7 +85,7 @@ def _health(document: Mapping[str, Any], name: str) -> dict[str, Any]:
         **record,
         "gap_count": len(gaps),
         "longest": max(gaps, default=0.0),
-        "other": _other_faults(record),
+        "stuck": stuck_texts(record),
         "coverage": compared["x"]["coverage"] if compared else None,
     }
 

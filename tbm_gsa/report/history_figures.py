@@ -47,10 +47,10 @@ def trends(point: str, windows: Sequence[Window], baseline: Baseline | None) -> 
         for panel in (levels, errors):
             panel.set_ylim(bottom=0.0)
             tidy(panel)
-    locator = AutoDateLocator(tz=UTC)
+    locator = AutoDateLocator(tz=UTC)  # type: ignore[no-untyped-call]
     for panel in rows[-1]:
         panel.xaxis.set_major_locator(locator)
-        panel.xaxis.set_major_formatter(ConciseDateFormatter(locator, tz=UTC))
+        panel.xaxis.set_major_formatter(ConciseDateFormatter(locator, tz=UTC))  # type: ignore[no-untyped-call]
         panel.set_xlabel("UTC")
     figure.legend(*rows[0, 0].get_legend_handles_labels(), loc="outside upper right", ncols=2, frameon=False)
     return figure
@@ -66,7 +66,7 @@ def _mark_baseline(panel: Axes, baseline: Baseline, key: tuple[str, str]) -> Non
 
 
 def _series(windows: Sequence[Window], attribute: str) -> tuple[list[datetime], Array]:
-    """Times and values, means of neighbours where there are many; a gap of more than ten windows breaks the line."""
+    """Give times and values, means of neighbours where there are many; ten windows without one break the line."""
     stamps = np.array([window.entry.start_ns + window.entry.length_ns // 2 for window in windows])
     values = np.array([getattr(window.entry, attribute) for window in windows])
     values = np.where(np.isfinite(values), values, np.nan)
