@@ -45,7 +45,8 @@ class WelchCollector:
     """
 
     def __init__(self, rate_hz: float, resolution_hz: float, level_of: LevelOf) -> None:
-        sizes = {round(rate_hz / resolution_hz), int(rate_hz * SHORTEST_S)}
+        size = round(rate_hz / resolution_hz)
+        sizes = {size, min(size, int(rate_hz * SHORTEST_S))}
         self._sums = [_Segments(rate_hz, size, level_of) for size in sorted(sizes, reverse=True)]
 
     def feed(self, stretch: Stretch) -> None:

@@ -111,7 +111,7 @@ class WindowCollector:
         shapes: tuple[tuple[int, ...], ...] = ((), (), (4, a), (a,), (a,), (b, a), (a,))
         columns = zip(*self._rows, strict=True) if self._rows else [()] * len(shapes)
         arrays = [
-            np.array(column, dtype=np.float64).reshape(-1, *shape)
+            np.array(column, dtype=np.float64).reshape(len(self._rows), *shape)
             for column, shape in zip(columns, shapes, strict=True)
         ]
         return WindowTable(arrays[0].astype(np.int64), *arrays[1:])
