@@ -254,7 +254,7 @@ def open_recording(path: str | Path, mapping: Mapping | str | Path | None = None
     """
     bag = Bag(path)
     found = _topics(bag)
-    chosen = _stated_mapping(bag, mapping) or contract_mapping({topic.name for topic in found})
+    chosen = _stated_mapping(bag, mapping) or contract_mapping(dict.fromkeys(topic.name for topic in found))
     mapped = _mapped(bag, found, chosen)
     if not mapped:
         raise RecordingError(f"{bag.path}: no topic of the mapping is in the recording, {_listing(found)}")

@@ -148,5 +148,6 @@ def _decoded(message: bytes) -> blocks.Block:
 def _samples(records: NDArray[np.void], found: _Blocks, undecodable: int, problem: str) -> Samples:
     offsets = np.rint(records["t"] * NANOSECONDS).astype(np.int64)
     times = np.repeat(found.stamps_ns, found.counts) + offsets
-    values = records["values"].astype(np.float64)
+    with np.errstate(invalid="ignore"):  # a signalling NaN of damaged bytes
+        values = records["values"].astype(np.float64)
     return Samples(found.stamps_ns, found.log_ns, found.counts, times, values, undecodable, problem)

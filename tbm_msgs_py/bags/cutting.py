@@ -6,7 +6,7 @@ from collections.abc import Iterator, Mapping
 
 from tbm_msgs_py.bags.timeline import LATENESS_NS, Taken, Timeline
 
-_WHOLE_NS = 1 << 62
+_NEVER_NS = (1 << 63) - 1
 
 
 class Cutter:
@@ -25,7 +25,7 @@ class Cutter:
 
     def __init__(self, lines: Mapping[str, Timeline], length_s: float) -> None:
         self._lines = lines
-        self._length = round(min(length_s * 1e9, _WHOLE_NS))
+        self._length = round(min(length_s * 1e9, _NEVER_NS))
         self._origin: int | None = None
         self._cuts: dict[str, int] = {}
 
@@ -43,14 +43,18 @@ class Cutter:
 
     def _begin(self) -> None:
         """Give every timeline that has samples by now its first cut."""
-        for point, line in self._lines.items():
-            if point in self._cuts or (first := line.first_ns()) is None:
-                continue
-            self._origin = first if self._origin is None else self._origin
+        new = {point: line.first_ns() for point, line in self._lines.items() if point not in self._cuts}
+        firsts = {point: first for point, first in new.items() if first is not None}
+        if firsts and self._origin is None:
+            some = next(iter(firsts.values()))
+            self._origin = min(first for first in firsts.values() if abs(first - some) < LATENESS_NS)
+        for point, first in firsts.items():
             self._cuts[point] = self._after(first)
 
     def _after(self, time_ns: int) -> int:
         """Next cut of the common grid after a time."""
+        if self._length == _NEVER_NS:
+            return _NEVER_NS
         origin = self._origin or 0
         return origin + ((time_ns - origin) // self._length + 1) * self._length
 
@@ -62,7 +66,7 @@ class Cutter:
         piece: dict[str, Taken] = {}
         for point, cut in self._cuts.items():
             line = self._lines[point]
-            in_step = abs(cut - until) < self._length
+            in_step = cut == until
             if last and not in_step:
                 continue
             own = (line.latest_ns or 0) - LATENESS_NS

@@ -11,6 +11,7 @@ from tbm_msgs_py.bags.errors import RecordingError
 
 ALLOWED = "a rosbag2 folder with MCAP files or a .mcap file"
 METADATA = "metadata.yaml"
+_Loader = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
 _LONGEST = 16 << 20  # bytes of metadata that are read
 _UNREADABLE = (yaml.YAMLError, ValueError, KeyError, TypeError, AttributeError, RecursionError)
 
@@ -79,7 +80,8 @@ def _read(file: Path) -> tuple[_Metadata | None, str]:
     if file.stat().st_size > _LONGEST:
         return None, f"{file}: more than {_LONGEST} bytes, not the metadata of a rosbag2 recording"
     try:
-        content = yaml.safe_load(file.read_text(encoding="utf-8"))["rosbag2_bagfile_information"]
+        content = yaml.load(file.read_text(encoding="utf-8"), _Loader)  # noqa: S506  a safe one
+        content = content["rosbag2_bagfile_information"]
         storage, compression = content["storage_identifier"], content.get("compression_mode")
         names = [Path(name).name for name in content.get("relative_file_paths") or []]
         count = content.get("message_count")

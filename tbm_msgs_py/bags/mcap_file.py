@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 
 from tbm_msgs_py.bags.chunks import ChunkError, chunk_records
 from tbm_msgs_py.bags.errors import RecordingError
-from tbm_msgs_py.bags.records import CUT, FOOTER, HEAD, LONGEST, MORE, Bytes, Walk, walk
+from tbm_msgs_py.bags.records import CHUNK_HEAD, CUT, FOOTER, HEAD, LONGEST, MORE, Bytes, Walk, walk
 from tbm_msgs_py.bags.stretch import BATCH, POOL, Stretch, Topic, joined
 
 MAGIC = b"\x89MCAP0\r\n"
@@ -118,7 +118,7 @@ class McapFile:
         self._schemas: dict[int, Schema] = {}
         self._channels: dict[int, Topic] = {}
         self._stated = None
-        self._indexed = self._accounted = 0  # messages of the last chunk: by its index; read or counted as lost
+        self._indexed = self._accounted = 0  # messages since the last chunk began: by indices; read or lost
 
     def _begin(self, file: IO[bytes]) -> int:
         """Where the records begin; 0 when the magic is damaged and they have to be searched for."""
@@ -138,12 +138,14 @@ class McapFile:
         """Messages of a window: those outside chunks and those in its chunks, in file order."""
         self.damaged += found.damaged
         self.lost += found.lost
+        self._accounted += found.lost
         parts: list[tuple[Bytes, NDArray[np.int64]]] = []
         loose, own = found.messages, 0
         for opcode, at, size in found.others.T.tolist():
             if opcode == Opcode.CHUNK:
                 before = int(np.searchsorted(loose[2], at))
                 parts += _batched(data, loose[:, :before])
+                self._accounted += before
                 loose = loose[:, before:]
                 bytes_, messages = self._chunk(data, at, at + size)
                 parts.append((bytes_, messages))
@@ -156,6 +158,7 @@ class McapFile:
             else:
                 self._record(opcode, data[at : at + size].tobytes())
         parts += _batched(data, loose)
+        self._accounted += loose.shape[1]
         yield from self._known(data, parts)
 
     def _chunk(self, data: Bytes, first: int, end: int) -> tuple[Bytes, NDArray[np.int64]]:
@@ -169,7 +172,7 @@ class McapFile:
         for opcode, at, size in inner.others.T.tolist():
             self._record(opcode, records.data[at : at + size].tobytes())
         broken = inner.damaged + (inner.state == CUT and records.whole and inner.stop < records.end)
-        lost = inner.lost + (inner.stop < records.end and records.data[inner.stop] == Opcode.MESSAGE)
+        lost = inner.lost + int(inner.stop < records.end and records.data[inner.stop] == Opcode.MESSAGE)
         self.lost += lost
         self._settle(inner.messages.shape[1] + lost, broken)
         return records.data, inner.messages
@@ -208,9 +211,10 @@ class McapFile:
     def _end(self, data: Bytes, found: Walk) -> Iterator[Stretch]:
         """Read what is left of the record that the file ends in."""
         self.truncated = True
-        if found.stop + HEAD > len(data):
+        left = len(data) - found.stop
+        if left < HEAD:
             return
-        if data[found.stop] == Opcode.CHUNK:
+        if data[found.stop] == Opcode.CHUNK and left >= HEAD + CHUNK_HEAD:
             bytes_, messages = self._chunk(data, found.stop + HEAD, len(data))
             yield from self._known(data, [(bytes_, messages)])
         elif data[found.stop] == Opcode.MESSAGE:

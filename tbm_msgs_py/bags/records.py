@@ -24,7 +24,7 @@ LONGEST = 1 << 28  # bytes of the longest body that is read; attachments are ski
 MORE, FOOTER, CUT = 0, 1, 2  # why a walk ended: more bytes are needed, the footer, the end of the bytes
 
 # Least bytes of a body by opcode; 0 for opcodes that the specification leaves open.
-_LEAST = np.array([0, 8, 20, 14, 16, 22, 40, 6, 68, 36, 52, 46, 8, 28, 17, 4], np.int64)
+_LEAST = np.array([0, 8, 20, 14, 16, 22, 40, 6, 64, 36, 48, 46, 8, 20, 17, 4], np.int64)
 _FIXED = np.isin(np.arange(16), (Opcode.FOOTER, Opcode.SUMMARY_OFFSET, Opcode.DATA_END))
 # Records whose body is needed; the others are stepped over.
 _WANTED = np.isin(
@@ -167,14 +167,18 @@ def _search(data: Any, first: int, end: int, limit: int) -> Any:
 
 @njit(**_COMPILED)  # type: ignore[untyped-decorator]
 def _foreign(data: Any, at: int, end: int, limit: int) -> Any:
-    """Whether a record of an opcode that the specification leaves open stands there: one that fits follows it."""
-    if at + HEAD > end or data[at] <= 15:
-        return False
-    length = _number(data, at + 1, 8)
-    if length < 0 or length > limit - at - HEAD:
-        return False
-    stop = at + HEAD + length
-    return stop == limit or _fits(data, stop, end, limit)
+    """Whether a record of an opcode that the specification leaves open stands there: one that fits follows."""
+    place = at
+    for _ in range(_CHAIN):
+        if place == limit or (place + HEAD <= end and data[place] <= 15):
+            return place > at and (place == limit or _fits(data, place, end, limit))
+        if place + HEAD > end:
+            return False
+        length = _number(data, place + 1, 8)
+        if length < 0 or length > limit - place - HEAD:
+            return False
+        place += HEAD + length
+    return True
 
 
 @njit(**_COMPILED)  # type: ignore[untyped-decorator]

@@ -62,7 +62,8 @@ class Timeline:
         self._newest_ns = np.iinfo(np.int64).min  # of all samples so far
         self._offset_ns: int | None = None
         self._faults = Faults()
-        self._clocks: tuple[NDArray[np.int64], NDArray[np.int64]] = (self._times, self._times)
+        self._messages = self._times, self._times  # stamps and log times of the messages that wait
+        self._clock = Clock()
 
     def add(self, samples: Samples) -> None:
         """Take the samples of the next messages."""
@@ -84,12 +85,22 @@ class Timeline:
         count = int(np.searchsorted(self._times, until_ns))
         if not count:
             return None
-        taken = Taken(self._times[:count], self._values[:count], self._given_ns, self._faults, clock_of(*self._clocks))
+        taken = Taken(
+            self._times[:count], self._values[:count], self._given_ns, self._faults, self._clock_until(until_ns)
+        )
         self._given_ns = int(self._times[count - 1])
         self._times, self._values = self._times[count:].copy(), self._values[count:].copy()
         self._faults = Faults()
-        self._clocks = (self._times[:0], self._times[:0])
         return taken
+
+    def _clock_until(self, until_ns: int) -> Clock:
+        """Clock of the messages that begin before a time; as before when there are none."""
+        stamps, log = self._messages
+        here = stamps < until_ns
+        if here.any():
+            self._clock = clock_of(stamps[here], log[here])
+            self._messages = stamps[~here], log[~here]
+        return self._clock
 
     def _note(self, faults: Faults) -> None:
         if faults != _NONE:
@@ -108,7 +119,7 @@ class Timeline:
             self.problem = self.problem or NO_STAMPS
             return
         times, values, stamps, log = self._one_clock(stamps, log, counts, times, values)
-        self._clocks = tuple(np.concatenate(pair) for pair in zip(self._clocks, (stamps, log), strict=True))  # type: ignore[assignment]
+        self._messages = np.concatenate((self._messages[0], stamps)), np.concatenate((self._messages[1], log))
         self._merge(*self._usable(times, values))
 
     def _one_clock(

@@ -2,7 +2,8 @@
 
 import typer
 
-from tbm_gsa.cli.bag import info
+from tbm_gsa.cli.bag import info, recover
 
 app = typer.Typer(help="Recordings on disk.", no_args_is_help=True)
 app.command()(info.info)
+app.command()(recover.recover)
