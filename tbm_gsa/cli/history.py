@@ -131,12 +131,13 @@ def _plot(history: History, selection: Selection, html: Path | None, png: Path |
 
 def _print_tables(document: dict[str, Any]) -> None:
     table = Table(title=Text(f"{document['path']}: {document['total']} entries"))
-    for heading in ("test point", "axis", "machine", "source", "windows", "last", "error", "latest"):
-        table.add_column(heading, justify="right" if heading in ("windows", "error", "latest") else "left")
+    for heading in ("test point", "axis", "source", "count", "last", "error", "latest"):
+        right = heading in ("count", "error", "latest")
+        table.add_column(heading, justify="right" if right else "left", no_wrap=heading == "last")
     for row in document["summary"]:
-        texts = [Text(str(row[key])) for key in ("point", "axis", "machine", "source", "windows")]
+        texts = [Text(text) for text in (row["point"], row["axis"], f"{row['source']} {row['machine']}")]
         error = f"{_percent(row['error_mean'])} ± {_percent(row['error_scatter'])}"
-        table.add_row(*texts, row["last"][:10], error, _percent(row["error_latest"]))
+        table.add_row(*texts, str(row["windows"]), row["last"][:10], error, _percent(row["error_latest"]))
     results.print(table)
     for one in document["baselines"]:
         results.print(_baseline_table(one))

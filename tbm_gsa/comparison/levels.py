@@ -83,10 +83,12 @@ class Schedule:
         begins = np.array([dwell.begin_ns - origin_ns for dwell in self.dwells], dtype=np.float64) * 1e-9
         numbers = np.array([-1 if dwell.level is None else dwell.level for dwell in self.dwells], dtype=np.int64)
 
+        stays = np.cumsum(np.diff(numbers, prepend=numbers[:1]) != 0)  # equal where the level is and stays the same
+
         def level_of(begin: Array, end: Array) -> Integers:
             first = np.maximum(np.searchsorted(begins, begin, side="right") - 1, 0)
             last = np.maximum(np.searchsorted(begins, end, side="left") - 1, 0)
-            return np.where(first == last, numbers[first], -1)
+            return np.where(stays[first] == stays[last], numbers[first], -1)
 
         return level_of
 

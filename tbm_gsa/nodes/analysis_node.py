@@ -45,7 +45,7 @@ PARAMETERS = (
     Parameter(
         "history",
         "",
-        "history file of the windows; empty: tbm_monitor/history.sqlite in the user's data folder; off: none",
+        "history file of the windows; empty: tbm_monitor/history.sqlite in the user's data folder; none: not kept",
     ),
     Parameter(
         "baseline",

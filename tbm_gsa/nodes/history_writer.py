@@ -9,7 +9,7 @@ from pathlib import Path
 from tbm_gsa.comparison import UsualError, WindowResult
 from tbm_gsa.history import Entry, History, HistoryError, Source, default_history, live_entries
 
-OFF = "off"
+OFF = "none"
 WAIT_S = 0.2  # for another writer; callbacks wait meanwhile
 MOST_WAITING = 10_000  # entries that are kept while the file is locked
 
@@ -20,7 +20,7 @@ class HistoryWriter:
     Parameters
     ----------
     file : str
-        Path, empty for the default one, or ``off``.
+        Path, empty for the default one, or ``none``.
     source : Source
     warn : callable
         Called with one line when writing begins to fail.
@@ -62,7 +62,7 @@ class HistoryWriter:
         if not baseline:
             return {}
         if self._history is None:
-            raise HistoryError(f"baseline {baseline}: no history to find it in ({self.problem or 'it is off'})")
+            raise HistoryError(f"baseline {baseline}: no history to find it in ({self.problem or 'it is none'})")
         found = self._history.baseline(baseline)
         if found.machine != self._source.machine:
             raise HistoryError(

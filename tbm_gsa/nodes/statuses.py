@@ -49,7 +49,7 @@ def history_status(history: HistoryWriter) -> DiagnosticStatus:
     values: dict[str, Any] = {"file": history.path, "written": history.written, "lost": history.lost}
     if history.problem:
         return messages.status("tbm: history", "warn", history.problem, values)
-    return messages.status("tbm: history", "ok", "written" if history.path else "off", values)
+    return messages.status("tbm: history", "ok", "written" if history.path else "not kept", values)
 
 
 def gsa_status(status: GsaStatus) -> DiagnosticStatus:
