@@ -133,7 +133,7 @@ def _print_tables(document: dict[str, Any]) -> None:
     table = Table(title=Text(f"{document['path']}: {document['total']} entries"))
     for heading in ("test point", "axis", "source", "count", "last", "error", "latest"):
         right = heading in ("count", "error", "latest")
-        table.add_column(heading, justify="right" if right else "left", no_wrap=heading == "last")
+        table.add_column(heading, justify="right" if right else "left", no_wrap=heading in ("source", "last"))
     for row in document["summary"]:
         texts = [Text(text) for text in (row["point"], row["axis"], f"{row['source']} {row['machine']}")]
         error = f"{_percent(row['error_mean'])} ± {_percent(row['error_scatter'])}"

@@ -25,7 +25,7 @@ LOW_PASS_SHARE = 0.4  # of the lower sampling rate
 HIGH_PASS_ORDER, LOW_PASS_ORDER = 2, 4  # of one pass; there are two
 SHORTEST_S = 1.0  # of a segment; the high-pass makes nothing of less
 CONTEXT_S = 10.0  # of signal on either side of what is filtered; what lies farther off changes less than 1e-6
-BLOCK_S = 30.0  # shortest stretch that is filtered at a time
+BLOCK_SAMPLES = 30_000  # fewest that are filtered at a time, but at least as long as a context
 VELOCITY_LOW_HZ, VELOCITY_ORDER = 10.0, 4  # high-pass of the velocity, −3 dB at 10 Hz as ISO 20816 has it
 
 
@@ -137,16 +137,16 @@ class ZeroPhaseConditioner:
         Nominal sampling rate.
     band : Band
         What to keep.
-    block_s : float
-        Shortest block.
+    block : float, optional
+        Fewest samples that are filtered at a time.
     """
 
-    def __init__(self, rate_hz: float, band: Band, block_s: float = BLOCK_S) -> None:
+    def __init__(self, rate_hz: float, band: Band, block: float | None = None) -> None:
         self._sections = _sections(rate_hz, band)
         self._rate, self._band = rate_hz, band
         self._clock = UniformClock(rate_hz)
         self._context = round(CONTEXT_S * rate_hz)
-        self._block = block_s * rate_hz
+        self._block = block or max(BLOCK_SAMPLES, self._context)
         self._forget()
 
     def _forget(self) -> None:
@@ -227,7 +227,7 @@ def condition(time: ArrayLike, values: ArrayLike, rate_hz: float, band: Band) ->
     Conditioned
         Segments of at least one second.
     """
-    conditioner = ZeroPhaseConditioner(rate_hz, band, block_s=np.inf)
+    conditioner = ZeroPhaseConditioner(rate_hz, band, block=np.inf)
     stamps, rows = ordered(time, values)
     origin = float(stamps[0]) if stamps.size else 0.0
     stretches = [*conditioner.feed(stamps - origin, rows), *conditioner.finish()]

@@ -8,6 +8,7 @@ import numpy as np
 from tbm_gsa.comparison import UsualError
 from tbm_gsa.history.entries import Window
 
+DEAD_SHARE = 0.01  # of the median RMS; a sensor that measures less is dead, and its error as large as you like
 LEAST_WINDOWS = 5  # a scatter of fewer means nothing
 _COLUMNS = {"x": (0,), "y": (1,), "z": (2,), "yz": (1, 2)}
 
@@ -53,15 +54,25 @@ class Baseline:
         return found
 
 
+def sound_windows(windows: Sequence[Window]) -> list[Window]:
+    """Windows with a known error in which the sensor lived: its RMS is no hundredth of the median of point and axis."""
+    known = [window for window in windows if np.isfinite(window.entry.relative_error)]
+    levels: dict[tuple[str, str], list[float]] = {}
+    for window in known:
+        levels.setdefault((window.entry.point, window.entry.axis), []).append(window.entry.field_rms)
+    least = {key: DEAD_SHARE * float(np.median(values)) for key, values in levels.items()}
+    return [one for one in known if one.entry.field_rms >= least[one.entry.point, one.entry.axis]]
+
+
 def make_baseline(name: str, windows: Sequence[Window], created_ns: int) -> Baseline:
-    """Make a baseline of windows with a known error.
+    """Make a baseline of windows with a known error; those of a dead sensor are left out.
 
     Raises
     ------
     ValueError
         Windows of several machines, or too few at any point and axis.
     """
-    known = [window for window in windows if np.isfinite(window.entry.relative_error)]
+    known = sound_windows(windows)
     machines = sorted({(window.source.machine, window.source.machine_sha256) for window in known})
     if len(machines) > 1:
         listed = ", ".join(f"{machine} {digest[:8]}" for machine, digest in machines)

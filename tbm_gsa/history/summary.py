@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from tbm_gsa.history.baseline import Baseline
+from tbm_gsa.history.baseline import Baseline, sound_windows
 from tbm_gsa.history.entries import Window
 from tbm_gsa.history.store import History, Selection
 
@@ -41,8 +41,7 @@ def summarise(windows: Sequence[Window]) -> list[dict[str, Any]]:
         groups.setdefault(key, []).append(window)
     rows = []
     for (point, axis, machine, kind), members in sorted(groups.items()):
-        errors = np.array([member.entry.relative_error for member in members])
-        known = errors[np.isfinite(errors)]
+        known = np.array([member.entry.relative_error for member in sound_windows(members)])
         rows.append(
             {
                 "point": point,

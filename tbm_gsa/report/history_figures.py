@@ -17,6 +17,7 @@ from tbm_gsa.history.entries import Window
 from tbm_gsa.report.compare_figures import AXIS_NAMES, FIELD, MODEL, WIDTH, plain_text, tidy
 
 POINTS_SHOWN: Final = 2000  # of a trend; more become means of neighbours
+HIGHEST_PERCENT: Final = 300.0  # a dead sensor would hide everything else
 _ERROR: Final = "#333333"
 
 
@@ -44,6 +45,7 @@ def trends(point: str, windows: Sequence[Window], baseline: Baseline | None) -> 
         errors.set_title("relative error, %", loc="left")
         if baseline is not None:
             _mark_baseline(errors, baseline, (point, axis))
+        errors.set_ylim(top=min(errors.get_ylim()[1], HIGHEST_PERCENT))
         for panel in (levels, errors):
             panel.set_ylim(bottom=0.0)
             tidy(panel)

@@ -195,6 +195,13 @@ def test_a_baseline_is_mean_and_scatter_and_alarms_are_set_against_it(history):
         history.baseline("second")
 
 
+def test_windows_of_a_dead_sensor_are_no_part_of_a_baseline(history):
+    dead = [Entry("shield", "x", START + n * LENGTH, LENGTH, 1e-6, 1.2, 1.2e6, 1.0) for n in range(90, 94)]
+    history.add(LIVE, [*(entry(n) for n in range(8)), *dead])
+    usual = make_baseline("one", history.windows(), START).usual["shield", "x"]
+    assert (usual.mean, usual.windows) == (pytest.approx(0.2), 8)
+
+
 def test_a_baseline_is_replaced_by_its_namesake(history):
     for error in (0.2, 0.4):
         history.add(LIVE, [entry(n, error=error) for n in range(5)])
