@@ -162,7 +162,9 @@ class WindowCollector:
         density = sum(periodograms(part, self._rate, self._segment).sum(axis=0) for part in long)
         power = np.column_stack([np.asarray(density)[:, list(axis)].sum(axis=1) for axis in self._axes])
         frequency = np.fft.rfftfreq(self._segment, 1.0 / self._rate)
-        inside = np.array([(frequency >= low) & (frequency < high) for low, high in self._bands], dtype=np.float64)
+        # A clock that drifts puts the bin of a limit a little to one side or the other of it.
+        place = frequency + 0.25 * frequency[1]
+        inside = np.array([(place >= low) & (place < high) for low, high in self._bands], dtype=np.float64)
         total = power.sum(axis=0)
         shares = np.divide(
             inside.reshape(-1, len(frequency)) @ power, total, out=np.zeros((len(inside), len(total))), where=total > 0
