@@ -63,13 +63,13 @@ class McapFile:
         self._restart()
 
     def stretches(self) -> Iterator[Stretch]:
-        """Messages in file order, a window at a time."""
+        """Messages in file order, a window at a time; the bytes of one are valid until the next is asked for."""
         self._restart()
         with self.path.open("rb", buffering=0) as file:
             at = self._begin(file)
-            data, searching = np.empty(0, np.uint8), at == 0
+            buffer, searching = np.empty(WINDOW, np.uint8), at == 0
             while True:
-                data = _loaded(file, data, at)
+                data = _loaded(file, at, buffer)
                 size = os.fstat(file.fileno()).st_size
                 limit = max(size - at, len(data))
                 found = walk(data, 0, len(data), limit, searching=searching)
@@ -78,8 +78,10 @@ class McapFile:
                 grown = os.fstat(file.fileno()).st_size > size
                 if found.state == FOOTER or (found.state == CUT and not grown):
                     break
-                searching = found.searching
-                at, data = at + found.stop, data[found.stop :].copy()
+                # A record that does not fit into a window makes it grow; one that is stepped over may end behind it.
+                if 2 * (len(data) - found.stop) > len(buffer):
+                    buffer = np.empty(2 * len(buffer), np.uint8)
+                at, searching = at + found.stop, found.searching
             if found.state == CUT:
                 yield from self._end(data, found)
         self._settle(0, 0)
@@ -248,23 +250,16 @@ def _describe(opcode: int, body: bytes, schemas: dict[int, Schema], channels: di
         channels.setdefault(channel.id, topic)
 
 
-def _loaded(file: IO[bytes], tail: Bytes, at: int) -> Bytes:
-    """Bytes of the file from `at`: those that are left of the window before, and as many as there is room for.
-
-    A record that does not fit into a window makes it grow. One that is stepped over may end behind it.
-    """
-    there = os.fstat(file.fileno()).st_size - at
-    room = max(WINDOW, 2 * len(tail))
-    data = np.empty(max(len(tail), min(room, there)), np.uint8)
-    data[: len(tail)] = tail
-    file.seek(at + len(tail))
-    filled = len(tail)
-    while filled < len(data):
-        count = file.readinto(data[filled:])  # type: ignore[attr-defined]
+def _loaded(file: IO[bytes], at: int, buffer: Bytes) -> Bytes:
+    """Bytes of the file from `at` on, as many as there is room for; the buffer is used again, as it is in the cache."""
+    file.seek(at)
+    filled = 0
+    while filled < len(buffer):
+        count = file.readinto(buffer[filled:])  # type: ignore[attr-defined]
         if not count:
             break
         filled += count
-    return data[:filled]
+    return buffer[:filled]
 
 
 def _batched(data: Bytes, messages: NDArray[np.int64]) -> list[tuple[Bytes, NDArray[np.int64]]]:

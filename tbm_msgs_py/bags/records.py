@@ -35,7 +35,7 @@ _MESSAGE, _CHUNK, _FOOTER = int(Opcode.MESSAGE), int(Opcode.CHUNK), int(Opcode.F
 _LOOKED_AT = HEAD + CHUNK_HEAD + 8  # bytes by which a record is judged
 _CHAIN = 3  # records that have to follow one another for a search to end there
 _MAGIC = 8  # bytes after the footer
-_COMPILED = {"cache": True, "nogil": True, "error_model": "numpy"}
+COMPILED = {"cache": True, "nogil": True, "error_model": "numpy"}
 
 
 class Walk(NamedTuple):
@@ -97,28 +97,28 @@ def join(data: Bytes, starts: NDArray[np.int64], sizes: NDArray[np.int64]) -> By
     return out
 
 
-@njit(**_COMPILED)  # type: ignore[untyped-decorator]
-def _number(data: Any, at: int, size: int) -> Any:
-    """Unsigned little-endian number, taken as int64."""
+@njit(**COMPILED)  # type: ignore[untyped-decorator]
+def number(data: Any, at: int, size: int, big: bool = False) -> Any:
+    """Unsigned number of `size` bytes, taken as int64; little-endian unless told otherwise. Compiled."""
     value, place = np.int64(0), np.uintp(at)
     for i in range(size):
-        value |= np.int64(data[place + np.uintp(i)]) << (8 * i)
+        value |= np.int64(data[place + np.uintp(i)]) << (8 * (size - 1 - i if big else i))
     return value
 
 
-@njit(**_COMPILED)  # type: ignore[untyped-decorator]
+@njit(**COMPILED)  # type: ignore[untyped-decorator]
 def _is_chunk(data: Any, at: int, end: int) -> Any:
     """Whether the two lengths of a chunk, of its body and of its records, agree."""
     if at + HEAD + CHUNK_HEAD > end:
         return False
-    name = _number(data, at + HEAD + 28, 4)
+    name = number(data, at + HEAD + 28, 4)
     if name > 8 or at + HEAD + CHUNK_HEAD + name > end:
         return False
-    size = _number(data, at + HEAD + 32 + name, 8)
-    return 0 <= size <= LONGEST and _number(data, at + 1, 8) == CHUNK_HEAD + name + size
+    size = number(data, at + HEAD + 32 + name, 8)
+    return 0 <= size <= LONGEST and number(data, at + 1, 8) == CHUNK_HEAD + name + size
 
 
-@njit(**_COMPILED)  # type: ignore[untyped-decorator]
+@njit(**COMPILED)  # type: ignore[untyped-decorator]
 def _fits(data: Any, at: int, end: int, limit: int) -> Any:
     """Whether a record of the specification can begin at a place."""
     if at + HEAD > end:
@@ -126,7 +126,7 @@ def _fits(data: Any, at: int, end: int, limit: int) -> Any:
     opcode = data[at]
     if opcode == 0 or opcode > 15:
         return False
-    length = _number(data, at + 1, 8)
+    length = number(data, at + 1, 8)
     if length < _LEAST[opcode] or (_FIXED[opcode] and length != _LEAST[opcode]):
         return False
     if (length > LONGEST and _WANTED[opcode]) or length > limit - at - HEAD:
@@ -134,7 +134,7 @@ def _fits(data: Any, at: int, end: int, limit: int) -> Any:
     return opcode != _CHUNK or _is_chunk(data, at, end)
 
 
-@njit(**_COMPILED)  # type: ignore[untyped-decorator]
+@njit(**COMPILED)  # type: ignore[untyped-decorator]
 def _begins(data: Any, at: int, end: int, limit: int) -> Any:
     """1 where records certainly begin, 0 where not, -1 where more bytes have to be seen."""
     place = at
@@ -149,11 +149,11 @@ def _begins(data: Any, at: int, end: int, limit: int) -> Any:
             return 1
         if data[place] == _FOOTER:
             return 1 if limit - place == HEAD + _LEAST[_FOOTER] + _MAGIC else 0
-        place += HEAD + _number(data, place + 1, 8)
+        place += HEAD + number(data, place + 1, 8)
     return 1
 
 
-@njit(**_COMPILED)  # type: ignore[untyped-decorator]
+@njit(**COMPILED)  # type: ignore[untyped-decorator]
 def _search(data: Any, first: int, end: int, limit: int) -> Any:
     """Place of the next record from `first` on, and what `_begins` says there; (-1, 0) without one."""
     for place in range(first, end - HEAD + 1):
@@ -165,7 +165,7 @@ def _search(data: Any, first: int, end: int, limit: int) -> Any:
     return -1, 0
 
 
-@njit(**_COMPILED)  # type: ignore[untyped-decorator]
+@njit(**COMPILED)  # type: ignore[untyped-decorator]
 def _foreign(data: Any, at: int, end: int, limit: int) -> Any:
     """Whether a record of an opcode that the specification leaves open stands there: one that fits follows."""
     place = at
@@ -174,14 +174,14 @@ def _foreign(data: Any, at: int, end: int, limit: int) -> Any:
             return place > at and (place == limit or _fits(data, place, end, limit))
         if place + HEAD > end:
             return False
-        length = _number(data, place + 1, 8)
+        length = number(data, place + 1, 8)
         if length < 0 or length > limit - place - HEAD:
             return False
         place += HEAD + length
     return True
 
 
-@njit(**_COMPILED)  # type: ignore[untyped-decorator]
+@njit(**COMPILED)  # type: ignore[untyped-decorator]
 def _walk(data: Any, first: int, end: int, limit: int, searching: bool) -> Any:  # noqa: PLR0912, PLR0915 one loop
     messages = np.empty((4, (end - first) // (HEAD + MESSAGE_HEAD) + 1), np.int64)
     others = np.empty((3, (end - first) // HEAD + 1), np.int64)
@@ -193,7 +193,7 @@ def _walk(data: Any, first: int, end: int, limit: int, searching: bool) -> Any: 
         if not searching:
             known = _fits(data, at, end, limit)
             if known or _foreign(data, at, end, limit):
-                opcode, length = data[at], _number(data, at + 1, 8)
+                opcode, length = data[at], number(data, at + 1, 8)
                 if opcode == _FOOTER:
                     state = FOOTER
                     break
@@ -203,11 +203,11 @@ def _walk(data: Any, first: int, end: int, limit: int, searching: bool) -> Any: 
                         state = MORE
                         break
                     if opcode == _MESSAGE:
-                        log = _number(data, body + 6, 8)
+                        log = number(data, body + 6, 8)
                         if log < 0:  # no time of this world
                             lost += 1
                         else:
-                            messages[0, n] = _number(data, body, 2)
+                            messages[0, n] = number(data, body, 2)
                             messages[1, n] = log
                             messages[2, n] = body + MESSAGE_HEAD
                             messages[3, n] = length - MESSAGE_HEAD
@@ -242,7 +242,7 @@ def _walk(data: Any, first: int, end: int, limit: int, searching: bool) -> Any: 
 
 
 # Unsigned indices: numba asks of every signed one whether it counts from the end, which keeps copies from being fast.
-@njit(**_COMPILED)  # type: ignore[untyped-decorator]
+@njit(**COMPILED)  # type: ignore[untyped-decorator]
 def _gather(data: Any, starts: Any, out: Any) -> None:
     width = np.uintp(out.shape[1])
     for k in range(len(starts)):
@@ -251,7 +251,7 @@ def _gather(data: Any, starts: Any, out: Any) -> None:
             out[k, i] = data[at + np.uintp(i)]
 
 
-@njit(**_COMPILED)  # type: ignore[untyped-decorator]
+@njit(**COMPILED)  # type: ignore[untyped-decorator]
 def _join(data: Any, starts: Any, sizes: Any, out: Any) -> None:
     place = np.uintp(0)
     for k in range(len(starts)):

@@ -4,15 +4,16 @@ from __future__ import annotations
 
 import struct
 from functools import lru_cache
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
+from numba import njit
 from numpy.typing import NDArray
 from rosbags.serde import SerdeError
 from rosbags.typesys import Stores, get_typestore
 from rosbags.typesys.store import Typestore
 
-from tbm_msgs_py.bags.records import Bytes, gather
+from tbm_msgs_py.bags.records import COMPILED, Bytes, number
 from tbm_msgs_py.blocks import NANOSECONDS
 
 BLOCK_TYPE = "sensor_msgs/msg/PointCloud2"
@@ -78,17 +79,26 @@ def typestore() -> Typestore:
 
 def read_headers(data: Bytes, at: NDArray[np.int64], sizes: NDArray[np.int64]) -> Headers:
     """Read the headers of the messages at places (m,) with sizes (m,) in bytes."""
-    long = sizes >= _HEADER
-    raw = gather(data, at if long.all() else np.where(long, at, 0), min(_HEADER, len(data)))
-    if raw.shape[1] < _HEADER:
-        none = np.zeros(len(at), np.int64)
-        return Headers(none > 0, none > 0, none, none)
-    big = raw[:, 1] == 0
-    seconds, nanoseconds, name = (numbers(raw[:, ENCAPSULATION:], "u4", big)).T.astype(np.int64)
-    seconds = (seconds ^ (1 << 31)) - (1 << 31)  # int32
-    after = at + _HEADER + name
-    valid = long & (raw[:, 0] == 0) & (raw[:, 1] <= 1) & (after <= at + sizes)
-    return Headers(valid, big, seconds * NANOSECONDS + nanoseconds, after)
+    count = len(at)
+    valid, big = np.zeros(count, np.bool_), np.zeros(count, np.bool_)
+    stamps, after = np.zeros(count, np.int64), np.zeros(count, np.int64)
+    _read_headers(data, at, sizes, valid, big, stamps, after)
+    return Headers(valid, big, stamps, after)
+
+
+@njit(**COMPILED)  # type: ignore[untyped-decorator]
+def _read_headers(data: Any, at: Any, sizes: Any, valid: Any, big: Any, stamps: Any, after: Any) -> None:
+    for k in range(len(at)):
+        place = at[k]
+        if sizes[k] < _HEADER or data[place] != 0 or data[place + 1] > 1:
+            continue
+        big[k] = data[place + 1] == 0
+        seconds = number(data, place + ENCAPSULATION, 4, big[k])
+        if seconds >= 1 << 31:
+            seconds -= 1 << 32
+        stamps[k] = seconds * NANOSECONDS + number(data, place + ENCAPSULATION + 4, 4, big[k])
+        after[k] = place + _HEADER + number(data, place + ENCAPSULATION + 8, 4, big[k])
+        valid[k] = after[k] <= place + sizes[k]
 
 
 def numbers(raw: Bytes, kind: str, big: NDArray[np.bool_]) -> NDArray[np.float64]:

@@ -84,7 +84,7 @@ class Stretch:
     def by_topic(self) -> Iterator[tuple[Topic, Stretch]]:
         """Messages of each topic, in file order, as one batch."""
         channels = self.messages[0].astype(np.uint16)
-        ordered = self.messages[:, np.argsort(channels, kind="stable")]
+        ordered = np.take(self.messages, np.argsort(channels, kind="stable"), axis=1)
         ends = np.cumsum(np.bincount(channels))
         found: dict[Topic, list[NDArray[np.int64]]] = {}
         for channel in np.flatnonzero(np.diff(ends, prepend=0)).tolist():

@@ -30,7 +30,7 @@ def rewrite(source, path, compression, *, chunk_size=20_000, **options):
 def stretch_of(messages):
     """Messages of one topic as a stretch, one byte apart so that nothing is aligned."""
     data = np.frombuffer(b"".join(message + b"x" for message in messages), np.uint8)
-    sizes = np.array([len(message) for message in messages])
+    sizes = np.array([len(message) for message in messages], np.int64)
     at = np.cumsum(sizes + 1) - sizes - 1
     return Stretch(data, np.array([np.ones_like(at), at, at, sizes]), {}, (len(messages),))
 

@@ -98,25 +98,26 @@ def _print_tables(document: dict[str, Any]) -> None:
 
 def _print_points(document: dict[str, Any]) -> None:
     points = document["points"]
-    columns = ("rate (Hz)", "samples", "gaps", "missing (s)", "clipped", "stuck (s)", "clock (s)", "drift (ppm)")
-    table = Table(title="Sensors")
-    for heading in ("test point", *columns, "other faults"):
+    columns = ("samples", "rate (Hz)", "gaps", "(s)", "clock (s)", "(ppm)")
+    table = Table()
+    for heading in ("test point", *columns):
         table.add_column(heading, justify="right" if heading in columns else "left")
     for name, point in points.items():
-        counts = {key: point[key] for key in PointHealth.COUNTS if point[key]}
         table.add_row(
             Text(name),
-            f"{point['rate_hz']:.3f}",
             str(point["samples"]),
+            f"{point['rate_hz']:.3f}",
             str(point["gaps"]),
             f"{point['missing_s']:.3f}",
-            str(point["clipped"]),
-            ", ".join(f"{axis} {seconds:.1f}" for axis, seconds in point["stuck_s"].items()),
             f"{point['clock_offset']:+.3f}",
             f"{point['clock_drift']:+.0f}",
-            Text(", ".join(f"{count} {key}" for key, count in counts.items())),
         )
     results.print(table)
+    for name, point in points.items():
+        faults = [f"{point[key]} {key}" for key in ("clipped", *PointHealth.COUNTS) if point[key]]
+        faults += [f"{axis} stuck for {seconds:.1f} s" for axis, seconds in point["stuck_s"].items()]
+        if faults:
+            results.print(Text(f"{name}: {', '.join(faults)}"))
     offsets = {name: point["clock_offset"] for name, point in points.items()}
     if offsets and max(offsets.values()) - min(offsets.values()) > APART_S:
         early, late = min(offsets, key=offsets.__getitem__), max(offsets, key=offsets.__getitem__)
