@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 import scipy.signal
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from tbm_gsa.comparison.clock import sampling_rate
@@ -186,6 +186,7 @@ def pieced(time: np.ndarray, signal: np.ndarray, cuts: list[int]) -> list[Stretc
     jitter=st.sampled_from([0.0, 0.3]),
     gap=st.integers(1, 149_000),
 )
+@example(cuts=[93, 101], jitter=0.3, gap=1)
 def test_pieces_give_what_one_filter_gives(cuts, jitter, gap):
     rng = np.random.default_rng(len(cuts))
     time = np.arange(150_000) / RATE + rng.uniform(-jitter, jitter, 150_000) / RATE
