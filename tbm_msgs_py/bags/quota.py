@@ -36,7 +36,7 @@ def stored(folder: Path) -> list[Stored]:
     return sorted(files, key=lambda file: (file.modified_ns, len(file.path.name), file.path.name))
 
 
-def enforce(limit: float, writing: BagWriter) -> list[Stored]:
+def enforce(limit: float, writing: BagWriter) -> tuple[list[Stored], float]:
     """Delete the oldest files in the folder of a recording being written until the rest fits.
 
     Parameters
@@ -50,6 +50,8 @@ def enforce(limit: float, writing: BagWriter) -> list[Stored]:
     -------
     list of Stored
         What was deleted.
+    float
+        Bytes over the limit that are left, because nothing else may be deleted; 0 or less when it is kept.
     """
     files = stored(writing.path.parent)
     excess = sum(file.size for file in files) - limit
@@ -60,7 +62,7 @@ def enforce(limit: float, writing: BagWriter) -> list[Stored]:
         if file.path != writing.current and _delete(file.path, writing):
             gone.append(file)
             excess -= file.size
-    return gone
+    return gone, excess
 
 
 def _delete(file: Path, writing: BagWriter) -> bool:

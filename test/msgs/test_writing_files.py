@@ -113,8 +113,9 @@ def test_quota_deletes_the_oldest_files_first(tmp_path):
     writer.flush()
     total = sum(file.size for file in stored(tmp_path))
     assert total == sum(old_sizes) + sum(new_sizes) + writer.current.stat().st_size
-    assert enforce(total, writer) == []
-    gone = enforce(total - sum(old_sizes) - 1, writer)
+    assert enforce(total, writer) == ([], 0)
+    gone, over = enforce(total - sum(old_sizes) - 1, writer)
+    assert over == 1 - new_sizes[0]
     assert [file.path.name for file in gone] == ["old_0.mcap", "old_1.mcap", "new_0.mcap"]
     assert not old.exists()  # with its last file
     described = information(new)
@@ -136,7 +137,8 @@ def test_quota_never_deletes_what_is_being_written(tmp_path):
     writer.open()
     fill(writer, range(35))
     writer.flush()
-    gone = enforce(0, writer)
+    gone, over = enforce(0, writer)
+    assert over == writer.current.stat().st_size + other.current.stat().st_size
     assert [file.path.name for file in gone] == ["now_0.mcap", "now_1.mcap", "now_2.mcap"]
     assert other.current.exists()
     fill(writer, range(35, 45))
@@ -149,7 +151,7 @@ def test_quota_never_deletes_what_is_being_written(tmp_path):
 def test_quota_leaves_what_no_recorder_made(tmp_path):
     reference = split(tmp_path / "reference", range(20))
     with BagWriter(tmp_path / "now", custom_data=MARK) as writer:
-        assert enforce(0, writer) == []
+        assert enforce(0, writer) == ([], writer.current.stat().st_size)
     assert Bag(reference).info().messages == 21
 
 

@@ -2,7 +2,9 @@
 
 import typer
 
-from tbm_gsa.cli.bag import info
+from tbm_gsa.cli.bag import info, play, record
 
 app = typer.Typer(help="Recordings on disk.", no_args_is_help=True)
 app.command()(info.info)
+app.command()(play.play)
+app.command()(record.record)
