@@ -10,6 +10,7 @@ from typing import Any
 import yaml
 from rosbags.rosbag2.metadata import dump_qos_v9
 
+from tbm_msgs_py.bags.errors import RecordingError
 from tbm_msgs_py.bags.quality import rosbag_qos
 from tbm_msgs_py.topics import Quality
 
@@ -143,7 +144,10 @@ def write(folder: Path, described: Mapping[str, Any]) -> None:
 
 def read(folder: Path) -> dict[str, Any]:
     """Read a description that `write` has written."""
-    return dict(yaml.load((folder / FILE_NAME).read_text(encoding="utf-8"), Loader=_Loader)[ROOT])  # noqa: S506
+    try:
+        return dict(yaml.load((folder / FILE_NAME).read_text(encoding="utf-8"), Loader=_Loader)[ROOT])  # noqa: S506
+    except (yaml.YAMLError, KeyError, TypeError, ValueError) as error:
+        raise RecordingError(f"{folder / FILE_NAME}: not the metadata of a recording") from error
 
 
 def _file(file: FileEntry) -> dict[str, Any]:

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Iterator
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -66,10 +67,11 @@ def enforce(limit: float, writing: BagWriter) -> tuple[list[Stored], float]:
 
 
 def _delete(file: Path, writing: BagWriter) -> bool:
-    if file.parent == writing.path:
-        writing.drop(file.name)
-        return True
+    """Delete a file; False where that may not or cannot be done, which is no reason to end the recording."""
     try:
+        if file.parent == writing.path:
+            writing.drop(file.name)
+            return True
         descriptor = lock(file.parent)
         if descriptor is None:  # another recorder is at it
             return False
@@ -77,7 +79,7 @@ def _delete(file: Path, writing: BagWriter) -> bool:
             _delete_finished(file)
         finally:
             os.close(descriptor)
-    except FileNotFoundError:  # another recorder has deleted it meanwhile
+    except (OSError, RecordingError):
         return False
     return True
 
@@ -102,8 +104,9 @@ def _delete_finished(file: Path) -> None:
 
 def _marked(folder: Path) -> Iterator[Path]:
     for described in folder.glob(f"*/{metadata.FILE_NAME}"):
-        if _MARK_LINE in described.read_text(encoding="utf-8", errors="replace"):
-            yield from described.parent.glob("*.mcap")
+        with suppress(OSError):  # not ours to read, or another recorder has deleted it meanwhile
+            if _MARK_LINE in described.read_text(encoding="utf-8", errors="replace"):
+                yield from described.parent.glob("*.mcap")
 
 
 def _stat(path: Path) -> os.stat_result | None:

@@ -17,11 +17,12 @@ from rclpy.subscription import Subscription
 from tbm_msgs_py import topics
 from tbm_msgs_py.bags import BagWriter, RecordingError
 from tbm_msgs_py.bags.quota import MARK, enforce
+from tbm_msgs_py.bags.samples import typestore
 from tbm_msgs_py.nodes import messages, qos
 from tbm_msgs_py.nodes.managed import ManagedNode, Parameter, run_node
 from tbm_msgs_py.topics import Quality
 
-DISCOVERY = 0.2  # s between looks for topics that are not there yet
+DISCOVERY = 0.05  # s between looks for topics that are not there yet
 QUOTA_PERIOD = 2.0  # s between looks at the disk
 DEPTH = 1000  # messages that may wait while the disk is slow
 MEGABYTE = 1e6
@@ -65,6 +66,7 @@ class BagRecorder(ManagedNode):
         self._lost = 0
         self._deleted: list[str] = []
         self._over_quota = False
+        self._unrecorded: list[str] = []  # of a type that cannot be written
         self._problem = ""
         self._diagnostics: Any = None
 
@@ -134,8 +136,10 @@ class BagRecorder(ManagedNode):
 
     def _subscribe(self, name: str, message_type: str, publishers: list[Any]) -> None:
         message_class = messages.message_class(message_type)
-        if message_class is None:
-            self.get_logger().error(f"{name}: type {message_type} is not installed, the topic is not recorded")
+        if message_class is None or message_type not in typestore().types:
+            why = "is not installed" if message_class is None else "is none of ROS 2 Jazzy's common interfaces"
+            self.get_logger().error(f"{name}: type {message_type} {why}, the topic is not recorded")
+            self._unrecorded.append(name)
             self._wanted.remove(name)
             return
         offered = qos.offered(publishers)
@@ -204,6 +208,7 @@ class BagRecorder(ManagedNode):
         troubles = [
             *([self._problem] if self._problem else []),
             *([f"waiting for {', '.join(missing)}"] if missing else []),
+            *([f"not recorded: {', '.join(self._unrecorded)}"] if self._unrecorded else []),
             *([f"{self._lost} messages lost on their way"] if self._lost else []),
             *(["over the quota"] if self._over_quota else []),
         ]

@@ -201,15 +201,16 @@ def started(tmp_path):
 def test_record_and_play_commands(started, bag, tmp_path):
     output = tmp_path / "copy"
     record = started("record", "--topics", f"operating_point,{TOPIC}", "--out", output, "--json")
+    wait_for((output / "metadata.yaml").exists, 60)
     play = started("play", bag, "--start", 1.0, "--rate", 2.0, "--subscribers", 2, "--json")
-    out, _ = play.communicate(timeout=30)
+    out, _ = play.communicate(timeout=60)
     assert play.returncode == 0
     document = json.loads(out)
     assert (document["played"], document["lost"], document["ended"]) == (21, 0, True)  # 20 blocks, and the point before
     wait_for(lambda: Bag(output).info().messages == 21)
     nodes = children(record.pid)
     record.send_signal(signal.SIGTERM)
-    out, _ = record.communicate(timeout=30)
+    out, _ = record.communicate(timeout=60)
     assert record.returncode == 0
     assert nodes
     assert not any(map(alive, nodes))
@@ -229,7 +230,7 @@ def test_looping_play_ends_cleanly_with_a_signal(started, peer, bag):
     clock = peer.listen(Clock, "/clock", qos.CLOCK)
     peer.wait_for(lambda: len(blocks) > 60)
     play.send_signal(signal.SIGINT)
-    out, _ = play.communicate(timeout=30)
+    out, _ = play.communicate(timeout=60)
     assert play.returncode == 0
     document = json.loads(out)
     assert document["loops"] >= 1

@@ -2,9 +2,10 @@
 
 import typer
 
-from tbm_gsa.cli.bag import info, play, record
+from tbm_gsa.cli.bag import import_, info, play, record
 
 app = typer.Typer(help="Recordings on disk.", no_args_is_help=True)
 app.command()(info.info)
+app.command("import")(import_.import_)
 app.command()(play.play)
 app.command()(record.record)
