@@ -19,6 +19,7 @@ from tbm_msgs_py.bags.mapping import contract_sensor
 from tbm_msgs_py.bags.writing import BagWriter
 from tbm_msgs_py.blocks import ACCELERATION, NANOSECONDS
 from tbm_msgs_py.importing.description import Description, OperatingColumns, PointColumns, TimeColumn
+from tbm_msgs_py.importing.extra import complaints
 from tbm_msgs_py.importing.formats import open_source
 from tbm_msgs_py.importing.source import Source
 from tbm_msgs_py.importing.timing import RowTimes
@@ -93,6 +94,12 @@ def import_recording(
         Called with the number of samples of every message written.
     """
     path, out = Path(path), Path(out)
+    with complaints(path) as said:
+        imported = _import(path, description, out, progress)
+    return Imported(imported.streams, [*imported.warnings, *said])
+
+
+def _import(path: Path, description: Description, out: Path, progress: Callable[[int], None] | None) -> Imported:
     source = open_source(path, description)
     stated = {topics.absolute(topics.field_block(name)): point.written() for name, point in description.points.items()}
     if out.suffix == ".mcap" and any(sensor != contract_sensor(sensor.point) for sensor in stated.values()):

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from tbm_msgs_py.bags.errors import RecordingError
 from tbm_msgs_py.importing.description import TimeColumn
-from tbm_msgs_py.importing.extra import library
+from tbm_msgs_py.importing.extra import library, reading
 from tbm_msgs_py.importing.source import Piece, array_pieces, nanoseconds, no_column, no_time_of_its_own
 
 _COLUMN = re.compile(r"(?P<name>[^()]+)\(:,\s*(?P<number>[1-9]\d*)\)")
@@ -79,10 +79,8 @@ class MatlabFile:
 
 def _read_classic(path: Path) -> dict[str, NDArray[np.generic]]:
     io: Any = library("scipy.io")
-    try:
+    with reading(path, "a MATLAB"):
         found = io.loadmat(path, simplify_cells=True)
-    except (ValueError, TypeError, OSError, NotImplementedError, io.matlab.MatReadError) as error:
-        raise RecordingError(f"{path}: not a MATLAB file that can be read: {error}") from error
     return dict(_flat({name: value for name, value in found.items() if not name.startswith("__")}))
 
 
@@ -95,11 +93,8 @@ def _read_hdf5(path: Path) -> dict[str, NDArray[np.generic]]:
         if isinstance(item, h5py.Dataset) and item.dtype.kind in "iuf" and not name.startswith("#"):
             variables[name.replace("/", ".")] = item[()].T
 
-    try:
-        with h5py.File(path) as file:
-            file.visititems(take)
-    except OSError as error:
-        raise RecordingError(f"{path}: not a MATLAB file that can be read: {error}") from error
+    with reading(path, "a MATLAB"), h5py.File(path) as file:
+        file.visititems(take)
     return variables
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Iterator, Sequence
 from datetime import UTC
 from pathlib import Path
@@ -11,7 +12,7 @@ import numpy as np
 
 from tbm_msgs_py.bags.errors import RecordingError
 from tbm_msgs_py.importing.description import TimeColumn, to_ns
-from tbm_msgs_py.importing.extra import library
+from tbm_msgs_py.importing.extra import library, reading
 from tbm_msgs_py.importing.source import Piece, array_pieces, nanoseconds, no_column
 
 
@@ -24,16 +25,15 @@ class MdfFile:
     def __init__(self, path: Path) -> None:
         self.path = path
         asammdf: Any = library("asammdf")
-        self._error: type[Exception] = asammdf.blocks.utils.MdfException
-        try:
+        asammdf.console.setLevel(logging.CRITICAL)  # what it says goes into the result; it would print it too
+        with reading(path, "an MDF"):
             self._file = asammdf.MDF(path)
-        except (self._error, ValueError, OSError, KeyError, TypeError) as error:
-            raise RecordingError(f"{path}: not an MDF file that can be read: {error}") from error
 
     @property
     def start_ns(self) -> int:
         """Start of the measurement."""
-        return to_ns(self._file.start_time.astimezone(UTC))
+        with reading(self.path, "an MDF"):
+            return to_ns(self._file.start_time.astimezone(UTC))
 
     def row(self, index: int) -> str:
         """Name a row for a message."""
@@ -69,4 +69,5 @@ class MdfFile:
             raise RecordingError(
                 f"{self.path}: channel {column} is in {len(places)} groups, allowed: a name that occurs once"
             )
-        return self._file.get(column, ignore_invalidation_bits=False)
+        with reading(self.path, "an MDF"):
+            return self._file.get(column, ignore_invalidation_bits=False)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
@@ -11,7 +12,7 @@ from numpy.typing import NDArray
 
 from tbm_msgs_py.bags.errors import RecordingError
 from tbm_msgs_py.importing.description import TimeColumn
-from tbm_msgs_py.importing.extra import library
+from tbm_msgs_py.importing.extra import library, reading
 from tbm_msgs_py.importing.source import PIECE_ROWS, Piece, nanoseconds, no_column, require_finite
 
 _NANOSECONDS = 1e9
@@ -26,10 +27,10 @@ class TdmsFile:
     def __init__(self, path: Path) -> None:
         self.path = path
         nptdms: Any = library("nptdms")
-        try:
+        # Its warnings go into the result; it would print them too.
+        library("nptdms.log").log_manager.console_handler.setLevel(logging.CRITICAL)
+        with reading(path, "a TDMS"):
             self._file = nptdms.TdmsFile.open(path)
-        except (ValueError, KeyError, OSError, EOFError) as error:
-            raise RecordingError(f"{path}: not a TDMS file that can be read: {error}") from error
         self._channels = {f"{g.name}/{c.name}": c for g in self._file.groups() for c in g.channels()}
 
     @property
@@ -100,7 +101,8 @@ class TdmsFile:
 
 
 def _numbers(path: Path, channel: Any, first: int) -> NDArray[np.generic]:
-    rows = np.asarray(channel[first : first + PIECE_ROWS])
+    with reading(path, "a TDMS"):
+        rows = np.asarray(channel[first : first + PIECE_ROWS])
     if rows.dtype.kind not in "iuf":
         raise RecordingError(f"{path}: column {channel.path}: {rows.dtype}, allowed: real numbers")
     return rows

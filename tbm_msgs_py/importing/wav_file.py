@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import struct
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
@@ -11,7 +10,7 @@ import numpy as np
 
 from tbm_msgs_py.bags.errors import RecordingError
 from tbm_msgs_py.importing.description import TimeColumn
-from tbm_msgs_py.importing.extra import library
+from tbm_msgs_py.importing.extra import library, reading
 from tbm_msgs_py.importing.source import PIECE_ROWS, Piece, no_column, require_finite
 
 _NANOSECONDS = 1e9
@@ -27,11 +26,9 @@ class WavFile:
     def __init__(self, path: Path) -> None:
         self.path = path
         wavfile: Any = library("scipy.io.wavfile")
-        try:
+        with reading(path, "a WAV"):
             self._rate, data = wavfile.read(path)
-        except (ValueError, EOFError, struct.error) as error:
-            raise RecordingError(f"{path}: not a WAV file that can be read: {error}") from error
-        self._data = data.reshape(len(data), -1)
+            self._data = data[:, None] if data.ndim == 1 else data
         self._zero, self._full = _scale(data.dtype)
 
     def row(self, index: int) -> str:

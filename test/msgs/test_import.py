@@ -469,3 +469,46 @@ def test_any_text_is_imported_or_refused_in_one_line(tmp_path_factory, text):
     rows = [row for row in csv.reader((folder / "a.csv").read_text().splitlines()[1:]) if row]
     record = read_acceleration(folder / "bag", TOPIC)
     np.testing.assert_array_equal(record.values, np.array(rows, float).astype(np.float32))
+
+
+def write_tdms(path):
+    nptdms = pytest.importorskip("nptdms")
+    with nptdms.TdmsWriter(path) as writer:
+        channels = [nptdms.ChannelObject("A", name, VALUES[:, k]) for k, name in enumerate("XYZ")]
+        writer.write_segment(channels)
+
+
+def write_mdf(path):
+    asammdf = pytest.importorskip("asammdf")
+    with asammdf.MDF(version="4.10") as file:
+        file.append([asammdf.Signal(VALUES[:, k], TIME, name=name) for k, name in enumerate("XYZ")])
+        file.save(path)
+
+
+CUT = {
+    ".tdms": (write_tdms, ["A/X", "A/Y", "A/Z"]),
+    ".mf4": (write_mdf, ["X", "Y", "Z"]),
+    ".wav": (lambda path: scipy.io.wavfile.write(path, RATE, VALUES), ["1", "2", "3"]),
+    ".mat": (lambda path: scipy.io.savemat(path, dict(zip("XYZ", VALUES.T, strict=True))), ["X", "Y", "Z"]),
+}
+
+
+@pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")  # asammdf, see `apart`
+@pytest.mark.parametrize("suffix", CUT)
+def test_file_that_was_cut_is_refused_or_says_what_is_missing(tmp_path, suffix):
+    write, names = CUT[suffix]
+    path = tmp_path / f"a{suffix}"
+    write(path)
+    whole = path.read_bytes()
+    stated = description(points={"shield": POINT | {"columns": names, "full_scale": 1}})
+    for share in np.linspace(0, 0.99, 15):
+        path.write_bytes(whole[: int(share * len(whole))])
+        out = tmp_path / f"bag{share}"
+        try:
+            imported = import_recording(path, stated, out)
+        except RecordingError as error:
+            assert "\n" not in str(error)
+            assert not out.exists()
+        else:
+            assert imported.streams["shield"].samples < ROWS
+            assert imported.warnings

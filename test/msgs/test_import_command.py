@@ -1,17 +1,21 @@
 """`tbm-monitor bag import`: options and description together, one document, one line for what is wrong."""
 
 import json
+import os
 import signal
 import sys
 
 import numpy as np
 import pytest
+import scipy.io
 
 from tbm_gsa.cli.main import main
-from tbm_msgs_py import read_recording
+from tbm_msgs_py import RecordingError, read_recording
 from tbm_msgs_py.bags.mapping import STANDARD_GRAVITY
+from tbm_msgs_py.importing import apart, describe, import_recording
 
 START = "2026-03-01T08:00:00+01:00"
+POINT = {"columns": ["a", "b", "c"], "units": "g", "gravity": "removed", "frame": "fixed"}
 SENSOR = ["--units", "g", "--gravity", "removed", "--frame", "fixed"]
 
 
@@ -86,3 +90,30 @@ def test_bad_input_is_one_line(command, tmp_path, arguments, named):
     assert named in err
     assert len(err.strip().splitlines()) == 1
     assert not (tmp_path / "bag").exists()
+
+
+def crash(answer, path, description, out):
+    """Stands for a library that ends with a segmentation fault when the output has been begun."""
+    if out.suffix == ".mcap":
+        out.with_name(f".{out.stem}.{os.getpid()}.mcap").touch()
+    else:
+        out.mkdir()
+    os.kill(os.getpid(), signal.SIGKILL)
+
+
+@pytest.mark.parametrize("name", ["bag", "bag.mcap"])
+def test_a_crash_of_a_library_is_one_line_and_leaves_nothing(tmp_path, monkeypatch, name):
+    monkeypatch.setattr(apart, "_import", crash)
+    described = describe(None, {"points": {"girder": POINT}, "rate": 50, "start": START})
+    with pytest.raises(RecordingError, match="the library that reads it crashed"):
+        apart.import_apart(tmp_path / "a.mat", described, tmp_path / name)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_import_apart_gives_what_the_import_gives(tmp_path):
+    described = describe(None, {"points": {"girder": POINT}, "rate": 50, "start": START})
+    scipy.io.savemat(tmp_path / "a.mat", {name: np.arange(9.0) for name in "abc"})
+    imported = apart.import_apart(tmp_path / "a.mat", described, tmp_path / "bag")
+    assert imported == import_recording(tmp_path / "a.mat", described, tmp_path / "again")
+    with pytest.raises(RecordingError, match="no such file"):
+        apart.import_apart(tmp_path / "b.mat", described, tmp_path / "other")

@@ -12,6 +12,7 @@ from rich.text import Text
 
 from tbm_gsa.cli.output import JSON_OPTION, notes, print_json, progress_bar, results
 from tbm_msgs_py.importing import Imported, describe, import_recording
+from tbm_msgs_py.importing.apart import CRASHING, import_apart
 
 _POINT = "POINT=X,Y,Z"
 _AXES = 3
@@ -60,7 +61,10 @@ def import_(
     description = describe(files[0] if files else None, _stated(changes))
     with progress_bar("importing") as bar:
         task = bar.add_task("", total=None)
-        imported = import_recording(file, description, out, lambda samples: bar.advance(task, samples))
+        if file.suffix.lower() in CRASHING:
+            imported = import_apart(file, description, out)
+        else:
+            imported = import_recording(file, description, out, lambda samples: bar.advance(task, samples))
     for warning in imported.warnings:
         notes.print(f"warning: {warning}", highlight=False, markup=False)
     document = import_document(out, imported)
