@@ -16,6 +16,7 @@ from tbm_msgs_py import Bag, topics
 from tbm_msgs_py.bags.samples import typestore
 
 SECONDS = 60
+START_S = 4  # what a busy computer may need until DDS has matched the recorder and a topic
 COMMAND = [sys.executable, "-m", "tbm_gsa.cli.main"]
 BLOCKS = [topics.LOADS_BLOCK, topics.MODEL_MESH_FORCES, *map(topics.model_block, topics.TEST_POINTS)]
 LIVE = [topics.LOADS_WRENCH, topics.MODEL_DRIVES, *(f"model/{point}/accel" for point in topics.TEST_POINTS)]
@@ -30,7 +31,7 @@ def test_no_message_of_a_minute_is_missing(tmp_path):
     record = subprocess.Popen([*COMMAND, "bag", "record", *options], stdout=subprocess.PIPE)
     try:
         wait_for((output / "metadata.yaml").exists, 60)
-        run = [*COMMAND, "run", "--duration", str(SECONDS), "--out", tmp_path / "run", "--json"]
+        run = [*COMMAND, "run", "--duration", str(SECONDS + START_S), "--out", tmp_path / "run", "--json"]
         subprocess.run(run, stdout=subprocess.DEVNULL, check=True)
     finally:
         record.send_signal(signal.SIGINT)
@@ -44,5 +45,5 @@ def test_no_message_of_a_minute_is_missing(tmp_path):
         stamps[message.topic.name].append(stamp.sec * 10**9 + stamp.nanosec)
     for name, period in PERIOD_NS.items():
         steps = np.diff(stamps[topics.absolute(name)])
-        assert len(steps) >= SECONDS * 10**9 // period - 20, name
+        assert len(steps) >= SECONDS * 10**9 // period, name
         np.testing.assert_array_equal(steps, period, err_msg=name)
