@@ -31,8 +31,14 @@ class OperatedLoads(Protocol):
     def mean(self, point: OperatingPoint) -> np.ndarray:
         """Mean of the six components, (6,), N and N·m."""
 
-    def evaluate(self, point: OperatingPoint, time: np.ndarray, angle: np.ndarray) -> np.ndarray:
-        """Evaluate at stream times (n,) in s, where the head stands at angles (n,) in rad: (n, 6), N and N·m."""
+    def evaluate(
+        self, before: OperatingPoint, after: OperatingPoint, time: np.ndarray, angle: np.ndarray
+    ) -> np.ndarray:
+        """Evaluate at stream times (n,) in s, where the head stands at angles (n,) in rad: (n, 6), N and N·m.
+
+        What presses the head goes linearly over the n samples from one operating point to the other, which the last
+        sample has reached.
+        """
 
 
 def operated_loads(machine: Machine, level: LoadLevel = "spectral", seed: int = 0) -> OperatedLoads:
@@ -53,7 +59,7 @@ class _Spectral:
 
     def __init__(self, machine: Machine, seed: int) -> None:
         self._machine = machine
-        self._loads = machine.loads(seed)
+        self._described = machine.loads(seed).with_scale(np.ones(6))
 
     def reached(self, point: OperatingPoint) -> OperatingPoint:
         self._machine.check_operating_point(point)
@@ -62,8 +68,15 @@ class _Spectral:
     def mean(self, point: OperatingPoint) -> np.ndarray:
         return np.asarray(self._machine.description.loads.mean * self._machine.load_scale(point))
 
-    def evaluate(self, point: OperatingPoint, time: np.ndarray, angle: np.ndarray) -> np.ndarray:  # noqa: ARG002
-        return self._loads.with_scale(self._machine.load_scale(point)).evaluate(time)
+    def evaluate(
+        self,
+        before: OperatingPoint,
+        after: OperatingPoint,
+        time: np.ndarray,
+        angle: np.ndarray,  # noqa: ARG002 - the spectra do not turn with the head
+    ) -> np.ndarray:
+        scales = _ramp(self._machine.load_scale(before), self._machine.load_scale(after), len(time))
+        return scales * self._described.evaluate(time)
 
 
 class _Cutter:
@@ -94,5 +107,14 @@ class _Cutter:
     def mean(self, point: OperatingPoint) -> np.ndarray:
         return self._at(point).mean
 
-    def evaluate(self, point: OperatingPoint, time: np.ndarray, angle: np.ndarray) -> np.ndarray:
-        return self._at(point).evaluate(time, angle)
+    def evaluate(
+        self, before: OperatingPoint, after: OperatingPoint, time: np.ndarray, angle: np.ndarray
+    ) -> np.ndarray:
+        forces = _ramp(self._at(before).forces, self._at(after).forces, len(time))
+        return self._loads.evaluate(time, angle, forces)
+
+
+def _ramp(before: np.ndarray, after: np.ndarray, samples: int) -> np.ndarray:
+    """Go from values (k,) to others, which the last sample has reached: (n, k)."""
+    share = np.arange(1, samples + 1)[:, None] / samples
+    return np.asarray(before + share * (after - before))

@@ -142,10 +142,7 @@ class LoadStream:
         if after.speed != before.speed:
             self._turning = float(time[0]), float(self._angle(before, time[:1])[0])
         angle = self._angle(after, time)
-        values = self._loads.evaluate(before, time, angle)
-        if after != before:
-            share = np.arange(1, samples + 1)[:, None] / samples
-            values += share * (self._loads.evaluate(after, time, angle) - values)
+        values = self._loads.evaluate(before, after, time, angle)
         self._point = after
         self.next_step += samples
         return LoadBlock(first, values, float(angle[0] % (2.0 * np.pi)), after)

@@ -213,12 +213,11 @@ class DynamicsNode(ManagedNode):
     def statuses(self) -> list[DiagnosticStatus]:
         """Real-time factor, losses and what is wrong with the loads."""
         stream, pace = self._stream, self._pace
-        self._look_at_publishers()
         lost, self._lost_shown = stream.lost_steps - self._lost_shown, stream.lost_steps
         dropped, self._dropped_shown = stream.dropped - self._dropped_shown, stream.dropped
         problems = list(self._faults.show().values())
         problems += [f"{lost} lost steps bridged"] if lost else []
-        problems += [f"{dropped} blocks behind the stream dropped"] if dropped else []
+        problems += [f"{dropped} blocks behind the stream dropped{self._publishers()}"] if dropped else []
         values = {
             "blocks": pace.blocks,
             "lost_steps": stream.lost_steps,
@@ -241,14 +240,10 @@ class DynamicsNode(ManagedNode):
             return "error", "; ".join([f"no block on {topics.LOADS_BLOCK} for {silent:.0f} s", *problems])
         return ("warn", "; ".join(["integrating", *problems])) if problems else ("ok", "integrating")
 
-    def _look_at_publishers(self) -> None:
-        """Two streams of loads cannot both be right: the one that is ahead is followed."""
+    def _publishers(self) -> str:
+        """Name two publishers of loads; asked only when blocks overlap: one that was killed is listed for 20 s more."""
         names = sorted(p.node_name for p in self.get_publishers_info_by_topic(topics.LOADS_BLOCK))
-        if len(names) > 1:
-            text = f"{len(names)} publishers on {topics.LOADS_BLOCK}: {', '.join(names)}; one is followed"
-            self._faults.report("publishers", text)
-        else:
-            self._faults.clear("publishers")
+        return f": {len(names)} publishers, {', '.join(names)}" if len(names) > 1 else ""
 
 
 def main() -> None:

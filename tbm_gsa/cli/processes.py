@@ -55,6 +55,8 @@ def _literal(value: ParameterValue) -> str:
     """YAML of a parameter value; strings are quoted so that a name like `1e3` or a path stays a string."""
     if isinstance(value, bool):
         return str(value).lower()
+    if isinstance(value, list):
+        return f"[{','.join(map(_literal, value))}]"
     if isinstance(value, str):
         return "'" + value.replace("'", "''") + "'"
     if isinstance(value, list):

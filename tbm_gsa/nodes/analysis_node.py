@@ -15,12 +15,15 @@ from geometry_msgs.msg import Vector3Stamped
 from sensor_msgs.msg import PointCloud2
 from std_srvs.srv import Trigger
 
-from tbm_dynamics.machine import load_machine
+from tbm_dynamics.machine import Machine, load_machine
 from tbm_gsa.comparison import AlarmRule, WindowedComparison, WindowResult
+from tbm_gsa.comparison.document import machine_sha256
+from tbm_gsa.history import Source
 from tbm_gsa.nodes.field_topics import FieldTopics
 from tbm_gsa.nodes.gsa_process import GsaOptions, GsaProcess, GsaStatus
 from tbm_gsa.nodes.health import Condition, StreamHealth
-from tbm_gsa.nodes.statuses import comparison_status, gsa_result_statuses, gsa_status
+from tbm_gsa.nodes.history_writer import HistoryWriter
+from tbm_gsa.nodes.statuses import comparison_status, gsa_result_statuses, gsa_status, history_status
 from tbm_msgs_py import blocks, topics
 from tbm_msgs_py.bags.mapping import Mapping, SensorMapping, contract_sensor, load_mapping
 from tbm_msgs_py.blocks import BlockError
@@ -54,6 +57,17 @@ PARAMETERS = (
     Parameter(
         "mapping", "", "mapping file of the field topics; empty: the topics of the contract, m/s², gravity removed"
     ),
+    Parameter(
+        "history",
+        "",
+        "history file of the windows; empty: tbm_monitor/history.sqlite in the user's data folder; none: not kept",
+    ),
+    Parameter(
+        "baseline",
+        "",
+        "baseline in the history whose errors alarms are set against; empty: the threshold is absolute",
+        changes="running",
+    ),
     Parameter("gsa.on_threshold", True, "start the sensitivity analysis when the alarm is raised", changes="running"),
     Parameter("gsa.samples", 200, "training simulations", minimum=10, maximum=100000, changes="running"),
     Parameter("gsa.test", 20, "test simulations", minimum=2, maximum=100000, changes="running"),
@@ -73,9 +87,12 @@ class AnalysisNode(ManagedNode):
 
     def configure(self) -> None:
         """Read machine and mapping, create publishers, subscriptions and services."""
-        self._points = tuple(load_machine(self.value("machine")).description.test_points)
+        machine = load_machine(self.value("machine"))
+        self._points = tuple(machine.description.test_points)
         self._sensors = self._field_sensors()
+        self._history = self._open_history(machine)
         self._alarm = self._new_alarm()
+        self._rotating = frozenset(sensor.point for sensor in self._sensors.values() if sensor.frame == "rotating")
         self._comparison = self._new_comparison()
         self._latest: dict[str, WindowResult] = {}
         self._health = StreamHealth(lambda text: self.get_logger().warning(text))
@@ -99,21 +116,26 @@ class AnalysisNode(ManagedNode):
         return {name: contract_sensor(name.split("/")[1]) for name in names}
 
     def _new_comparison(self) -> WindowedComparison:
-        rotating = [sensor.point for sensor in self._sensors.values() if sensor.frame == "rotating"]
-        return WindowedComparison(float(self.value("window")), rotating=rotating)
+        return WindowedComparison(float(self.value("window")), rotating=self._rotating)
 
     def check_parameters(self, values: AnyMapping[str, Any]) -> None:
-        """Refuse axes that there are not."""
+        """Refuse axes and baselines that there are not."""
         if "alarm_axes" in values:
             _check_axes(values["alarm_axes"])
+        if "baseline" in values:
+            self._history.usual_errors(values["baseline"])
 
     def parameters_changed(self, names: frozenset[str]) -> None:
         """Take over another alarm, window or sensitivity analysis; what was counted for the old one is forgotten."""
         if "window" in names:
             self._comparison = self._new_comparison()
-        if not names.isdisjoint(("threshold", "threshold_windows", "alarm_axes")):
+        if not names.isdisjoint(("threshold", "threshold_windows", "alarm_axes", "baseline")):
             self._alarm = self._new_alarm()
         self._gsa.options = self._gsa_options()
+
+    def _open_history(self, machine: Machine) -> HistoryWriter:
+        source = Source("live", self.get_fully_qualified_name(), "", machine.name, machine_sha256(machine))
+        return HistoryWriter(self.value("history"), source, self.get_logger().warning)
 
     def _new_alarm(self) -> AlarmRule:
         axes = self.value("alarm_axes")
@@ -121,6 +143,7 @@ class AnalysisNode(ManagedNode):
         return AlarmRule(
             float(self.value("threshold")),
             int(self.value("threshold_windows")),
+            self._history.usual_errors(self.value("baseline")),
             axes=[_AXES.index(axis) for axis in axes],
         )
 
@@ -162,6 +185,11 @@ class AnalysisNode(ManagedNode):
         """End a running analysis; its store stays."""
         self._gsa.cancel("the node was stopped; `tbm-monitor gsa resume` goes on with it")
 
+    def cleanup(self) -> None:
+        """Close what follows the field and the history."""
+        self._field_topics.close()
+        self._history.close()
+
     def _on_block(self, source: Any, sensor: SensorMapping, message: Any) -> None:
         if not self.active:
             return
@@ -188,12 +216,14 @@ class AnalysisNode(ManagedNode):
         if result.point not in self._points:
             return
         self._latest[result.point] = result
+        self._history.add(result, result.point in self._rotating)
         for quantity in topics.ANALYSIS_QUANTITIES:
             message = messages.vector3(result.start_ns, getattr(result, quantity), result.point)
             self._quantities[result.point, quantity].publish(message)
         if self._alarm.update(result):
-            threshold, windows = self.value("threshold"), self.value("threshold_windows")
-            reason = f"{result.point}: relative error over {threshold:g} for {windows} windows"
+            windows, baseline = self.value("threshold_windows"), self.value("baseline")
+            what = f"change of the relative error against {baseline}" if baseline else "relative error"
+            reason = f"{result.point}: {what} over {self.value('threshold'):g} for {windows} windows"
             self.get_logger().warning(reason)
             if self.value("gsa.on_threshold"):
                 self._start_gsa(reason)
@@ -243,7 +273,8 @@ class AnalysisNode(ManagedNode):
             )
             for point in self._points
         ]
-        return [*statuses, self._gsa_status_now()]
+        own = history_status(self.status_name("history"), self.value("machine"), self._history)
+        return [*statuses, own, self._gsa_status_now()]
 
     def _gsa_status_now(self) -> DiagnosticStatus:
         return gsa_status(self.status_name("sensitivity analysis"), self.value("machine"), self._gsa.status)

@@ -85,9 +85,9 @@ class FieldTopics:
     def _look(self) -> None:
         for name in self._sensors:
             publishers = self._node.get_publishers_info_by_topic(name)
-            self._count(name, [publisher.node_name for publisher in publishers])
             if not publishers:
                 continue
+            self._health.publishers(self._sensors[name].point, name, [known.node_name for known in publishers])
             offer = _Offer(publishers[0].topic_type, qos.offered(publishers).reliable)
             if offer != self._offers.get(name):
                 self._subscribe(name, offer)
@@ -110,14 +110,6 @@ class FieldTopics:
         profile = qos.profile(Quality(offer.reliable, latched=False, depth=depth))
         kind = messages.message_class(offer.type)
         self._subscriptions[name] = self._node.create_subscription(kind, name, callback, profile)
-
-    def _count(self, name: str, publishers: list[str]) -> None:
-        """Two publishers on one topic: no telling whose samples are the sensor's."""
-        point, key = self._sensors[name].point, f"{name} publishers"
-        if len(publishers) > 1:
-            self._health.doubt(point, key, f"{len(publishers)} publishers on {name}: {', '.join(sorted(publishers))}")
-        else:
-            self._health.settle(point, key)
 
     def _foreign(self, sensor: SensorMapping, message: Any) -> bool:
         """Whether the frame is that of another test point."""

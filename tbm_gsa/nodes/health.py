@@ -13,7 +13,7 @@ from tbm_msgs_py.nodes.faults import Faults
 SILENCE_S = 2.0  # wall time after which a signal that came no longer comes
 _COUNTED = {
     "rejected": "{} samples of the {} that are not finite",
-    "late": "{} samples of the {} late or twice: two publishers, or another rate than declared?",
+    "late": "{} samples of the {} late or twice: ",
 }
 
 
@@ -49,6 +49,7 @@ class StreamHealth:
         self._faults: Faults[tuple[str, str, str]] = Faults(warn)
         self._came: dict[tuple[str, str], float] = {}
         self._counted: dict[tuple[str, Any, str], int] = {}
+        self._publishers: dict[str, dict[str, list[str]]] = {}  # by point and topic
 
     def arrived(self, point: str, source: str) -> None:
         """Take note of samples that are used."""
@@ -68,6 +69,10 @@ class StreamHealth:
         """Take note that it is right now."""
         self._faults.clear(("doubts", point, key))
 
+    def publishers(self, point: str, topic: str, nodes: list[str]) -> None:
+        """Take note of who publishes a field topic."""
+        self._publishers.setdefault(point, {})[topic] = sorted(nodes)
+
     def look(self, counters: Mapping[str, Mapping[Any, StreamCounters]], clock_stands: bool) -> dict[str, Condition]:
         """Give what was found since the last look, by test point."""
         for point, sources in counters.items():
@@ -85,9 +90,17 @@ class StreamHealth:
         more = count - self._counted.get((point, source, name), 0)
         self._counted[point, source, name] = count
         if more > 0:
-            self.doubt(point, f"{source} {name}", text.format(more, source))
+            cause = self._cause(point) if name == "late" else ""
+            self.doubt(point, f"{source} {name}", text.format(more, source) + cause)
         else:
             self.settle(point, f"{source} {name}")
+
+    def _cause(self, point: str) -> str:
+        """Why samples overlap. A publisher that was killed is listed for 20 s more: two are no fault by themselves."""
+        for topic, nodes in self._publishers.get(point, {}).items():
+            if len(nodes) > 1:
+                return f"{len(nodes)} publishers on {topic}, {', '.join(nodes)}"
+        return "another rate than declared, or two publishers?"
 
     def _silences(self, clock_stands: bool) -> dict[tuple[str, str], float]:
         now = time.monotonic()

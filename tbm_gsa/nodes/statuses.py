@@ -11,6 +11,7 @@ from diagnostic_msgs.msg import DiagnosticStatus
 from tbm_gsa.comparison import StreamCounters, WindowResult
 from tbm_gsa.nodes.gsa_process import GsaStatus
 from tbm_gsa.nodes.health import Condition
+from tbm_gsa.nodes.history_writer import HistoryWriter
 from tbm_msgs_py.nodes import messages
 
 _STRONGEST = 5
@@ -79,6 +80,14 @@ def _units(latest: WindowResult) -> list[str]:
         if np.all(np.abs(ratio - np.log(factor)) < _UNIT_DOUBT):
             return [f"field is about {factor:.3g} times the model on all axes: {text}?"]
     return []
+
+
+def history_status(name: str, machine: str, history: HistoryWriter) -> DiagnosticStatus:
+    """Whether the windows arrive in the history."""
+    values: dict[str, Any] = {"file": history.path, "written": history.written, "lost": history.lost}
+    if history.problem:
+        return messages.status(name, "warn", history.problem, values, machine)
+    return messages.status(name, "ok", "written" if history.path else "not kept", values, machine)
 
 
 def gsa_status(name: str, machine: str, status: GsaStatus) -> DiagnosticStatus:

@@ -191,10 +191,11 @@ class ManagedNode(LifecycleNode):  # type: ignore[misc]  # rclpy is untyped
         self.configure()
 
     def _activate(self) -> None:
-        self.create_status_timer(self._say)
+        self.create_status_timer(self.say)
         self.activate()
 
-    def _say(self) -> None:
+    def say(self) -> None:
+        """Publish the statuses now."""
         now = self.get_clock().now().nanoseconds
         self.clock_stands, self._clock_seen = now == self._clock_seen, now
         if statuses := self.statuses():

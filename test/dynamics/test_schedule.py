@@ -140,7 +140,7 @@ def test_on_the_cutter_level_the_discs_give_the_torque(machine):
     # The same chips press less: what the discs add to the friction goes with their normal force.
     time = np.arange(2000) * 1e-3
     strong = OperatingPoint(0.4, 1.0, 12e6)
-    weak, full = (loads.evaluate(point, time, 0.4 * time)[:, 0] + 4.48e6 for point in (wanted, strong))
+    weak, full = (loads.evaluate(point, point, time, 0.4 * time)[:, 0] + 4.48e6 for point in (wanted, strong))
     np.testing.assert_allclose(weak / full, (9e6 - 4.48e6) / (12e6 - 4.48e6), rtol=1e-6)
 
 
