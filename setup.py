@@ -50,7 +50,7 @@ def data_files() -> list[tuple[str, list[str]]]:
         ("share/ament_index/resource_index/packages", [f"resource/{PACKAGE}"]),
         (share, ["package.xml"]),
     ]
-    for folder in ("launch", "config", *(str(p.relative_to(HERE)) for p in (HERE / "bags").glob("*") if p.is_dir())):
+    for folder in ("launch", "config", "config/layouts", *(str(p.relative_to(HERE)) for p in (HERE / "bags").glob("*") if p.is_dir())):
         files = sorted(str(p.relative_to(HERE)) for p in (HERE / folder).glob("*") if p.is_file())
         groups.append((f"{share}/{folder}", files))
     return groups

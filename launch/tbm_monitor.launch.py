@@ -1,4 +1,4 @@
-"""The three nodes with the parameters of config/nodes.yaml: `ros2 launch tbm_monitor tbm_monitor.launch.py`."""
+"""The three nodes of one machine: `ros2 launch tbm_monitor tbm_monitor.launch.py namespace:=tbm`."""
 
 from pathlib import Path
 
@@ -13,7 +13,7 @@ NODES = ("load_node", "dynamics_node", "analysis_node")
 
 
 def generate_launch_description() -> LaunchDescription:
-    """Describe the nodes; `use_sim_time:=true` lets them follow a bag's clock."""
+    """Describe the nodes, which activate themselves; `use_sim_time:=true` lets them follow a bag's clock."""
     parameters = Path(get_package_share_directory("tbm_monitor")) / "config" / "nodes.yaml"
     simulated = {"use_sim_time": LaunchConfiguration("use_sim_time")}
     nodes = [
@@ -21,13 +21,14 @@ def generate_launch_description() -> LaunchDescription:
             package="tbm_monitor",
             executable=name,
             name=name,
-            namespace="tbm",
+            namespace=LaunchConfiguration("namespace"),
             output="screen",
             parameters=[LaunchConfiguration("params_file"), simulated],
         )
         for name in NODES
     ]
     arguments = [
+        DeclareLaunchArgument("namespace", default_value="tbm", description="one for each machine"),
         DeclareLaunchArgument("use_sim_time", default_value="false", description="follow /clock"),
         DeclareLaunchArgument("params_file", default_value=str(parameters), description="parameters of the nodes"),
     ]
