@@ -7,7 +7,8 @@ from evaluations import OUTPUTS, Traced
 
 from tbm_gsa.study.campaign import run_campaign
 from tbm_gsa.study.inputs import PAPER_INPUTS, InputSet
-from tbm_gsa.study.store import Problem, Store
+from tbm_gsa.study.problem import Problem
+from tbm_gsa.study.store import Store
 
 if __name__ == "__main__":
     folder = Path(sys.argv[1])

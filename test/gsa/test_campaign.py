@@ -14,9 +14,11 @@ import pytest
 from evaluations import OUTPUTS, Traced, analytic, fails_above, kills_its_process, threads
 
 from tbm_gsa.study.campaign import run_campaign
+from tbm_gsa.study.distributions import Uniform
 from tbm_gsa.study.errors import StudyCancelled, StudyError
 from tbm_gsa.study.inputs import PAPER_INPUTS, InputSet
-from tbm_gsa.study.store import Counts, Problem, Store
+from tbm_gsa.study.problem import Problem
+from tbm_gsa.study.store import Counts, Store
 from tbm_gsa.study.worker import Outcome
 
 THREE = InputSet(tuple(PAPER_INPUTS[code] for code in ("x2", "x4", "x16")))
@@ -157,11 +159,13 @@ def test_a_killed_campaign_leaves_no_worker_and_resumes_to_the_same_result(tmp_p
         ({"settings": {"machine": "none"}}, "duration is 3.0 there and None here"),
         ({"train": 13}, "train is 12 there and 13 here"),
         ({"seed": 1}, "seed is 0 there and 1 here"),
-        ({"outputs": ("force",)}, "outputs is"),
+        ({"outputs": ("force",)}, "its outputs are force, peak, here force"),
+        ({"design": "sobol"}, "design is lhs there and sobol here"),
+        ({"added": (4,)}, "0 points were added"),
         ({"inputs": InputSet(THREE.inputs[:2])}, "it has 3 inputs, not 2"),
         (
-            {"inputs": InputSet((replace(THREE.inputs[0], lower=1500.0), *THREE.inputs[1:]))},
-            "its input x2 differs",
+            {"inputs": InputSet((replace(THREE.inputs[0], distribution=Uniform(1500.0, 2500.0)), *THREE.inputs[1:]))},
+            "its input x2 is not x2 here, or has another distribution",
         ),
     ],
 )
@@ -186,7 +190,7 @@ def test_what_is_no_store_is_refused(tmp_path):
     sqlite3.connect(tmp_path / "old.sqlite").executescript(
         "CREATE TABLE problem (key TEXT, value TEXT); INSERT INTO problem VALUES ('format', '99')"
     )
-    with pytest.raises(StudyError, match="another format"):
+    with pytest.raises(StudyError, match=r"old.sqlite: written in format 99; this version reads 2 only"):
         Store.open(tmp_path / "old.sqlite")
 
 
