@@ -1,5 +1,6 @@
 """The workers of a Dask cluster, by the address of its scheduler; an optional extra."""
 
+import logging
 from collections.abc import Iterator
 from contextlib import contextmanager
 
@@ -26,12 +27,16 @@ def cluster(address: str) -> Iterator[Workers]:
         from distributed import Client, KilledWorker  # noqa: PLC0415 - an optional extra
     except ImportError:
         raise StudyError("a Dask cluster needs the package distributed: pip install 'tbm_monitor[cluster]'") from None
+    # A lost scheduler or worker is told in one line by the campaign; this logger prints tracebacks.
+    logging.getLogger("distributed.client").setLevel(logging.CRITICAL)
     try:
         client = Client(address, timeout=CONNECT_TIMEOUT_S, set_as_default=False)
     except (OSError, ValueError) as error:
         raise StudyError(f"scheduler {address}: cannot be reached ({' '.join(str(error).split())})") from None
     with client:
+        try:
+            client.wait_for_workers(1, timeout=CONNECT_TIMEOUT_S)
+        except TimeoutError:
+            raise StudyError(f"scheduler {address}: has no workers") from None
         threads = sum(client.nthreads().values())
-        if not threads:
-            raise StudyError(f"scheduler {address}: has no workers")
         yield Workers(client.get_executor(), slots=IN_FLIGHT * threads, died=(KilledWorker,), retries=0)
