@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
@@ -139,10 +140,26 @@ def _running(out: Path, method: list[str] | None, workers: int, scheduler: str |
             )
 
         try:
-            yield StudyOptions(_methods(method), workers, scheduler, update)
+            with _anonymous_main():
+                yield StudyOptions(_methods(method), workers, scheduler, update)
         except KeyboardInterrupt:
             notes.print(f"interrupted; what finished is stored: tbm-monitor gsa resume --out {out}", highlight=False)
             raise
+
+
+@contextmanager
+def _anonymous_main() -> Iterator[None]:
+    """Keep worker processes from importing the command line, which takes longer than a dozen simulations.
+
+    A process that is spawned imports the main module of its parent unless that has neither a name nor a file.
+    """
+    main = sys.modules["__main__"]
+    hidden = {key: vars(main).get(key) for key in ("__spec__", "__file__")}
+    vars(main).update(dict.fromkeys(hidden))
+    try:
+        yield
+    finally:
+        vars(main).update(hidden)
 
 
 def show(study: StudyResult, json: bool) -> None:

@@ -95,7 +95,7 @@ def _differences(stored: Problem, wanted: Problem) -> Iterator[str]:
         yield f"its outputs are {', '.join(stored.outputs)}, here {', '.join(wanted.outputs)}"
     for old_input, new_input in zip(stored.inputs.inputs, wanted.inputs.inputs, strict=False):
         if old_input != new_input:
-            yield f"its input {old_input.code} is not {new_input.code} here, or has another distribution or initial value"
+            yield f"its input {old_input.code} is not the {new_input.code} of here (code, distribution, initial value)"
     if len(stored.inputs) != len(wanted.inputs):
         yield f"it has {len(stored.inputs)} inputs, not {len(wanted.inputs)}"
     if stored.added != wanted.added:

@@ -105,7 +105,7 @@ def test_at_least_one_worker(store):
         ({"inputs": InputSet(THREE.inputs[:2])}, "it has 3 inputs, not 2"),
         (
             {"inputs": InputSet((replace(THREE.inputs[0], distribution=Uniform(1500.0, 2500.0)), *THREE.inputs[1:]))},
-            "its input x2 is not x2 here, or has another distribution",
+            "its input x2 is not the x2 of here",
         ),
     ],
 )

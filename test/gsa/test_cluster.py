@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from dask_cluster import dask_cluster
 from evaluations import Traced, analytic, fails_above
-from killed_campaign import PROBLEM, THREE
+from campaign_problem import PROBLEM, THREE
 
 from tbm_gsa.study import cluster as cluster_module
 from tbm_gsa.study.campaign import run_campaign
@@ -94,5 +94,3 @@ def test_without_the_extra(store, monkeypatch):
     monkeypatch.setitem(sys.modules, "distributed", None)
     with pytest.raises(StudyError, match=r"needs the package distributed: pip install 'tbm_monitor\[cluster\]'"):
         run_campaign(store, analytic, scheduler="tcp://127.0.0.1:9")
-
-
