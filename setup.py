@@ -27,7 +27,9 @@ REQUIRED = [
     "matplotlib>=3.8",
 ]
 ROS_WHEELS = [f"ros-jazzy-{name}; {ON_WHEEL_PLATFORM}" for name in ("rclpy", "common-interfaces", "rmw-fastrtps-cpp")]
+CLUSTER = ["distributed>=2024.1"]
 TEST = [
+    *CLUSTER,
     "pytest>=8",
     "hypothesis>=6.90",
     "mcap-ros2-support>=0.5",
@@ -71,7 +73,7 @@ setup(
     data_files=data_files(),
     zip_safe=False,
     install_requires=REQUIRED + ROS_WHEELS,
-    extras_require={"test": TEST},
+    extras_require={"cluster": CLUSTER, "test": TEST},
     entry_points={
         "console_scripts": [
             "tbm-monitor = tbm_gsa.cli.main:main",

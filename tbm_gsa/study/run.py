@@ -11,7 +11,8 @@ from tbm_gsa.report.gsa_page import gsa_page
 from tbm_gsa.study.analysis import OutputAnalysis, analyse, check_methods
 from tbm_gsa.study.campaign import Progress, run_campaign
 from tbm_gsa.study.document import study_document
-from tbm_gsa.study.store import Problem, Store
+from tbm_gsa.study.problem import Problem
+from tbm_gsa.study.store import Store
 from tbm_gsa.study.worker import Evaluate
 
 STORE_NAME: Final = "store.sqlite"
@@ -52,6 +53,8 @@ class StudyOptions:
         Surrogates to choose from.
     workers : int
         Processes of the campaign.
+    scheduler : str, optional
+        Address of a Dask scheduler whose workers are used instead.
     progress : callable, optional
         See `Progress`.
     cancelled : callable
@@ -60,6 +63,7 @@ class StudyOptions:
 
     methods: Sequence[str] = ("svr",)
     workers: int = 2
+    scheduler: str | None = None
     progress: Progress | None = None
     cancelled: Callable[[], bool] = lambda: False
 
@@ -111,6 +115,29 @@ def resume_study(
         return _finish(store, make_evaluate(store.problem), options or StudyOptions())
 
 
+def extend_study(
+    folder: str | Path,
+    samples: int,
+    make_evaluate: Callable[[Problem], Evaluate],
+    options: StudyOptions | None = None,
+) -> StudyResult:
+    """Add training points to the study of a folder, keep every simulation there is, and go on with it.
+
+    Parameters
+    ----------
+    samples : int
+        Points to add, see `add_points`.
+    folder, make_evaluate, options
+        As in `resume_study`.
+    """
+    options = options or StudyOptions()
+    check_methods(options.methods)
+    with Store.open(Path(folder) / STORE_NAME) as store:
+        evaluate = make_evaluate(store.problem)  # a machine that has changed is refused before anything is planned
+        store.extend(samples)
+        return _finish(store, evaluate, options)
+
+
 def report_study(folder: str | Path, methods: Sequence[str] = ("svr",)) -> StudyResult:
     """Analyse what the store of a folder holds and write its result and report anew, without any simulation."""
     with Store.open(Path(folder) / STORE_NAME) as store:
@@ -122,7 +149,14 @@ def _finish(store: Store, evaluate: Evaluate, options: StudyOptions) -> StudyRes
     """Run what is missing, analyse, write."""
     check_methods(options.methods)  # before hours of simulation, not after
     start = time.perf_counter()
-    run_campaign(store, evaluate, workers=options.workers, progress=options.progress, cancelled=options.cancelled)
+    run_campaign(
+        store,
+        evaluate,
+        workers=options.workers,
+        scheduler=options.scheduler,
+        progress=options.progress,
+        cancelled=options.cancelled,
+    )
     return _write(store, options.methods, start, campaign_seconds=time.perf_counter() - start)
 
 

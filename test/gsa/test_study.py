@@ -14,8 +14,9 @@ from tbm_gsa import fit_surrogate, sobol_closed_form
 from tbm_gsa.report.page import render_page
 from tbm_gsa.study.errors import StudyCancelled, StudyError
 from tbm_gsa.study.inputs import PAPER_INPUTS, InputSet
+from tbm_gsa.study.problem import Problem
 from tbm_gsa.study.run import StudyOptions, report_study, resume_study, run_study
-from tbm_gsa.study.store import Problem, Store
+from tbm_gsa.study.store import Store
 
 THREE = InputSet(tuple(PAPER_INPUTS[code] for code in ("x2", "x4", "x16")))
 PROBLEM = Problem(THREE, OUTPUTS, train=40, test=8, seed=0, settings={"machine": "<b>analytic & quick</b>"})
