@@ -1,6 +1,6 @@
 """Sobol indices of a surrogate in closed form: no sampling, no sampling error."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import Final
 
@@ -15,7 +15,7 @@ from tbm_gsa.surrogates.expansion import Expansion, KernelExpansion, PolynomialE
 
 CONFIDENCE: Final = 0.95
 # Numbers per block of the pairwise integrals: about what a processor's second-level cache holds.
-BLOCK_NUMBERS: Final = 250_000
+BLOCK_NUMBERS: Final = 100_000
 # A surrogate with less than this share of the output's variance is constant; its indices would be rounding errors.
 SMALLEST_VARIANCE: Final = 1e-9
 
@@ -100,14 +100,18 @@ def sobol_closed_form(
 
 
 def with_jackknife(indices: SobolIndices, folds: Sequence[SobolIndices]) -> SobolIndices:
-    """Give indices the intervals of a delete-a-group jackknife over the indices of the folds' surrogates."""
-    second = indices.second
-    return replace(
-        indices,
-        first_interval=_jackknife(indices.first, np.array([fold.first for fold in folds])),
-        total_interval=_jackknife(indices.total, np.array([fold.total for fold in folds])),
-        second_interval=None if second is None else _jackknife(second, np.array([fold.second for fold in folds])),
-    )
+    """Give indices the intervals of a delete-a-group jackknife over the indices of the folds' surrogates.
+
+    Intervals that they have already, of a sampling, are added in squares.
+    """
+
+    def widened(name: str) -> Array | None:
+        estimate, before = getattr(indices, name), getattr(indices, f"{name}_interval")
+        if estimate is None:
+            return None
+        return _jackknife(estimate, np.array([getattr(fold, name) for fold in folds]), before)
+
+    return replace(indices, **{f"{name}_interval": widened(name) for name in ("first", "total", "second")})
 
 
 def _scaled(indices: SobolIndices, model: Surrogate) -> SobolIndices:
@@ -120,11 +124,13 @@ def _scaled(indices: SobolIndices, model: Surrogate) -> SobolIndices:
     )
 
 
-def _jackknife(estimate: Array, folds: Array) -> Array:
+def _jackknife(estimate: Array, folds: Array, before: Array | None = None) -> Array:
     """Intervals (…, 2) around an estimate (…) from the values (g, …) found with one group of samples left out."""
     count = len(folds)
     deviation = np.sqrt((count - 1) * folds.var(axis=0))
     reach = student.ppf(0.5 + 0.5 * CONFIDENCE, count - 1) * deviation
+    if before is not None:
+        reach = np.hypot(reach, 0.5 * np.ptp(before, axis=-1))
     # An estimate by sampling may lie a little outside [0, 1]; its interval holds it all the same.
     low, high = np.minimum(estimate, 0.0), np.maximum(estimate, 1.0)
     intervals: Array = np.clip(np.stack([estimate - reach, estimate + reach], axis=-1), low[..., None], high[..., None])
@@ -194,17 +200,18 @@ def _kernel_parts(expansion: KernelExpansion, groups: Groups | None, *, second: 
     everything = np.prod(single, axis=0) * expansion.weights
     mean = float(everything.sum())
     square, first, rest, pair = 0.0, np.zeros(wanted), np.zeros(wanted), np.zeros((wanted, wanted))
-    step = max(1, BLOCK_NUMBERS // max(1, count * inputs))
-    for start in range(0, count, step):
-        rows = slice(start, start + step)
-        pairs = _products(_pair_integrals(expansion.centres[rows], expansion.centres, expansion.theta), factors)
-        first += _bilinear(alone[:, rows], pairs[:wanted], alone)
-        rest += _bilinear(without[:, rows], _products_of_others(pairs)[:wanted], without)
-        square += float(expansion.weights[rows] @ np.prod(pairs, axis=0) @ expansion.weights)
+    for rows, columns, counted in _blocks(count, max(1, BLOCK_NUMBERS // max(1, count * inputs))):
+        pairs = _products(
+            _pair_integrals(expansion.centres[rows], expansion.centres[columns], expansion.theta), factors
+        )
+        first += _bilinear(alone[:, rows], pairs[:wanted], counted * alone[:, columns])
+        rest += _bilinear(without[:, rows], _products_of_others(pairs)[:wanted], counted * without[:, columns])
+        square += float(expansion.weights[rows] @ np.prod(pairs, axis=0) @ (counted * expansion.weights[columns]))
         if second:
             # I is never near zero, a centre being inside the cube, so this exchange may divide by it.
-            ratios = (pairs[:wanted] / (single[:wanted, rows, None] * single[:wanted, None, :])).reshape(wanted, -1)
-            pair += (ratios * np.outer(everything[rows], everything).ravel()) @ ratios.T
+            ratios = pairs[:wanted] / (single[:wanted, rows, None] * single[:wanted, None, columns])
+            flat = ratios.reshape(wanted, -1)
+            pair += (flat * np.outer(everything[rows], counted * everything[columns]).ravel()) @ flat.T
     variance = square - mean**2
     main = first - mean**2
     return _Parts(
@@ -214,6 +221,14 @@ def _kernel_parts(expansion: KernelExpansion, groups: Groups | None, *, second: 
         total=variance - (rest - mean**2),
         second=pair - mean**2 - main[:, None] - main if second else None,
     )
+
+
+def _blocks(count: int, step: int) -> Iterator[tuple[slice, slice, Array]]:
+    """Cut the pairs (j, l) of a symmetric form into blocks: rows, columns from them on, how often a column counts."""
+    for start in range(0, count, step):
+        counted = np.full(count - start, 2.0)
+        counted[:step] = 1.0  # these are among the rows too
+        yield slice(start, start + step), slice(start, count), counted
 
 
 def _products(factors: Array, groups: Groups) -> Array:

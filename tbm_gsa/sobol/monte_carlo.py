@@ -89,12 +89,14 @@ def sobol_convergence(
     bounds: ArrayLike,
     samples: Sequence[int] = PAPER_SAMPLES,
     seed: int = 0,
+    *,
+    groups: Groups | None = None,
 ) -> tuple[ConvergenceStep, ...]:
     """Estimate Sobol indices with more and more samples, the function evaluated once on the largest design.
 
     Parameters
     ----------
-    function, bounds, seed
+    function, bounds, seed, groups
         As for `sobol_monte_carlo`.
     samples : sequence of int
         Base sizes N; each is rounded up to a power of two.
@@ -105,7 +107,7 @@ def sobol_convergence(
         One for each power of two, smallest first.
     """
     rounded = {asked: 1 << (asked - 1).bit_length() for asked in sorted(samples)}
-    values = Values.of(function, Design.draw(bounds, max(rounded.values()), seed))
+    values = Values.of(function, Design.draw(bounds, max(rounded.values()), seed, groups))
     return tuple(
         ConvergenceStep(
             tuple(asked for asked, size in rounded.items() if size == count),

@@ -1,0 +1,54 @@
+"""Sobol indices of a surrogate, whatever its output went through: in closed form where there is one, else by sampling."""
+
+from dataclasses import replace
+from typing import Final
+
+from tbm_gsa.sobol.closed_form import sobol_closed_form, with_jackknife
+from tbm_gsa.sobol.indices import Groups, SobolIndices
+from tbm_gsa.sobol.monte_carlo import sobol_monte_carlo
+from tbm_gsa.surrogates.base import CrossValidation, Surrogate
+
+SAMPLES: Final = 2**13
+# For the folds of a cross validation, where the same design is used for all and only differences count.
+FOLD_SAMPLES: Final = 2**10
+
+
+def has_closed_form(model: Surrogate) -> bool:
+    """Say whether `sobol_closed_form` takes this surrogate."""
+    return model.samples.transform == "none"
+
+
+def sobol_of_surrogate(
+    model: Surrogate,
+    validation: CrossValidation | None = None,
+    *,
+    groups: Groups | None = None,
+    second: bool = False,
+    samples: int = SAMPLES,
+    seed: int = 0,
+) -> SobolIndices:
+    """Sobol indices of a surrogate.
+
+    Parameters
+    ----------
+    model, validation, groups, second
+        See `sobol_closed_form`.
+    samples, seed : int
+        Base size and seed of the sampling, used only where there is no closed form.
+
+    Returns
+    -------
+    SobolIndices
+        ``evaluations`` is 0 where they are in closed form. Where they are sampled, the intervals of first and total
+        indices hold both the jackknife's deviation and the bootstrap's; those of second-order ones the bootstrap's.
+    """
+    if has_closed_form(model):
+        return sobol_closed_form(model, validation, groups=groups, second=second)
+    indices = sobol_monte_carlo(model.predict, model.bounds, samples, seed, groups=groups, second=second)
+    if validation is None:
+        return indices
+    folds = [
+        replace(sobol_monte_carlo(fold.predict, fold.bounds, FOLD_SAMPLES, seed, groups=groups), second=indices.second)
+        for fold in validation.models
+    ]
+    return with_jackknife(indices, folds)
