@@ -1,8 +1,9 @@
 """From a finished store to surrogates, their quality and the Sobol indices of every output."""
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from concurrent.futures import as_completed
+from concurrent.futures import FIRST_COMPLETED, wait
 from dataclasses import dataclass
+from itertools import islice
 from typing import Final
 
 import numpy as np
@@ -172,10 +173,14 @@ def _run(tasks: Sequence[_Task], workers: int) -> Iterator[OutputAnalysis]:
     if workers < 2:
         yield from map(_analyse_output, tasks)
         return
+    waiting = iter(tasks)
     with local_processes(workers) as processes:
-        running = [processes.executor.submit(_analyse_output, task) for task in tasks]
-        for future in as_completed(running):
-            yield future.result()
+        running = {processes.executor.submit(_analyse_output, task) for task in islice(waiting, processes.slots)}
+        while running:
+            finished, running = wait(running, return_when=FIRST_COMPLETED)
+            running |= {processes.executor.submit(_analyse_output, task) for task in islice(waiting, len(finished))}
+            for future in finished:
+                yield future.result()
 
 
 def _analyse_output(task: _Task) -> OutputAnalysis:
