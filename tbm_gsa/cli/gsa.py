@@ -55,7 +55,7 @@ def run(
     ] = None,
     high_hz: Annotated[
         float | None,
-        typer.Option(min=1.0, help="Upper limit of the band of accelerations (Hz); default: a comparison's, 1000."),
+        typer.Option(help="Upper limit of the band of accelerations (Hz); default: a comparison's, 1000."),
     ] = None,
     method: Methods = None,
     workers: Workers = 2,

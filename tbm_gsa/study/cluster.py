@@ -1,6 +1,8 @@
 """The workers of a Dask cluster, by the address of its scheduler; an optional extra."""
 
 import logging
+import re
+import socket
 from collections.abc import Iterator
 from contextlib import contextmanager
 
@@ -27,6 +29,7 @@ def cluster(address: str) -> Iterator[Workers]:
         from distributed import Client, KilledWorker  # noqa: PLC0415 - an optional extra
     except ImportError:
         raise StudyError("a Dask cluster needs the package distributed: pip install 'tbm_monitor[cluster]'") from None
+    _check_reachable(address)
     # A lost scheduler or worker is told in one line by the campaign; this logger prints tracebacks.
     logging.getLogger("distributed.client").setLevel(logging.CRITICAL)
     try:
@@ -40,3 +43,14 @@ def cluster(address: str) -> Iterator[Workers]:
             raise StudyError(f"scheduler {address}: has no workers") from None
         threads = sum(client.nthreads().values())
         yield Workers(client.get_executor(), slots=IN_FLIGHT * threads, died=(KilledWorker,), retries=0)
+
+
+def _check_reachable(address: str) -> None:
+    """Raise a StudyError unless something listens there; a client that fails to connect complains until it is gone."""
+    found = re.fullmatch(r"(?:tcp|tls)://\[?([^\]]+)\]?:(\d{1,5})", address)
+    if found is None:
+        raise StudyError(f"scheduler {address}: expected an address such as tcp://host:8786")
+    try:
+        socket.create_connection((found[1], int(found[2])), CONNECT_TIMEOUT_S).close()
+    except (OSError, OverflowError) as error:
+        raise StudyError(f"scheduler {address}: cannot be reached ({error})") from None

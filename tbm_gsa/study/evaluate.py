@@ -8,11 +8,13 @@ from typing import Self
 
 from tbm_dynamics import Machine, MachineError, load_machine, simulate
 from tbm_dynamics.indicators import INDICATORS
+from tbm_dynamics.integration.simulator import DEFAULT_STEP
 from tbm_dynamics.machine.description import MachineDescription
 from tbm_gsa.study.errors import StudyError
 from tbm_gsa.study.outputs import Vibration, parse_outputs
 
 SHORTEST_VIBRATION_S = 1.0  # what the conditioning of a signal makes something of
+LOWEST_HIGH_HZ = 1.0
 
 
 @dataclass(frozen=True)
@@ -46,6 +48,9 @@ class MachineEvaluation:
     high_hz: float | None = None
 
     def __post_init__(self) -> None:
+        if self.high_hz is not None and not LOWEST_HIGH_HZ <= self.high_hz < 0.5 / DEFAULT_STEP:
+            allowed = f"{LOWEST_HIGH_HZ:g} to below {0.5 / DEFAULT_STEP:g} Hz"
+            raise StudyError(f"upper limit of the band {self.high_hz:g} Hz, allowed: {allowed}")
         if self._vibrations and self.duration < SHORTEST_VIBRATION_S:
             raise StudyError(
                 f"duration {self.duration:g} s: statistics of accelerations need at least {SHORTEST_VIBRATION_S:g} s"

@@ -5,6 +5,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import Any, Final, Self
 
+from tbm_gsa.study.design import check_kind
 from tbm_gsa.study.errors import StudyError
 from tbm_gsa.study.inputs import InputSet
 
@@ -41,6 +42,7 @@ class Problem:
     added: tuple[int, ...] = ()
 
     def __post_init__(self) -> None:
+        check_kind(self.design)
         if not self.outputs:
             raise StudyError("a study needs at least one output")
         for name in self.outputs:

@@ -10,6 +10,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from campaign_problem import PROBLEM
 from evaluations import (
     KillsItsProcessOnce,
     Traced,
@@ -17,7 +18,6 @@ from evaluations import (
     analytic,
     kills_its_process,
 )
-from campaign_problem import PROBLEM
 
 from tbm_gsa.study.campaign import run_campaign
 from tbm_gsa.study.errors import StudyError

@@ -4,11 +4,10 @@ import sys
 
 import numpy as np
 import pytest
+from campaign_problem import PROBLEM, THREE
 from dask_cluster import dask_cluster
 from evaluations import Traced, analytic, fails_above
-from campaign_problem import PROBLEM, THREE
 
-from tbm_gsa.study import cluster as cluster_module
 from tbm_gsa.study.campaign import run_campaign
 from tbm_gsa.study.errors import StudyCancelled, StudyError
 from tbm_gsa.study.evaluate import MachineEvaluation
@@ -82,12 +81,14 @@ def test_a_scheduler_that_dies_is_one_line_and_what_finished_is_stored(store, tm
     assert "Traceback" not in capfd.readouterr().err
 
 
-def test_no_scheduler(store, monkeypatch):
-    monkeypatch.setattr(cluster_module, "CONNECT_TIMEOUT_S", 0.2)
+def test_no_scheduler(store):
     with pytest.raises(StudyError, match=r"scheduler tcp://127\.0\.0\.1:9: cannot be reached"):
         run_campaign(store, analytic, scheduler="tcp://127.0.0.1:9")
-    with pytest.raises(StudyError, match="scheduler nonsense://x: cannot be reached"):
-        run_campaign(store, analytic, scheduler="nonsense://x")
+    for address in ("nowhere", "nonsense://x:1", "tcp://127.0.0.1"):
+        with pytest.raises(StudyError, match=f"scheduler {address}: expected an address such as tcp://host:8786"):
+            run_campaign(store, analytic, scheduler=address)
+    with pytest.raises(StudyError, match="cannot be reached"):
+        run_campaign(store, analytic, scheduler="tcp://127.0.0.1:99999")
 
 
 def test_without_the_extra(store, monkeypatch):

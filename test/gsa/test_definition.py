@@ -70,7 +70,10 @@ GROUPS = "inputs: {{x2, x3, x4}}\ngroups: {{{}}}"
         ("inputs: {x2: {lower: 1, upper: 2, initial: 3}}", "input x2: initial 3 must lie in [1, 2]"),
         ("inputs: {x2: {lower: 1, upper: 2}, x2: {lower: 1, upper: 3}}", "key 'x2' is given twice"),
         ("inputs: {x2: {distribution: beta, lower: 1, upper: 2}}", "input x2: unknown distribution 'beta'; available:"),
-        (NORMAL.format("mean: 1, std: 1"), "a normal distribution needs lower, upper, mean, std; missing: lower, upper"),
+        (
+            NORMAL.format("mean: 1, std: 1"),
+            "a normal distribution needs lower, upper, mean, std; missing: lower, upper",
+        ),
         (NORMAL.format("mean: 1, std: 0, lower: 0, upper: 2"), "input x2: std must be positive, got 0"),
         (NORMAL.format("mean: 3, std: 1, lower: 0, upper: 2"), "input x2: mean 3 must lie in [0, 2]"),
         (NORMAL.format("mean: 1, sigma: 1, lower: 0, upper: 2"), "input x2: unknown key 'sigma'"),

@@ -59,9 +59,7 @@ def _filled(inputs, points, slices):
 
 
 @settings(max_examples=30, deadline=None)
-@given(
-    seed=st.integers(0, 2**32), train=st.integers(1, 60), inputs=st.integers(1, 6), kind=st.sampled_from(HYPERCUBES)
-)
+@given(seed=st.integers(0, 2**32), train=st.integers(1, 60), inputs=st.integers(1, 6), kind=st.sampled_from(HYPERCUBES))
 def test_a_latin_hypercube_has_one_point_in_every_slice(seed, train, inputs, kind):
     items = _set(inputs)
     assert _filled(items, make_design(items, train, 3, seed, kind).train, train) == [train] * inputs
@@ -69,12 +67,12 @@ def test_a_latin_hypercube_has_one_point_in_every_slice(seed, train, inputs, kin
 
 @pytest.mark.parametrize("kind", KINDS)
 def test_designs_depend_on_the_seed_and_nothing_else(kind):
-    ten = InputSet(PAPER_INPUTS.inputs[:10])
-    one, two = make_design(ten, 50, 20, 0, kind), make_design(ten, 50, 40, 0, kind)
+    four = InputSet(PAPER_INPUTS.inputs[:4])
+    one, two = make_design(four, 50, 20, 0, kind), make_design(four, 50, 40, 0, kind)
     np.testing.assert_array_equal(one.train, two.train)
-    assert (one.train != make_design(ten, 50, 20, 1, kind).train).any()
-    assert (make_design(ten, 20, 20, 0, kind).train != one.test).all()
-    assert ((one.train >= ten.bounds[:, 0]) & (one.train <= ten.bounds[:, 1])).all()
+    assert (one.train != make_design(four, 50, 20, 1, kind).train).any()
+    assert (make_design(four, 20, 20, 0, kind).train != one.test).all()
+    assert ((one.train >= four.bounds[:, 0]) & (one.train <= four.bounds[:, 1])).all()
 
 
 def test_the_paper_s_design_is_scipy_s_random_hypercube():
