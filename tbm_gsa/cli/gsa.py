@@ -111,7 +111,7 @@ def report(out: Folder = Path("gsa"), method: Methods = None, json: Annotated[bo
 
 
 def _methods(given: list[str] | None) -> Sequence[str]:
-    """Surrogates asked for; the paper chose the support vector regression."""
+    """Surrogates to choose from: those asked for, else all."""
     return tuple(given) if given else StudyOptions().methods
 
 

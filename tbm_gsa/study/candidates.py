@@ -8,6 +8,7 @@ import numpy as np
 
 from tbm_gsa.arrays import Array
 from tbm_gsa.surrogates import CrossValidation, Surrogate, fit_surrogate, r_squared
+from tbm_gsa.surrogates.samples import Transform
 
 FOLDS: Final = 10
 # What the logarithm of an output must add to R². The indices of a surrogate of the logarithm have no closed form, so
@@ -48,24 +49,27 @@ class Candidate:
     model : Surrogate
         Over the unit cube.
     validation : CrossValidation
+    test_unit : ndarray, shape (m, d)
+        Test points in the unit cube.
     test_actual, test_predicted : ndarray, shape (m,)
-        Values and predictions at the test points.
+        Values and predictions there.
     """
 
     model: Surrogate
     validation: CrossValidation
+    test_unit: Array
     test_actual: Array
     test_predicted: Array
 
     @classmethod
-    def fit(cls, method: str, transform: str, data: Data, seed: int) -> "Candidate":
+    def fit(cls, method: str, transform: Transform, data: Data, seed: int) -> "Candidate":
         """Fit one method, judge it by cross validation and on test points."""
         model = fit_surrogate(method, data.unit, data.values, bounds=data.bounds, seed=seed, transform=transform)
         validation = model.cross_validate(min(FOLDS, len(data.values)))
-        return cls(model, validation, data.test_values, model.predict(data.test_unit))
+        return cls(model, validation, data.test_unit, data.test_values, model.predict(data.test_unit))
 
     @property
-    def transform(self) -> str:
+    def transform(self) -> Transform:
         """What the output goes through."""
         return self.model.samples.transform
 

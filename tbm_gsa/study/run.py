@@ -8,16 +8,19 @@ from pathlib import Path
 from typing import Any, Final
 
 from tbm_gsa.report.gsa_page import gsa_page
+from tbm_gsa.report.gsa_tables import gsa_tables
 from tbm_gsa.study.analysis import OutputAnalysis, analyse, check_methods
 from tbm_gsa.study.campaign import Progress, run_campaign
 from tbm_gsa.study.document import study_document
 from tbm_gsa.study.problem import Problem
 from tbm_gsa.study.store import Store
 from tbm_gsa.study.worker import Evaluate
+from tbm_gsa.surrogates import SURROGATES
 
 STORE_NAME: Final = "store.sqlite"
 RESULT_NAME: Final = "result.json"
 REPORT_NAME: Final = "report.html"
+TABLES_NAME: Final = "tables"
 
 
 @dataclass(frozen=True, eq=False)
@@ -27,7 +30,7 @@ class StudyResult:
     Parameters
     ----------
     folder : Path
-        Holds ``store.sqlite``, ``result.json`` and ``report.html``.
+        Holds ``store.sqlite``, ``result.json``, ``report.html`` and ``tables/*.csv``.
     document : dict
         What ``result.json`` holds; see `study_document`.
     analyses : mapping of str to OutputAnalysis
@@ -61,7 +64,7 @@ class StudyOptions:
         Asked during the campaign; see `run_campaign`.
     """
 
-    methods: Sequence[str] = ("svr",)
+    methods: Sequence[str] = tuple(SURROGATES)
     workers: int = 2
     scheduler: str | None = None
     progress: Progress | None = None
@@ -138,7 +141,7 @@ def extend_study(
         return _finish(store, evaluate, options)
 
 
-def report_study(folder: str | Path, methods: Sequence[str] = ("svr",)) -> StudyResult:
+def report_study(folder: str | Path, methods: Sequence[str] = tuple(SURROGATES)) -> StudyResult:
     """Analyse what the store of a folder holds and write its result and report anew, without any simulation."""
     with Store.open(Path(folder) / STORE_NAME) as store:
         start = time.perf_counter()
@@ -168,6 +171,9 @@ def _write(store: Store, methods: Sequence[str], start: float, *, campaign_secon
     folder = store.path.parent
     _replace(folder / RESULT_NAME, json.dumps(document, indent=1, ensure_ascii=False, allow_nan=False))
     _replace(folder / REPORT_NAME, gsa_page(document, analyses))
+    (folder / TABLES_NAME).mkdir(exist_ok=True)
+    for name, text in gsa_tables(document).items():
+        _replace(folder / TABLES_NAME / name, text)
     return StudyResult(folder, document, analyses)
 
 
