@@ -36,6 +36,7 @@ TEST = [
     "mypy>=1.10",
     "ruff>=0.6",
     "import-linter>=2.0",
+    "smt>=2.6",
     "types-PyYAML",
 ]
 

@@ -14,11 +14,12 @@ from tbm_gsa.screening.problem import salib_problem, salib_seed
 from tbm_gsa.sobol.indices import SobolIndices
 
 HARMONICS: Final = 4
+FEWEST: Final = 513
 CONFIDENCE: Final = 0.95
 
 
 def fast_indices(
-    function: Callable[[Array], Array], bounds: ArrayLike, samples: int = 513, curves: int = 5, seed: int = 0
+    function: Callable[[Array], Array], bounds: ArrayLike, samples: int | None = None, curves: int = 4, seed: int = 0
 ) -> SobolIndices:
     """Estimate first and total indices by extended FAST [1]_.
 
@@ -28,7 +29,8 @@ def fast_indices(
         Maps points (n, d) in the units of the bounds to values (n,).
     bounds : array_like, shape (d, 2)
     samples : int
-        Points on a curve, more than 64.
+        Points on a curve, more than 64; by default enough for every other input to have a frequency of its own. With
+        fewer, inputs share one, and what they do together is taken for something else.
     curves : int
         Curves for each input, at least 2, that differ in their random phases; the function is evaluated at
         samples · curves · d points.
@@ -48,6 +50,8 @@ def fast_indices(
        analysis of model output", Technometrics 41 (1999) 39–56.
     """
     problem = salib_problem(bounds)
+    if samples is None:
+        samples = max(FEWEST, 4 * HARMONICS**2 * (problem["num_vars"] - 1) + 1)
     if samples <= 4 * HARMONICS**2:
         raise ValueError(f"FAST needs more than {4 * HARMONICS**2} samples, got {samples}")
     if curves < 2:
