@@ -16,7 +16,8 @@ REQUIRED = [
     "numba>=0.59",
     "pydantic>=2.5",
     "pyyaml>=6.0",
-    "mcap>=1.2",
+    "mcap>=1.5",
+    "isal>=1.6",
     "rosbags>=0.10",
     "scikit-learn>=1.4",
     "threadpoolctl>=3.1",
@@ -28,8 +29,11 @@ REQUIRED = [
 ]
 ROS_WHEELS = [f"ros-jazzy-{name}; {ON_WHEEL_PLATFORM}" for name in ("rclpy", "common-interfaces", "rmw-fastrtps-cpp")]
 CLUSTER = ["distributed>=2024.1"]
+# Formats of `tbm-monitor bag import` beside CSV, WAV and MATLAB up to 7.2.
+IMPORT = ["nptdms>=1.9", "asammdf>=8.0", "h5py>=3.10"]
 TEST = [
     *CLUSTER,
+    *IMPORT,
     "pytest>=8",
     "hypothesis>=6.90",
     "mcap-ros2-support>=0.5",
@@ -74,7 +78,7 @@ setup(
     data_files=data_files(),
     zip_safe=False,
     install_requires=REQUIRED + ROS_WHEELS,
-    extras_require={"cluster": CLUSTER, "test": TEST},
+    extras_require={"cluster": CLUSTER, "import": IMPORT, "test": TEST},
     entry_points={
         "console_scripts": [
             "tbm-monitor = tbm_gsa.cli.main:main",

@@ -8,8 +8,16 @@ import numpy as np
 
 from tbm_dynamics.indicators import indicators
 from tbm_dynamics.machine.loading import MachineError
+from tbm_dynamics.machine.machine import Machine
 
 AXES = ("x", "y", "z", "rx", "ry", "rz")
+
+
+def default_outputs(machine: Machine) -> tuple[int, ...]:
+    """Nodes of the test points, the ring gear's mesh plane and the first pinion's mesh node."""
+    drive = machine.description.driveshaft
+    nodes = [*machine.description.test_points.values(), drive.ring_node, drive.pinion_nodes_from + 1]
+    return tuple(dict.fromkeys(nodes))
 
 
 @dataclass(frozen=True)

@@ -5,14 +5,17 @@ Stream time is an integer step k from an epoch (ns): sample k belongs to epoch +
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
 from tbm_dynamics.integration.errors import SimulationError
 from tbm_dynamics.integration.simulator import Chunk, Simulator
+from tbm_dynamics.levels import LoadLevel, operated_loads
+from tbm_dynamics.machine.loading import MachineError
 from tbm_dynamics.machine.machine import Machine, OperatingPoint
-from tbm_dynamics.simulation import default_outputs
+from tbm_dynamics.response import default_outputs
+from tbm_dynamics.schedule import Schedule
 
 NANOSECONDS = 1_000_000_000
 
@@ -57,42 +60,96 @@ class LoadBlock:
 class LoadStream:
     """Loads block by block, at an operating point that may change between blocks.
 
-    A change is spread linearly over one block, so that the mean thrust does not jump.
+    A change is spread linearly over one block, so that the mean thrust does not jump; the speed holds from the block's
+    start.
+
+    Parameters
+    ----------
+    machine : Machine
+    seed : int
+    time_step : float
+        Of the samples, s.
+    block_samples : int
+    level : "spectral" or "cutter"
+    schedule : Schedule, optional
+        The operating point at the end of every block; without one it is what `set_operating_point` was given last.
+
+    Raises
+    ------
+    MachineError
+        A schedule, or the machine's own operating point, that the machine or its rock does not allow.
     """
 
-    def __init__(self, machine: Machine, seed: int, rate_hz: float, block_samples: int) -> None:
-        self._machine = machine
-        self._dt = 1.0 / rate_hz
+    def __init__(
+        self,
+        machine: Machine,
+        seed: int,
+        time_step: float,
+        block_samples: int,
+        level: LoadLevel = "spectral",
+        schedule: Schedule | None = None,
+    ) -> None:
+        self._dt = time_step
         self._samples = block_samples
-        self._point = self._wanted = machine.operating_point
-        self._loads = machine.loads(seed)
-        self._described = self._loads.with_scale(np.ones(6))
-        self.head_angle = 0.0
+        self._schedule = schedule
+        self._loads = operated_loads(machine, level, seed)
+        if schedule is not None:
+            self._check(schedule)
+        start = machine.operating_point if schedule is None else schedule.at(0.0)
+        self._point = self._wanted = self._loads.reached(start)
+        self._turning = 0.0, 0.0  # time (s) from which the speed holds, and the head's angle there (rad)
         self.next_step = 0
 
+    def _check(self, schedule: Schedule) -> None:
+        for place, point in schedule.rows():
+            try:
+                self._loads.reached(point)
+            except MachineError as error:
+                raise MachineError(f"{place}: {error}") from None
+
+    @property
+    def operating_point(self) -> OperatingPoint:
+        """Where the next block starts."""
+        return self._point
+
+    @property
+    def mean(self) -> np.ndarray:
+        """Mean loads where the next block starts, (6,), N and N·m."""
+        return self._loads.mean(self._point)
+
     def set_operating_point(self, point: OperatingPoint) -> None:
-        """Operating point to reach at the end of the next block; a stream that has not begun starts there."""
-        self._wanted = point
-        if self.next_step == 0 and point != self._point:
-            self._point = point
-            self._loads = self._loads.with_scale(self._machine.load_scale(point))
+        """Operating point to reach at the end of the next block; a stream that has not begun starts there.
+
+        Raises
+        ------
+        MachineError
+            A point that the machine or its rock does not allow, or a stream that follows a schedule.
+        """
+        if self._schedule is not None:
+            raise MachineError("operating point: the loads follow a schedule")
+        self._wanted = self._loads.reached(point)
+        if self.next_step == 0:
+            self._point = self._wanted
 
     def next_block(self) -> LoadBlock:
         """Evaluate the loads of the next block."""
-        steps = np.arange(self.next_step, self.next_step + self._samples)
-        time = steps * self._dt
-        if self._wanted == self._point:
-            values = self._loads.evaluate(time)
-        else:
-            before, after = self._machine.load_scale(self._point), self._machine.load_scale(self._wanted)
-            share = np.arange(1, self._samples + 1)[:, None] / self._samples
-            values = self._described.evaluate(time) * (before + share * (after - before))
-            self._loads = self._loads.with_scale(after)
-            self._point = self._wanted
-        block = LoadBlock(self.next_step, values, self.head_angle, self._point)
-        self.head_angle = float((self.head_angle + self._point.speed * self._samples * self._dt) % (2.0 * np.pi))
-        self.next_step += self._samples
-        return block
+        first, samples = self.next_step, self._samples
+        time = np.arange(first, first + samples) * self._dt
+        if self._schedule is not None:
+            self._wanted = self._loads.reached(self._schedule.at((first + samples) * self._dt))
+        before, after = self._point, self._wanted
+        if after.speed != before.speed:
+            self._turning = float(time[0]), float(self._angle(before, time[:1])[0])
+        angle = self._angle(after, time)
+        values = self._loads.evaluate(before, after, time, angle)
+        self._point = after
+        self.next_step += samples
+        return LoadBlock(first, values, float(angle[0] % (2.0 * np.pi)), after)
+
+    def _angle(self, point: OperatingPoint, time: np.ndarray) -> np.ndarray:
+        """Angle of the head (n,) at times (n,), rad: it counts on, since the chips follow each other along it."""
+        since, angle = self._turning
+        return angle + point.speed * (time - since)
 
 
 class DynamicsStream:
@@ -103,6 +160,8 @@ class DynamicsStream:
     machine : Machine
     rate_hz : float
         Rate of the loads, and 1/time step.
+    level : "spectral" or "cutter"
+        Of the loads that come: their mean is where a run starts.
     longest_bridge : float
         s; a longer gap, or a jump back, starts the run afresh from the static equilibrium.
 
@@ -118,8 +177,10 @@ class DynamicsStream:
         Load samples that never came; fresh starts after the first.
     """
 
-    def __init__(self, machine: Machine, rate_hz: float, longest_bridge: float = 2.0) -> None:
-        self._machine = machine
+    def __init__(
+        self, machine: Machine, rate_hz: float, level: LoadLevel = "spectral", longest_bridge: float = 2.0
+    ) -> None:
+        self._loads = operated_loads(machine, level)
         self._system = machine.assemble()
         self._rate = rate_hz
         self._step = step_ns(rate_hz)
@@ -128,7 +189,7 @@ class DynamicsStream:
         self.lost_steps = 0
         self.restarts = 0
         self.meshes = self._system.couplings.drives
-        self._point: OperatingPoint | None = None
+        self._point = self._loads.reached(machine.operating_point)
         self._last = np.zeros(6)
         self.epoch_ns = 0
         self._started = False
@@ -137,26 +198,28 @@ class DynamicsStream:
 
     def _fresh(self) -> Simulator:
         """Stand in the static equilibrium of the operating point asked for last."""
-        system, point = self._system, self._point
         self._changed = False  # the operating point, since the last block
-        if point is not None and point != system.operating_point:
-            mean_load = self._machine.description.loads.mean * self._machine.load_scale(point)
-            system = replace(system, operating_point=point, mean_load=mean_load)
-        return Simulator(system, self.nodes, 1.0 / self._rate)
+        return Simulator(self._system.under(self._point, self._loads.mean(self._point)), self.nodes, 1.0 / self._rate)
 
     def warm_up(self) -> None:
         """Compile the kernel before the first block is due, and stand at the start again."""
-        self._simulator.step(np.tile(self._machine.description.loads.mean, (2, 1)))
+        self._simulator.step(np.tile(self._loads.mean(self._point), (2, 1)))
         self._simulator = self._fresh()
 
     def set_operating_point(self, point: OperatingPoint) -> None:
         """Speed from the next block on, torque linearly over it, as the loads; a run that has not begun starts there.
 
         The point that holds already changes no bit of the run, whenever its message comes.
+
+        Raises
+        ------
+        MachineError
+            A point that the machine or its rock does not allow.
         """
-        if point == (self._point or self._machine.operating_point):
+        reached = self._loads.reached(point)
+        if reached == self._point:
             return
-        self._point = point
+        self._point = reached
         if self._started:
             self._changed = True
         else:
@@ -181,7 +244,7 @@ class DynamicsStream:
             self.lost_steps += missing
             share = np.arange(1, missing + 1)[:, None] / (missing + 1)
             bridge.append(self._simulator.step(self._last + share * (loads[0] - self._last)))
-        if self._changed and self._point is not None:
+        if self._changed:
             self._simulator.set_operating_point(self._point, over=len(loads))
         self._changed = False
         chunk = self._simulator.step(loads)

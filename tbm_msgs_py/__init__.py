@@ -6,7 +6,14 @@ from tbm_msgs_py.bags.mapping import Mapping, SensorMapping, load_mapping
 from tbm_msgs_py.bags.writing import BagWriter
 from tbm_msgs_py.blocks import ACCELERATION, LOADS, Block, BlockError, BlockLayout, mesh_forces
 from tbm_msgs_py.operating_point import OperatingPoint
-from tbm_msgs_py.recording import AccelerationRecord, Recording, read_acceleration, read_recording
+from tbm_msgs_py.recording import (
+    AccelerationRecord,
+    Recording,
+    RecordingReader,
+    open_recording,
+    read_acceleration,
+    read_recording,
+)
 
 __all__ = [
     "ACCELERATION",
@@ -22,9 +29,11 @@ __all__ = [
     "OperatingPoint",
     "Recording",
     "RecordingError",
+    "RecordingReader",
     "SensorMapping",
     "load_mapping",
     "mesh_forces",
+    "open_recording",
     "read_acceleration",
     "read_recording",
 ]

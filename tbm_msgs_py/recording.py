@@ -2,14 +2,21 @@
 
 from __future__ import annotations
 
+import math
+from collections.abc import Iterator
+from collections.abc import Mapping as Dictionary
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
 from tbm_msgs_py.bags.bag import Bag
+from tbm_msgs_py.bags.cutting import Cutter
+from tbm_msgs_py.bags.decoding import ACCELERATION_TYPES, decode_samples
 from tbm_msgs_py.bags.errors import RecordingError
+from tbm_msgs_py.bags.faults import Faults, find_gaps, stuck_axes
 from tbm_msgs_py.bags.mapping import (
     Mapping,
     SensorMapping,
@@ -18,17 +25,17 @@ from tbm_msgs_py.bags.mapping import (
     default_mapping_file,
     load_mapping,
 )
-from tbm_msgs_py.bags.mcap_file import RawMessage, Topic
-from tbm_msgs_py.bags.samples import ACCELERATION_TYPES, JOINT_STATE_TYPE, Samples, decode_samples, typestore
-from tbm_msgs_py.blocks import stamp_to_ns
-from tbm_msgs_py.operating_point import OperatingPoint, OperatingPointError, from_joint_state
+from tbm_msgs_py.bags.operating import OperatingPoints, OperatingRecord
+from tbm_msgs_py.bags.samples import JOINT_STATE_TYPE
+from tbm_msgs_py.bags.stretch import Stretch, Topic
+from tbm_msgs_py.bags.timeline import Taken, Timeline
 
-GAP_FACTOR = 1.5  # a step longer than this many sample periods is a gap
+PIECE_S = 60.0
 
 
 @dataclass(frozen=True)
 class AccelerationRecord:
-    """Acceleration of one test point.
+    """Acceleration of one test point, or a piece of it. What the faults mean is in docs/recordings.md.
 
     Attributes
     ----------
@@ -41,7 +48,8 @@ class AccelerationRecord:
     values : ndarray (n, 3)
         Machine axes x, y, z, m/s².
     gaps : list of (float, float)
-        Times of the last sample before and the first after each hole, s.
+        Times of the last sample before and the first after each hole, s; in a piece the first hole may begin before
+        `start_ns`, at a negative time.
     rate_hz : float
         Mean sample rate outside the gaps; 0 for fewer than two samples.
     clipped, duplicates, invalid, undecodable : int
@@ -49,6 +57,14 @@ class AccelerationRecord:
         could not be decoded.
     gravity, frame : str
         As the mapping states: ``included`` or ``removed``, ``fixed`` or ``rotating``.
+    disordered, late : int
+        Samples that came behind a later one and were put in order; those dropped as their time had passed for good.
+    astray, clock_steps : int
+        Messages dropped as their stamps come from another clock; times that the clock was set.
+    clock_offset, clock_drift : float
+        Header stamp minus log time, s, latency included, and its change in parts per million.
+    stuck : list of (str, float, float)
+        Sensor axis and times, s, of each stretch in which it holds one value.
     """
 
     topic: str
@@ -64,30 +80,18 @@ class AccelerationRecord:
     undecodable: int = 0
     gravity: str = "removed"
     frame: str = "fixed"
+    disordered: int = 0
+    late: int = 0
+    astray: int = 0
+    clock_steps: int = 0
+    clock_offset: float = 0.0
+    clock_drift: float = 0.0
+    stuck: tuple[tuple[str, float, float], ...] = ()
 
     @property
     def duration(self) -> float:
         """Seconds from the first to the last sample."""
         return float(self.time[-1])
-
-
-@dataclass(frozen=True)
-class OperatingRecord:
-    """Operating point over time.
-
-    Attributes
-    ----------
-    start_ns : int
-        Header time of the first entry, ns.
-    time : ndarray (n,)
-        Header time after `start_ns`, s.
-    points : tuple of OperatingPoint
-        One each time.
-    """
-
-    start_ns: int
-    time: NDArray[np.float64]
-    points: tuple[OperatingPoint, ...]
 
 
 @dataclass(frozen=True)
@@ -106,6 +110,10 @@ class Recording:
         A file ends before its recording does.
     sha256 : str
         Digest of the files.
+    damaged : int
+        Places that are no part of a recording; `lost` is a lower bound when there are any.
+    problems : dict
+        Why a mapped test point that is in the recording has no samples.
     """
 
     path: Path
@@ -115,6 +123,150 @@ class Recording:
     lost: int
     truncated: bool
     sha256: str
+    damaged: int
+    problems: dict[str, str]
+
+
+class RecordingReader:
+    """A recording read piece by piece; made by `open_recording`.
+
+    Attributes
+    ----------
+    path : Path
+        Of the recording.
+    points : mapping of str to SensorMapping
+        Mapped test points that are in the recording.
+    """
+
+    def __init__(self, bag: Bag, topics: Dictionary[str, Topic], mapping: Mapping) -> None:
+        self.path = bag.path
+        sensors = [mapping.topics[name] for name in topics]
+        self.points: Dictionary[str, SensorMapping] = {sensor.point: sensor for sensor in sensors}
+        self._bag = bag
+        self._topics = {mapping.topics[name].point: topic for name, topic in topics.items()}
+        self._mapping = mapping
+        self._restart()
+
+    @property
+    def messages(self) -> int:
+        """Messages read so far."""
+        return sum(file.messages for file in self._bag.files)
+
+    @property
+    def lost(self) -> int:
+        """Messages known to be missing or undecodable; complete when all pieces were read, like the two below."""
+        undecodable = sum(line.total.undecodable for line in self._lines.values())
+        return self._bag.lost + undecodable + self._operating.undecodable
+
+    @property
+    def truncated(self) -> bool:
+        """A file ends before its recording does."""
+        return self._bag.truncated
+
+    @property
+    def damaged(self) -> int:
+        """Places that are no part of a recording; `lost` is a lower bound when there are any."""
+        return self._bag.damaged
+
+    @property
+    def operating_point(self) -> OperatingRecord | None:
+        """Operating points read so far, None without any."""
+        return self._operating.record()
+
+    @property
+    def faults(self) -> Dictionary[str, Faults]:
+        """What was found so far, by test point."""
+        return {point: line.total for point, line in self._lines.items()}
+
+    @property
+    def problems(self) -> Dictionary[str, str]:
+        """Why a test point has given no samples so far."""
+        return {
+            point: f"topic {self._topics[point].name}: {line.problem or 'no sample is a finite number'}"
+            for point, line in self._lines.items()
+            if point not in self._given
+        }
+
+    @cached_property
+    def sha256(self) -> str:
+        """Digest of the files."""
+        return self._bag.sha256()
+
+    def pieces(self, length_s: float = PIECE_S) -> Iterator[Dictionary[str, AccelerationRecord]]:
+        """Consecutive stretches of header time; a test point without samples in one is left out of it.
+
+        Times are strictly increasing, also from one piece to the next; faults are counted per piece. What is held in
+        memory is a piece and the samples that may still be late.
+
+        Parameters
+        ----------
+        length_s : float
+            Length of a stretch, s; ``inf`` for the whole recording in one piece.
+
+        Raises
+        ------
+        RecordingError
+            At the end, when no test point had a single sample.
+        """
+        if not length_s >= 1e-3:
+            raise ValueError(f"pieces of {length_s:g} s, allowed: 0.001 s or more")
+        self._restart()
+        cutter = Cutter(self._lines, length_s)
+        for stretch in self._bag.stretches():
+            self._add(stretch)
+            yield from map(self._records, cutter.due())
+        yield from map(self._records, cutter.rest())
+        if not self._given:
+            raise RecordingError(f"{self.path}: {'; '.join(self.problems.values())}")
+
+    def _restart(self) -> None:
+        self._lines = {point: Timeline() for point in self.points}
+        self._operating = OperatingPoints()
+        self._given: set[str] = set()
+
+    def _add(self, stretch: Stretch) -> None:
+        points = {(topic.name, topic.type): point for point, topic in self._topics.items()}
+        for topic, messages in stretch.by_topic():
+            if point := points.get((topic.name, topic.type)):
+                self._lines[point].add(decode_samples(topic.type, messages))
+            elif topic.name == self._mapping.operating_point and topic.type == JOINT_STATE_TYPE:
+                self._operating.add(messages)
+
+    def _records(self, piece: Dictionary[str, Taken]) -> dict[str, AccelerationRecord]:
+        self._given |= piece.keys()
+        return {point: _record(self._topics[point].name, self.points[point], taken) for point, taken in piece.items()}
+
+
+def open_recording(path: str | Path, mapping: Mapping | str | Path | None = None) -> RecordingReader:
+    """Open a recording to read its mapped test points piece by piece.
+
+    Parameters
+    ----------
+    path : str or Path
+        rosbag2 folder or bare MCAP file; a damaged one is read as far as it goes.
+    mapping : Mapping, str or Path, optional
+        Mapping or its file; default `mapping.yaml` in or beside the recording, else the topics of the contract.
+
+    Raises
+    ------
+    RecordingError
+        Not readable, nothing in it, no mapped topic in it, or one of a type that is no acceleration.
+    """
+    bag = Bag(path)
+    found = _topics(bag)
+    chosen = _stated_mapping(bag, mapping) or contract_mapping(dict.fromkeys(topic.name for topic in found))
+    mapped = _mapped(bag, found, chosen)
+    if not mapped:
+        raise RecordingError(f"{bag.path}: no topic of the mapping is in the recording, {_listing(found)}")
+    return RecordingReader(bag, mapped, chosen)
+
+
+def read_recording(path: str | Path, mapping: Mapping | str | Path | None = None) -> Recording:
+    """Read every mapped test point of a recording as a whole, and its operating point.
+
+    Parameters and errors are those of `open_recording`; it is an error, too, when no test point has a single sample.
+    """
+    return _whole(open_recording(path, mapping))
 
 
 def read_acceleration(path: str | Path, topic: str, mapping: Mapping | str | Path | None = None) -> AccelerationRecord:
@@ -127,45 +279,34 @@ def read_acceleration(path: str | Path, topic: str, mapping: Mapping | str | Pat
     topic : str
         Absolute topic name. One that no mapping names is taken as m/s² in machine axes, gravity removed.
     mapping : Mapping, str or Path, optional
-        Mapping or its file; default `mapping.yaml` in or beside the recording, else the topics of the contract.
+        As in `open_recording`.
     """
     bag = Bag(path)
+    found = _topics(bag)
     stated = _stated_mapping(bag, mapping)
-    messages, found = _collect(bag, {topic})
-    if topic not in messages:
-        raise RecordingError(f"{bag.path}: topic {topic} is not in the recording, {_listing(found)}")
     sensor = stated.topics.get(topic) if stated else None
-    return _record(bag, messages[topic], sensor or contract_sensor(_point_of(topic)))
-
-
-def read_recording(path: str | Path, mapping: Mapping | str | Path | None = None) -> Recording:
-    """Read every mapped test point of a recording, and its operating point.
-
-    Parameters
-    ----------
-    path : str or Path
-        rosbag2 folder or bare MCAP file; a truncated one is read as far as it goes.
-    mapping : Mapping, str or Path, optional
-        As in `read_acceleration`.
-    """
-    bag = Bag(path)
-    stated = _stated_mapping(bag, mapping)
-    messages, found = _collect(bag, {*stated.topics, stated.operating_point} if stated else None)
-    chosen = stated or contract_mapping(messages)
-    mapped = [topic for topic in chosen.topics if topic in messages]
+    chosen = Mapping(topics={topic: sensor or contract_sensor(_point_of(topic))})
+    mapped = _mapped(bag, found, chosen)
     if not mapped:
-        raise RecordingError(f"{bag.path}: no topic of the mapping is in the recording, {_listing(found)}")
-    records = {chosen.topics[topic].point: _record(bag, messages[topic], chosen.topics[topic]) for topic in mapped}
-    total = sum(found.values())
-    undecodable = sum(record.undecodable for record in records.values())
+        raise RecordingError(f"{bag.path}: topic {topic} is not in the recording, {_listing(found)}")
+    (record,) = _whole(RecordingReader(bag, mapped, chosen)).points.values()
+    return record
+
+
+def _whole(reader: RecordingReader) -> Recording:
+    points: dict[str, AccelerationRecord] = {}
+    for piece in reader.pieces(math.inf):
+        points |= piece
     return Recording(
-        path=bag.path,
-        points=records,
-        operating_point=_operating_record(messages.get(chosen.operating_point, [])),
-        messages=total,
-        lost=max(bag.lost, (bag.declared or 0) - total) + undecodable,
-        truncated=bag.truncated,
-        sha256=bag.sha256(),
+        path=reader.path,
+        points={point: points[point] for point in reader.points if point in points},
+        operating_point=reader.operating_point,
+        messages=reader.messages,
+        lost=reader.lost,
+        truncated=reader.truncated,
+        sha256=reader.sha256,
+        damaged=reader.damaged,
+        problems=dict(reader.problems),
     )
 
 
@@ -176,86 +317,58 @@ def _stated_mapping(bag: Bag, mapping: Mapping | str | Path | None) -> Mapping |
     return None if file is None else load_mapping(file)
 
 
-def _collect(bag: Bag, wanted: set[str] | None) -> tuple[dict[str, list[RawMessage]], dict[Topic, int]]:
-    """Messages of the wanted topics (None: those that may be needed), and the count of every topic in the recording."""
-    messages: dict[str, list[RawMessage]] = {}
-    found: dict[Topic, int] = {}
-    for message in bag.messages():
-        topic = message.topic
-        found[topic] = found.get(topic, 0) + 1
-        if topic.name in wanted if wanted is not None else topic.type in (*ACCELERATION_TYPES, JOINT_STATE_TYPE):
-            messages.setdefault(topic.name, []).append(message)
+def _topics(bag: Bag) -> list[Topic]:
+    found = [topic for topic, count in bag.info().topics.items() if count]
     if not found:
         raise RecordingError(f"{bag.path}: no message could be read, allowed: a recording with at least one message")
-    return messages, found
+    return found
 
 
-def _record(bag: Bag, messages: list[RawMessage], sensor: SensorMapping) -> AccelerationRecord:
-    topic = messages[0].topic
-    where = f"{bag.path}: topic {topic.name}"
-    if topic.type not in ACCELERATION_TYPES:
-        raise RecordingError(f"{where}: type {topic.type or 'unknown'}, allowed: {', '.join(ACCELERATION_TYPES)}")
-    samples = decode_samples(topic.type, [message.data for message in messages])
-    if not len(samples.times_ns):
-        raise RecordingError(f"{where}: none of {len(messages)} messages can be decoded: {samples.problem}")
-    if not samples.times_ns.any():
-        raise RecordingError(f"{where}: every header stamp is 0, allowed: stamped samples")
-    times_ns, values, duplicates, invalid = _ordered(samples)
-    if not len(times_ns):
-        raise RecordingError(f"{where}: no sample is a finite number")
-    time = (times_ns - times_ns[0]) * 1e-9
-    gaps, rate = find_gaps(time)
-    limit = np.inf if sensor.range is None else sensor.range * (1 - 1e-6)
+def _mapped(bag: Bag, found: list[Topic], mapping: Mapping) -> dict[str, Topic]:
+    """Topic of each mapped name that is in the recording."""
+    mapped: dict[str, Topic] = {}
+    for name in mapping.topics:
+        there = [topic for topic in found if topic.name == name]
+        usable = [topic for topic in there if topic.type in ACCELERATION_TYPES]
+        if there and not usable:
+            raise RecordingError(
+                f"{bag.path}: topic {name}: type {there[0].type or 'unknown'}, allowed: {', '.join(ACCELERATION_TYPES)}"
+            )
+        if usable:
+            mapped[name] = usable[0]
+    return mapped
+
+
+def _record(topic: str, sensor: SensorMapping, taken: Taken) -> AccelerationRecord:
+    start = int(taken.times_ns[0])
+    time = np.asarray((taken.times_ns - start) * 1e-9, np.float64)
+    gaps, rate = find_gaps(time, None if taken.before_ns is None else (taken.before_ns - start) * 1e-9)
+    faults = taken.faults
+    clipped = 0
+    if sensor.range is not None:
+        clipped = int(np.count_nonzero((np.abs(taken.values) >= sensor.range * (1 - 1e-6)).any(axis=1)))
     return AccelerationRecord(
-        topic=topic.name,
+        topic=topic,
         point=sensor.point,
-        start_ns=int(times_ns[0]),
+        start_ns=start,
         time=time,
-        values=values @ sensor.matrix().T,
+        values=taken.values @ sensor.matrix().T,
         gaps=gaps,
         rate_hz=rate,
-        clipped=int(np.count_nonzero((np.abs(values) >= limit).any(axis=1))),
-        duplicates=duplicates,
-        invalid=invalid,
-        undecodable=samples.undecodable,
+        clipped=clipped,
+        duplicates=faults.duplicates,
+        invalid=faults.invalid,
+        undecodable=faults.undecodable,
         gravity=sensor.gravity,
         frame=sensor.frame,
+        disordered=faults.disordered,
+        late=faults.late,
+        astray=faults.astray,
+        clock_steps=faults.clock_steps,
+        clock_offset=taken.clock.offset,
+        clock_drift=taken.clock.drift,
+        stuck=tuple(("xyz"[axis], first, last) for axis, first, last in stuck_axes(time, taken.values, rate)),
     )
-
-
-def _ordered(samples: Samples) -> tuple[NDArray[np.int64], NDArray[np.float64], int, int]:
-    """Order samples by time; times, values, and the counts of repeated times and non-finite values dropped."""
-    finite = np.isfinite(samples.values).all(axis=1)
-    times, values = samples.times_ns[finite], samples.values[finite]
-    unique, first = np.unique(times, return_index=True)
-    return unique, values[first], len(times) - len(unique), int(np.count_nonzero(~finite))
-
-
-def find_gaps(time: NDArray[np.float64]) -> tuple[list[tuple[float, float]], float]:
-    """Holes in increasing times (n,) in s, and the mean rate in Hz outside them."""
-    if len(time) < 2:
-        return [], 0.0
-    steps = np.diff(time)
-    holes = steps > GAP_FACTOR * np.median(steps)
-    gaps = [(float(time[i]), float(time[i + 1])) for i in np.flatnonzero(holes)]
-    return gaps, float(1.0 / np.mean(steps[~holes]))
-
-
-def _operating_record(messages: list[RawMessage]) -> OperatingRecord | None:
-    entries: list[tuple[int, OperatingPoint]] = []
-    for message in messages:
-        if message.topic.type != JOINT_STATE_TYPE:
-            continue
-        state = typestore().deserialize_cdr(message.data, JOINT_STATE_TYPE)
-        try:
-            entries.append((stamp_to_ns(state.header.stamp), from_joint_state(state)))  # type: ignore[attr-defined]
-        except OperatingPointError:
-            continue
-    if not entries:
-        return None
-    entries.sort(key=lambda entry: entry[0])
-    times = np.array([stamp for stamp, _ in entries], np.int64)
-    return OperatingRecord(entries[0][0], (times - times[0]) * 1e-9, tuple(point for _, point in entries))
 
 
 def _point_of(topic: str) -> str:
@@ -263,5 +376,5 @@ def _point_of(topic: str) -> str:
     return parts[-2] if len(parts) > 1 else parts[0]
 
 
-def _listing(found: dict[Topic, int]) -> str:
+def _listing(found: list[Topic]) -> str:
     return "topics there: " + ", ".join(f"{topic.name} ({topic.type})" for topic in sorted(found, key=lambda t: t.name))

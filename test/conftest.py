@@ -2,12 +2,30 @@
 
 import os
 import signal
+import tempfile
+from pathlib import Path
+
+import pytest
 
 # One BLAS thread, as the command line and its processes have it: sums over more threads differ in their last bit.
 for _name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"):
     os.environ.setdefault(_name, "1")
 
+# What a test compares does not go into the history of whoever runs it.
+_data = tempfile.TemporaryDirectory(prefix="tbm_test_data_")
+os.environ["XDG_DATA_HOME"] = _data.name
+os.environ.pop("TBM_HISTORY", None)
+
 # A job in the background of a script inherits an ignored SIGINT, and so would every process that a test starts and
 # interrupts. The ones under test are to behave as at a terminal.
 if signal.getsignal(signal.SIGINT) == signal.SIG_IGN:
     signal.signal(signal.SIGINT, signal.default_int_handler)
+
+
+@pytest.fixture(scope="session")
+def startup_cycles() -> Path:
+    """Recorded start-up cycles of a hard-rock machine; they stay beside the checkout, no copy is in the project."""
+    file = Path(__file__).parents[2] / "shared" / "data" / "tbm2_startup_cycles.csv"
+    if not file.is_file():
+        pytest.skip("the recorded start-up cycles are not beside this checkout")
+    return file

@@ -6,6 +6,7 @@ calibration) or `calibrated`. SI units, angles in degrees where the name says so
 
 from __future__ import annotations
 
+import math
 from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
@@ -34,6 +35,30 @@ class OperatingPointEntry(Entry):
     torque_kn_m: Positive
     thrust_kn: Positive
     source: Source
+
+
+class OperatingLimits(Entry):
+    """The most that a drive gives: speed and torque of the head, thrust, and power at the head."""
+
+    speed_r_min: Positive
+    torque_kn_m: Positive
+    thrust_kn: Positive
+    power_kw: Positive
+    source: Source
+
+    def problem(self, speed_r_min: float, torque_kn_m: float, thrust_kn: float) -> str | None:
+        """Say in one line what of an operating point is beyond the limits; None if nothing is."""
+        power = torque_kn_m * speed_r_min * 2.0 * math.pi / 60.0
+        given = (
+            ("speed", speed_r_min, self.speed_r_min, "r/min"),
+            ("torque", torque_kn_m, self.torque_kn_m, "kN·m"),
+            ("thrust", thrust_kn, self.thrust_kn, "kN"),
+            ("power", power, self.power_kw, "kW"),
+        )
+        for name, value, most, unit in given:
+            if value > most:
+                return f"{name} {value:g} {unit}, allowed are up to {most:g}"
+        return None
 
 
 class Material(Entry):
@@ -135,6 +160,7 @@ class MachineDescription(Entry):
     name: Annotated[str, Field(pattern=r"^[A-Za-z0-9_\-]+$")]
     title: Line
     operating_point: OperatingPointEntry
+    operating_limits: OperatingLimits | None = None
     steel: Material
     damping: DampingReading = DampingReading()
     connection_damping: ConnectionDamping
@@ -169,6 +195,14 @@ class MachineDescription(Entry):
         for where, node in self._references():
             if node not in allowed:
                 raise ValueError(f"{where}: unknown node {node}; known are {_ranges(sorted(allowed))}")
+        return self
+
+    @model_validator(mode="after")
+    def _within_limits(self) -> MachineDescription:
+        point, limits = self.operating_point, self.operating_limits
+        problem = limits and limits.problem(point.speed_r_min, point.torque_kn_m, point.thrust_kn)
+        if problem:
+            raise ValueError(f"operating_point: {problem} (operating_limits)")
         return self
 
     @model_validator(mode="after")

@@ -75,8 +75,9 @@ def apply_inputs(base: MachineDescription, inputs: Mapping[str, float]) -> Machi
         return MachineDescription.model_validate(data)
     except ValidationError as error:
         problem = error.errors(include_url=False)[0]
-        where = ".".join(str(part) for part in problem["loc"])
-        raise MachineError(f"inputs {dict(inputs)}: {where}: {problem['msg']}") from None
+        message = problem["msg"].removeprefix("Value error, ")
+        place = ".".join(str(part) for part in problem["loc"])
+        raise MachineError(f"inputs {dict(inputs)}: {f'{place}: {message}' if place else message}") from None
 
 
 def _number(code: str, value: object) -> float:

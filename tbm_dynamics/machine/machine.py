@@ -106,6 +106,25 @@ class Machine:
         _ = variant.description  # refuse a bad value here, where it was given
         return variant
 
+    def check_operating_point(self, point: OperatingPoint) -> None:
+        """Refuse an operating point that the machine cannot have.
+
+        Raises
+        ------
+        MachineError
+            A value that is no number, a speed that is not positive, a negative torque or thrust, more than the
+            `operating_limits` of the file allow; one line.
+        """
+        if not all(map(math.isfinite, (point.speed, point.torque, point.thrust))):
+            raise MachineError("operating point: speed, torque and thrust must be finite numbers")
+        if point.speed <= 0.0 or point.torque < 0.0 or point.thrust < 0.0:
+            raise MachineError("operating point: speed must be positive, torque and thrust not negative")
+        limits = self.description.operating_limits
+        given = point.speed * 60.0 / (2.0 * math.pi), point.torque / 1e3, point.thrust / 1e3
+        problem = limits and limits.problem(*given)
+        if problem:
+            raise MachineError(f"operating point: {problem} for {self.name}")
+
     def load_scale(self, point: OperatingPoint | None = None) -> np.ndarray:
         """Factors on the described loads at an operating point, shape (6,).
 

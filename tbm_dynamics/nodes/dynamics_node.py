@@ -14,8 +14,9 @@ from threadpoolctl import threadpool_limits
 
 from tbm_dynamics.integration.errors import SimulationError
 from tbm_dynamics.integration.simulator import Chunk
+from tbm_dynamics.levels import LOAD_LEVELS
 from tbm_dynamics.live import LiveFilter
-from tbm_dynamics.machine import Machine, OperatingPoint, load_machine
+from tbm_dynamics.machine import Machine, MachineError, OperatingPoint, load_machine
 from tbm_dynamics.sensors import SensorModel, SensorPacket, SensorParameters
 from tbm_dynamics.streams import NANOSECONDS, DynamicsStream, step_ns
 from tbm_msgs_py import blocks, operating_point, topics
@@ -26,6 +27,7 @@ from tbm_msgs_py.operating_point import OperatingPointError
 
 PARAMETERS = (
     Parameter("machine", "dz101", "machine: name of a shipped one, or path of a machine file"),
+    Parameter("loads", "spectral", "level of the received loads: its mean is where a run starts", choices=LOAD_LEVELS),
     Parameter("seed", 0, "seed of the sensor noise", minimum=0, maximum=2**31 - 1),
     Parameter(
         "load_rate",
@@ -69,7 +71,7 @@ class DynamicsNode(ManagedNode):
         self._rate = float(self.value("load_rate"))
         self._step = step_ns(self._rate)
         self._points = dict(self._machine.description.test_points)
-        self._stream = DynamicsStream(self._machine, self._rate)
+        self._stream = DynamicsStream(self._machine, self._rate, self.value("loads"))
         self._pinion_radius = self._pinion_base_radius()
         self._received = self._refused = 0
         self._busy = self._simulated = 0.0
@@ -130,10 +132,9 @@ class DynamicsNode(ManagedNode):
     def _on_operating_point(self, message: Any) -> None:
         try:
             point = operating_point.from_joint_state(message)
-        except OperatingPointError as error:
+            self._stream.set_operating_point(OperatingPoint(point.speed, point.torque, point.thrust))
+        except (OperatingPointError, MachineError) as error:
             self._refuse(f"{topics.LOADS_OPERATING_POINT}: {error}")
-            return
-        self._stream.set_operating_point(OperatingPoint(point.speed, point.torque, point.thrust))
 
     def _on_loads(self, message: Any) -> None:
         if not self.active:

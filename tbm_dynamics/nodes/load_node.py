@@ -10,7 +10,9 @@ from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import WrenchStamped
 from sensor_msgs.msg import JointState, PointCloud2
 
-from tbm_dynamics.machine import Machine, OperatingPoint, load_machine
+from tbm_dynamics.levels import LOAD_LEVELS
+from tbm_dynamics.machine import Machine, MachineError, OperatingPoint, load_machine
+from tbm_dynamics.schedule import COLUMNS, Schedule, pairs, read_schedule
 from tbm_dynamics.streams import NANOSECONDS, LoadBlock, LoadStream, step_ns
 from tbm_msgs_py import blocks, operating_point, topics
 from tbm_msgs_py.nodes import messages, qos
@@ -22,6 +24,14 @@ _LONGEST_BACKLOG_S = 5.0
 
 PARAMETERS = (
     Parameter("machine", "dz101", "machine: name of a shipped one, or path of a machine file"),
+    Parameter("loads", "spectral", "Table 1's spectra, or the forces on the disc cutters", choices=LOAD_LEVELS),
+    Parameter("schedule", "", "CSV file with the operating point over stream time; empty: as the topic says"),
+    Parameter(
+        "schedule_columns",
+        [""],
+        f"its columns, where not {' '.join(f'{key}={name}' for key, name in COLUMNS.items())}",
+    ),
+    Parameter("schedule_where", [""], "only rows with these cells, as column=text"),
     Parameter("seed", 0, "seed of the load realisation", minimum=0, maximum=2**31 - 1),
     Parameter("block_rate", topics.LOAD_BLOCK_RATE, "rate of the loads (Hz)", minimum=1000.0, maximum=50000.0),
     Parameter("block_samples", topics.LOAD_BLOCK_SAMPLES, "samples of a block", minimum=10, maximum=100000),
@@ -52,7 +62,8 @@ class LoadNode(ManagedNode):
         self._stream: LoadStream | None = None
         self._epoch_ns = 0
         self._refused = 0
-        self._wanted = self._machine.operating_point
+        self._schedule = self._read_schedule()
+        self._wanted: OperatingPoint | None = None  # of the topic, since the node was configured
         self._blocks = self.create_publisher(PointCloud2, topics.LOADS_BLOCK, qos.BLOCK)
         self._live = self.create_publisher(WrenchStamped, topics.LOADS_WRENCH, qos.BLOCK)
         self._applied = self.create_publisher(JointState, topics.LOADS_OPERATING_POINT, qos.OPERATING_POINT)
@@ -61,7 +72,24 @@ class LoadNode(ManagedNode):
             JointState, topics.OPERATING_POINT, self._on_operating_point, qos.OPERATING_POINT
         )
         # Compiles and designs the filters now, not when the first block is due.
-        LoadStream(self._machine, int(self.value("seed")), self._rate, self._samples).next_block()
+        self._new_stream().next_block()
+
+    def _read_schedule(self) -> Schedule | None:
+        file = self.value("schedule")
+        if not file:
+            return None
+        columns, where = (pairs(name, self.value(name)) for name in ("schedule_columns", "schedule_where"))
+        return read_schedule(file, columns, where)
+
+    def _new_stream(self) -> LoadStream:
+        return LoadStream(
+            self._machine,
+            int(self.value("seed")),
+            1.0 / self._rate,
+            self._samples,
+            self.value("loads"),
+            self._schedule,
+        )
 
     def activate(self) -> None:
         """Start the stream; its epoch is the node's time, rounded to the step."""
@@ -83,15 +111,13 @@ class LoadNode(ManagedNode):
     def _on_operating_point(self, message: Any) -> None:
         try:
             given = operating_point.from_joint_state(message)
-            if given.speed <= 0.0 or given.torque < 0.0 or given.thrust < 0.0:
-                raise OperatingPointError("speed must be positive, torque and thrust not negative")
-        except OperatingPointError as error:
+            wanted = OperatingPoint(given.speed, given.torque, given.thrust)
+            (self._stream or self._new_stream()).set_operating_point(wanted)
+        except (OperatingPointError, MachineError) as error:
             self._refused += 1
             self.get_logger().warning(f"{topics.OPERATING_POINT}: {error}; the last one stays")
             return
-        self._wanted = OperatingPoint(given.speed, given.torque, given.thrust)
-        if self._stream is not None:
-            self._stream.set_operating_point(self._wanted)
+        self._wanted = wanted
 
     def _tick(self) -> None:
         now = self.get_clock().now().nanoseconds
@@ -113,8 +139,9 @@ class LoadNode(ManagedNode):
         if now == 0 or self._blocks.get_subscription_count() < self.value("wait_for_subscribers"):
             return False
         self._epoch_ns = round(now / self._step) * self._step
-        self._stream = LoadStream(self._machine, int(self.value("seed")), self._rate, self._samples)
-        self._stream.set_operating_point(self._wanted)
+        self._stream = self._new_stream()
+        if self._wanted is not None:
+            self._stream.set_operating_point(self._wanted)
         self._announced: OperatingPoint | None = None
         return True
 
@@ -138,13 +165,14 @@ class LoadNode(ManagedNode):
     def _diagnose(self) -> None:
         now = self.get_clock().now().nanoseconds
         running = self._stream is not None
+        point = self._stream.operating_point if self._stream else self._wanted or self._machine.operating_point
         values = {
             "blocks": self._stream.next_step // self._samples if self._stream else 0,
             "rate_hz": self._rate,
             "refused_operating_points": self._refused,
-            "speed_r_min": self._wanted.speed * 60.0 / (2.0 * math.pi),
-            "torque_kn_m": self._wanted.torque / 1e3,
-            "thrust_kn": self._wanted.thrust / 1e3,
+            "speed_r_min": point.speed * 60.0 / (2.0 * math.pi),
+            "torque_kn_m": point.torque / 1e3,
+            "thrust_kn": point.thrust / 1e3,
         }
         text = "streaming" if running else "waiting for the clock or for subscribers"
         status = messages.status("tbm: loads", "ok" if running else "warn", text, values, self._machine.name)

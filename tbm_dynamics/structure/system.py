@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -85,6 +85,10 @@ class System:
     motor_pattern: np.ndarray
     mean_load: np.ndarray
     operating_point: OperatingPoint
+
+    def under(self, point: OperatingPoint, mean_load: np.ndarray) -> System:
+        """Give the same system at another operating point, under its mean loads (6,)."""
+        return replace(self, operating_point=point, mean_load=mean_load)
 
     @property
     def size(self) -> int:

@@ -70,6 +70,7 @@ def node_commands(
         "gsa.test": test,
         "gsa.seed": seed,
         "gsa.folder": str(out / "studies"),
+        "history": str(out / "history.sqlite"),  # not among the windows of a real machine
     }
     mapping = default_mapping_file(recording.path)
     stated: dict[str, ParameterValue] = {"mapping": str(mapping)} if mapping else {}

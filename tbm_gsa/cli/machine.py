@@ -8,8 +8,10 @@ from typing import Annotated
 import typer
 
 from tbm_dynamics import load_machine
-from tbm_gsa.cli.machine_tables import print_tables
-from tbm_gsa.cli.output import JSON_OPTION, notes, print_json, results
+from tbm_dynamics.levels import LoadLevel
+from tbm_gsa.cli.machine_tables import print_loads, print_tables
+from tbm_gsa.cli.output import JSON_OPTION, LOADS_OPTION, SEED_OPTION, notes, print_json, results
+from tbm_gsa.report.load_summary import load_run
 from tbm_gsa.report.machine_summary import machine_summary
 
 app = typer.Typer(help="Look at machine files.", no_args_is_help=True)
@@ -60,17 +62,46 @@ def show(
     json: Annotated[bool, JSON_OPTION] = False,
 ) -> None:
     """Show what a machine file describes: nodes, parts, connections, drives, masses, natural frequencies, sources."""
-    from tbm_gsa.report.machine_drawing import check_path, write_drawing  # noqa: PLC0415 - matplotlib takes its time
+    from tbm_gsa.report.machine_drawing import draw_machine  # noqa: PLC0415 - matplotlib takes its time
+    from tbm_gsa.report.picture import check_path, write_picture  # noqa: PLC0415
 
     if out is not None:
         check_path(out)
     described = load_machine(machine)
     document = machine_summary(described, count)
     if out is not None:
-        write_drawing(described, out)
+        write_picture(lambda: draw_machine(described), out)
     if json:
         print_json(document)
     else:
         print_tables(document)
+    if out is not None:
+        notes.print(f"drawing: {out}", markup=False, highlight=False)
+
+
+@app.command()
+def loads(
+    machine: MachineArgument,
+    level: Annotated[LoadLevel, LOADS_OPTION] = "spectral",
+    duration: Annotated[float, typer.Option(max=3600.0, help="Length of the run (s).")] = 600.0,
+    seed: Annotated[int, SEED_OPTION] = 0,
+    out: Annotated[
+        Path | None, typer.Option(help="Draw time and frequency into this .png or .svg file.", dir_okay=False)
+    ] = None,
+    json: Annotated[bool, JSON_OPTION] = False,
+) -> None:
+    """Hold the cutterhead loads of a machine against the paper's Table 1, and draw its Figure 4."""
+    from tbm_gsa.report.load_figure import load_figure  # noqa: PLC0415 - matplotlib takes its time
+    from tbm_gsa.report.picture import check_path, write_picture  # noqa: PLC0415
+
+    if out is not None:
+        check_path(out)
+    run = load_run(load_machine(machine), level, duration, seed)
+    if out is not None:
+        write_picture(lambda: load_figure(run), out)
+    if json:
+        print_json(run.document)
+    else:
+        print_loads(run.document)
     if out is not None:
         notes.print(f"drawing: {out}", markup=False, highlight=False)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Sequence
 from typing import Any, Literal
 
@@ -24,6 +25,11 @@ def print_tables(document: dict[str, Any]) -> None:
         f"operating point {point['speed_r_min']:g} r/min, {point['torque_kn_m']:g} kN·m, {point['thrust_kn']:g} kN "
         f"({point['source']}); {document['degrees_of_freedom']} degrees of freedom"
     )
+    if limits := document["operating_limits"]:
+        _say(
+            f"limits {limits['speed_r_min']:g} r/min, {limits['torque_kn_m']:g} kN·m, {limits['thrust_kn']:g} kN, "
+            f"{limits['power_kw']:g} kW ({limits['source']})"
+        )
     for name in STRUCTURES:
         nodes = [node for node in document["nodes"] if node["subsystem"] == name]
         _print_nodes(f"nodes: {name} (places {document['places'][name]})", nodes)
@@ -33,6 +39,8 @@ def print_tables(document: dict[str, Any]) -> None:
         rows = ((item["name"], "–".join(map(str, item["between"])), item) for item in chosen)
         _print_connections(f"connections: {where}; N/m along and N·m/rad about", _AXES, rows)
     _print_drives(document["drives"])
+    if document["cutters"]:
+        _print_cutters(document["cutters"])
     _print_masses(document["masses"])
     _print_modes(document)
     _print_sources(document["sources"])
@@ -153,6 +161,27 @@ def _print_gearbox(gearbox: dict[str, Any]) -> None:
     _say(f"rotor {gearbox['rotor_speed_r_min']:.0f} r/min")
 
 
+def _print_cutters(cutters: dict[str, Any]) -> None:
+    table = _table(f"cutters ({cutters['source']})", "type", ">cutters", ">discs", ">radius, m")
+    for name, kind in cutters["types"].items():
+        low, high = kind["radius"]
+        _add(table, (name, kind["cutters"], kind["discs"], f"{low:.3f} to {high:.3f}"))
+    results.print(table)
+    rock, disc = cutters["rock"], cutters["disc"]
+    _say(
+        f"discs {2e3 * disc['radius']:g} mm across, tip {1e3 * disc['tip_width']:g} mm ({disc['source']}); "
+        f"rock {rock['ucs_mpa']:g} and {rock['bts_mpa']:g} MPa ({rock['source']})"
+    )
+    _say(
+        f"at the operating point {cutters['penetration_mm']:.1f} mm a turn, a face disc "
+        f"{cutters['normal_force_kn']:.0f} and {cutters['rolling_force_kn']:.1f} kN"
+    )
+    _say(
+        f"friction {cutters['friction_kn']:g} kN, idle torque {cutters['idle_torque_kn_m']:g} kN·m; "
+        f"torque of the head {cutters['torque_kn_m']:.0f} kN·m"
+    )
+
+
 def _print_masses(masses: dict[str, float]) -> None:
     table = _table("masses", "subsystem", ">t")
     for name in (*SUBSYSTEMS, "total"):
@@ -174,4 +203,23 @@ def _print_sources(sources: dict[str, int]) -> None:
     table = _table("numbers of the file by source", "source", ">numbers")
     for name, count in sources.items():
         _add(table, (name, count))
+    results.print(table)
+
+
+def print_loads(document: dict[str, Any]) -> None:
+    """Print the document of `load_run` beside the paper's Table 1; forces in kN, moments in kN·m."""
+    point = document["operating_point"]
+    _say(
+        f"{document['machine']}: cutterhead loads, {document['loads']} level, {document['duration']:g} s, "
+        f"seed {document['seed']}, at {point['speed'] * 30.0 / math.pi:.3g} r/min, {point['torque'] / 1e3:.5g} kN·m, "
+        f"{point['thrust'] / 1e3:.5g} kN"
+    )
+    headings = (">paper", ">mean", ">RMS", ">in regions", "paper's lines", "found, Hz")
+    title = "means (magnitudes), fluctuation, share of its power in Table 1's regions; kN, kN·m"
+    table = _table(title, "", *headings)
+    for name, row in document["components"].items():
+        numbers = (f"{abs(row[key]) / 1e3:.5g}" for key in ("paper_mean", "mean", "rms"))
+        paper = ", ".join(f"{line['paper_hz']:g}" for line in row["lines"])
+        found = ", ".join("–" if line["found_hz"] is None else f"{line['found_hz']:.2f}" for line in row["lines"])
+        _add(table, (name, *numbers, f"{row['in_regions']:.0%}", paper, found))
     results.print(table)

@@ -19,6 +19,18 @@ notes = Console(stderr=True, soft_wrap=True)
 
 JSON_OPTION = typer.Option("--json", help="Print exactly one JSON document on stdout.")
 SEED_OPTION = typer.Option("--seed", min=0, max=2**31 - 1, help="Seed of everything random.")
+LOADS_OPTION = typer.Option("--loads", help="Table 1's spectra, or the forces on the disc cutters.")
+SCHEDULE_OPTION = typer.Option(
+    "--schedule",
+    help="CSV file with the operating point over time: columns time_s, speed_r_min, torque_kn_m, thrust_kn.",
+    dir_okay=False,
+)
+COLUMN_OPTION = typer.Option(
+    "--schedule-column", help="A column of that file by another name, such as speed=rpm; can be repeated."
+)
+WHERE_OPTION = typer.Option(
+    "--schedule-where", help="Only its rows with a text in a column, such as cycle=7; can be repeated."
+)
 MACHINE_OPTION = typer.Option("--machine", help="Name of a shipped machine, or path of a machine file.")
 
 

@@ -18,7 +18,7 @@ _GRACE_S = 5.0
 _ENDING = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 _DISCOVERY = "ROS_AUTOMATIC_DISCOVERY_RANGE"
 
-ParameterValue = bool | int | float | str
+ParameterValue = bool | int | float | str | list[str]
 
 
 def keep_discovery_local() -> None:
@@ -54,8 +54,12 @@ def _literal(value: ParameterValue) -> str:
     """YAML of a parameter value; strings are quoted so that a name like `1e3` or a path stays a string."""
     if isinstance(value, bool):
         return str(value).lower()
+    if isinstance(value, list):
+        return f"[{','.join(map(_literal, value))}]"
     if isinstance(value, str):
         return "'" + value.replace("'", "''") + "'"
+    if isinstance(value, list):
+        return f"[{', '.join(map(_literal, value))}]"
     return repr(value)
 
 

@@ -14,6 +14,7 @@ LOAD_NODE = "tbm_dynamics.nodes.load_node"
 DYNAMICS_NODE = "tbm_dynamics.nodes.dynamics_node"
 ANALYSIS_NODE = "tbm_gsa.nodes.analysis_node"
 BAG_PLAYER = "tbm_msgs_py.nodes.bag_player"
+BAG_RECORDER = "tbm_msgs_py.nodes.bag_recorder"
 
 
 def watch(points: Iterable[str]) -> Watch:

@@ -3,16 +3,33 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Mapping
 from pathlib import Path
+from types import MappingProxyType
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 from rich.table import Table
 
 from tbm_dynamics import load_machine
-from tbm_gsa.cli.output import JSON_OPTION, MACHINE_OPTION, SEED_OPTION, notes, print_json, progress_bar, results
+from tbm_dynamics.levels import LoadLevel
+from tbm_dynamics.streams import LoadStream
+from tbm_gsa.cli.output import (
+    COLUMN_OPTION,
+    JSON_OPTION,
+    LOADS_OPTION,
+    MACHINE_OPTION,
+    SCHEDULE_OPTION,
+    SEED_OPTION,
+    WHERE_OPTION,
+    notes,
+    print_json,
+    progress_bar,
+    results,
+)
 from tbm_gsa.cli.processes import NodeCommand, NodeProcesses, ParameterValue, keep_discovery_local
 from tbm_gsa.cli.ros import ANALYSIS_NODE, DYNAMICS_NODE, LOAD_NODE, watch
+from tbm_gsa.cli.simulate import schedule_of
 from tbm_msgs_py import topics
 
 if TYPE_CHECKING:
@@ -29,6 +46,10 @@ def run(
     ] = None,
     machine: Annotated[str, MACHINE_OPTION] = "dz101",
     seed: Annotated[int, SEED_OPTION] = 0,
+    loads: Annotated[LoadLevel, LOADS_OPTION] = "spectral",
+    schedule: Annotated[Path | None, SCHEDULE_OPTION] = None,
+    schedule_column: Annotated[list[str] | None, COLUMN_OPTION] = None,
+    schedule_where: Annotated[list[str] | None, WHERE_OPTION] = None,
     out: Annotated[Path, typer.Option(help="Folder for logs and studies.")] = Path("tbm_run"),
     json: Annotated[bool, JSON_OPTION] = False,
 ) -> None:
@@ -36,9 +57,15 @@ def run(
     keep_discovery_local()
     described = load_machine(machine)
     described.assemble()
+    # Refused here, in one line, rather than by the node.
+    LoadStream(described, seed, 1e-3, 1, loads, schedule_of(schedule, schedule_column, schedule_where))
+    driven: dict[str, ParameterValue] = {"loads": loads}
+    if schedule is not None:
+        driven |= {"schedule": str(schedule.absolute()), "schedule_columns": schedule_column or [""]}
+        driven |= {"schedule_where": schedule_where or [""]}
     start = time.monotonic()
     with watch(described.description.test_points) as watching, NodeProcesses(out / "logs") as nodes:
-        for command in node_commands(machine, seed, out):
+        for command in node_commands(machine, seed, out, driven):
             nodes.start(command)
         first_block = _wait_for_blocks(watching, nodes, start)
         stopped = _follow(watching, nodes, duration)
@@ -51,16 +78,18 @@ def run(
         notes.print("stopped by Ctrl-C", highlight=False)
 
 
-def node_commands(machine: str, seed: int, out: Path) -> list[NodeCommand]:
-    """Give the three nodes on the computer's clock."""
-    common: dict[str, ParameterValue] = {"machine": machine, "seed": seed}
+def node_commands(
+    machine: str, seed: int, out: Path, driven: Mapping[str, ParameterValue] = MappingProxyType({})
+) -> list[NodeCommand]:
+    """Give the three nodes on the computer's clock; `driven` are parameters of the load node."""
+    common: dict[str, ParameterValue] = {"machine": machine, "seed": seed, "loads": driven.get("loads", "spectral")}
     return [
         NodeCommand(
             "analysis_node", ANALYSIS_NODE, {"machine": machine, "gsa.seed": seed, "gsa.folder": str(out / "studies")}
         ),
         NodeCommand("dynamics_node", DYNAMICS_NODE, common),
         # Dynamics and this process: both see the stream from its first block.
-        NodeCommand("load_node", LOAD_NODE, {**common, "wait_for_subscribers": 2}),
+        NodeCommand("load_node", LOAD_NODE, {**common, **driven, "wait_for_subscribers": 2}),
     ]
 
 

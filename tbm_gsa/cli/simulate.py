@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from pathlib import Path
 from typing import Annotated, Any
 
 import numpy as np
@@ -11,8 +12,20 @@ from rich.table import Table
 
 from tbm_dynamics import Machine, Response, load_machine
 from tbm_dynamics import simulate as run_model
-from tbm_dynamics.simulation import LoadLevel
-from tbm_gsa.cli.output import JSON_OPTION, MACHINE_OPTION, SEED_OPTION, print_json, progress_bar, results
+from tbm_dynamics.levels import LoadLevel
+from tbm_dynamics.schedule import Schedule, pairs, read_schedule
+from tbm_gsa.cli.output import (
+    COLUMN_OPTION,
+    JSON_OPTION,
+    LOADS_OPTION,
+    MACHINE_OPTION,
+    SCHEDULE_OPTION,
+    SEED_OPTION,
+    WHERE_OPTION,
+    print_json,
+    progress_bar,
+    results,
+)
 
 G = 9.80665
 UNITS = {
@@ -31,27 +44,47 @@ def simulate(
     duration: Annotated[float, typer.Option(max=3600.0, help="Simulated time (s).")] = 3.0,
     machine: Annotated[str, MACHINE_OPTION] = "dz101",
     seed: Annotated[int, SEED_OPTION] = 0,
-    loads: Annotated[
-        LoadLevel, typer.Option(help="Loads from Table 1's spectra, or from the forces on the disc cutters.")
-    ] = "spectral",
+    loads: Annotated[LoadLevel, LOADS_OPTION] = "spectral",
+    schedule: Annotated[Path | None, SCHEDULE_OPTION] = None,
+    schedule_column: Annotated[list[str] | None, COLUMN_OPTION] = None,
+    schedule_where: Annotated[list[str] | None, WHERE_OPTION] = None,
     json: Annotated[bool, JSON_OPTION] = False,
 ) -> None:
     """Run the model and print its indicators and accelerations."""
     described = load_machine(machine)
+    driven = schedule_of(schedule, schedule_column, schedule_where)
     # The kernel is compiled, and the factor below is that of the model, not of the compiler.
     run_model(described, duration=1e-3, seed=seed, loads=loads)
     start = time.perf_counter()
     with progress_bar("simulating") as bar:
         task = bar.add_task("", total=1.0)
         response = run_model(
-            described, duration, seed, loads=loads, progress=lambda share: bar.update(task, completed=share)
+            described,
+            duration,
+            seed,
+            loads=loads,
+            schedule=driven,
+            progress=lambda share: bar.update(task, completed=share),
         )
     seconds = time.perf_counter() - start
-    document = {**simulation_document(described, response, seed, duration / seconds), "loads": loads}
+    document = {
+        **simulation_document(described, response, seed, duration / seconds),
+        "loads": loads,
+        "schedule": None if schedule is None else str(schedule),
+    }
     if json:
         print_json(document)
     else:
         _print_tables(document)
+
+
+def schedule_of(file: Path | None, columns: list[str] | None, where: list[str] | None) -> Schedule | None:
+    """Read the schedule that the options name; columns and rows of no file are bad input."""
+    if file is None:
+        if columns or where:
+            raise ValueError("--schedule-column and --schedule-where: allowed only with --schedule")
+        return None
+    return read_schedule(file, pairs("--schedule-column", columns or ()), pairs("--schedule-where", where or ()))
 
 
 def simulation_document(machine: Machine, response: Response, seed: int, real_time_factor: float) -> dict[str, Any]:

@@ -1,7 +1,9 @@
 """The model against a recording: conditioning, statistics, and the comparison afterwards and live."""
 
-from tbm_gsa.comparison.live import AlarmRule, WindowedComparison, WindowResult
-from tbm_gsa.comparison.offline import Comparison, Record, Settings, compare_records
+from tbm_gsa.comparison.alarm import AlarmRule, UsualError
+from tbm_gsa.comparison.live import WindowedComparison, WindowResult
+from tbm_gsa.comparison.offline import Comparison, Record, compare_records
+from tbm_gsa.comparison.settings import Settings
 from tbm_gsa.comparison.streams import StreamCounters
 
 __all__ = [
@@ -10,6 +12,7 @@ __all__ = [
     "Record",
     "Settings",
     "StreamCounters",
+    "UsualError",
     "WindowResult",
     "WindowedComparison",
     "compare_records",

@@ -1,17 +1,29 @@
-"""The JSON document of a comparison; its keys are a contract with whoever reads it."""
+"""The JSON document of a comparison; its keys are a contract, docs/comparison.md lists them."""
 
+import hashlib
+import math
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
+from importlib import resources
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from tbm_dynamics import Machine
+from tbm_gsa.arrays import Array
+from tbm_gsa.comparison.estimates import SignalStatistics
 from tbm_gsa.comparison.expected import ExpectedLine
-from tbm_gsa.comparison.offline import Comparison, PointComparison
-from tbm_gsa.comparison.operating import Operating
+from tbm_gsa.comparison.field_side import FieldSide
+from tbm_gsa.comparison.intervals import CONFIDENCE, Interval
+from tbm_gsa.comparison.levels import Schedule
+from tbm_gsa.comparison.offline import AxisComparison, Comparison, G, PointComparison, Windows
 from tbm_gsa.study.document import package_versions
-from tbm_msgs_py.recording import AccelerationRecord, Recording
+from tbm_msgs_py.recording import RecordingReader
+
+STATISTICS = ("rms", "peak", "crest_factor", "kurtosis", "velocity_rms")
+_DIGITS = 8  # significant ones of what is written by the thousand
 
 
 @dataclass(frozen=True, eq=False)
@@ -20,54 +32,65 @@ class Provenance:
 
     Attributes
     ----------
+    reader : RecordingReader
+        Read to its end.
     machine : Machine
-        At the operating point of the run.
-    operating : Operating
+        As described, at no level yet.
+    schedule : Schedule
     lines : sequence of ExpectedLine
     skipped : mapping of str to str
         Recorded points that were not compared, with the reason.
     seed : int
         Of the model's loads.
     model_duration : float
-        s.
+        Of the run at each level, s.
     """
 
+    reader: RecordingReader
     machine: Machine
-    operating: Operating
+    schedule: Schedule
     lines: Sequence[ExpectedLine]
     skipped: Mapping[str, str]
     seed: int
     model_duration: float
 
 
-def comparison_document(recording: Recording, comparison: Comparison, provenance: Provenance) -> dict[str, Any]:
-    """Gather a comparison.
-
-    Returns
-    -------
-    dict
-        ``points{point: {axis: …}}`` and ``window_s`` as `Comparison.to_dict` gives them; ``nodes``, ``bands`` and
-        ``skipped`` by point; ``recording{path, messages, lost, truncated, sha256, duration, points{…}}``;
-        ``expected_lines``, ``machine``, ``operating_point``, ``seed``, ``model_duration``, ``versions``; and
-        ``synthetic``, true, if the recording's own notes call it so.
-    """
-    nodes = provenance.machine.description.test_points
+def comparison_document(field: FieldSide, comparison: Comparison, provenance: Provenance) -> dict[str, Any]:
+    """Gather a comparison: what JSON can hold, null where a number is not defined."""
+    nodes, schedule = provenance.machine.description.test_points, provenance.schedule
     document = {
-        **comparison.to_dict(),
+        "window_s": comparison.window_s,
+        "confidence": CONFIDENCE,
+        "points": {
+            name: {axis: _axis(point, compared) for axis, compared in point.axes.items()}
+            for name, point in comparison.points.items()
+        },
+        "spectra": {name: _spectra(point) for name, point in comparison.points.items()},
         "nodes": {point: nodes[point] for point in comparison.points},
         "bands": {name: _band(point) for name, point in comparison.points.items()},
         "skipped": dict(provenance.skipped),
-        "recording": _recording(recording),
+        "recording": _recording(field, provenance),
         "expected_lines": [
             {"name": line.name, "frequency_hz": line.frequency, "kind": line.kind} for line in provenance.lines
         ],
         "machine": provenance.machine.name,
-        "operating_point": asdict(provenance.operating),
+        "machine_file": {"origin": provenance.machine.origin, "sha256": machine_sha256(provenance.machine)},
+        "operating_point": asdict(schedule.levels[0]),
+        "levels": [_level(number, comparison, schedule) for number in range(len(schedule.levels))],
+        "dwells": [
+            {
+                "begin": (dwell.begin_ns - field.begin_ns) * 1e-9,
+                "end": (dwell.end_ns - field.begin_ns) * 1e-9,
+                "kind": dwell.kind,
+                "level": dwell.level,
+            }
+            for dwell in schedule.dwells
+        ],
         "seed": provenance.seed,
         "model_duration": provenance.model_duration,
         "versions": package_versions(),
     }
-    return {**document, "synthetic": True} if _called_synthetic(recording.path) else document
+    return {**document, "synthetic": True} if _called_synthetic(provenance.reader.path) else document
 
 
 @dataclass(frozen=True)
@@ -95,43 +118,120 @@ def axial_rows(document: Mapping[str, Any]) -> list[AxialRow]:
     ]
 
 
+def machine_sha256(machine: Machine) -> str:
+    """Digest of the file a machine came from, else of its description."""
+    shipped = resources.files("tbm_dynamics") / "machines" / f"{machine.origin}.yaml"
+    for file in (Path(machine.origin), shipped):
+        if file.is_file():
+            return hashlib.sha256(file.read_bytes()).hexdigest()
+    return hashlib.sha256(machine.base.model_dump_json().encode()).hexdigest()
+
+
+def _axis(point: PointComparison, compared: AxisComparison) -> dict[str, Any]:
+    result: dict[str, Any] = {"relative_error": number(compared.relative_error), "coverage": point.coverage}
+    intervals: dict[str, Any] = {"relative_error": _interval(compared.error_interval)}
+    for side, statistics in (("field", compared.field), ("model", compared.model)):
+        result |= {f"{side}_{name}": number(getattr(statistics, name)) for name in STATISTICS}
+        intervals |= {f"{side}_{name}": _interval(statistics.intervals[name]) for name in STATISTICS}
+        result[f"{side}_rms_g"] = statistics.rms / G
+        result[f"{side}_band_rms"] = {name: number(value) for name, value in statistics.band_rms.items()}
+        intervals[f"{side}_band_rms"] = {name: _interval(value) for name, value in statistics.band_intervals.items()}
+        result[f"{side}_lines"] = _lines(statistics)
+    return {**result, "intervals": intervals, "windows": _windows(compared.windows)}
+
+
+def _lines(statistics: SignalStatistics) -> list[dict[str, Any]]:
+    low, high = (math.sqrt(factor) for factor in statistics.density_factors)
+    return [
+        {
+            "frequency_hz": line.frequency,
+            "rms": line.rms,
+            "match": line.match,
+            "interval": [low * line.rms, high * line.rms],
+        }
+        for line in statistics.lines
+    ]
+
+
+def _windows(windows: Windows) -> dict[str, Any]:
+    found: dict[str, Any] = {name: _numbers(values) for name, values in windows.arrays().items() if name != "level"}
+    found["level"] = [None if level < 0 else level for level in windows.level.tolist()]
+    found["field_band_rms"] = {name: _numbers(values) for name, values in windows.field_band_rms.items()}
+    return found
+
+
+def _spectra(point: PointComparison) -> dict[str, Any]:
+    spectra = {}
+    for axis, compared in point.axes.items():
+        sides = {}
+        for side, statistics in (("field", compared.field), ("model", compared.model)):
+            spectrum = statistics.spectrum
+            sides[side] = {
+                "resolution_hz": float(spectrum.frequency[1]),
+                "density": _numbers(spectrum.density),
+                "segments": spectrum.segments,
+                "interval_factors": list(statistics.density_factors),
+            }
+        spectra[axis] = sides
+    return spectra
+
+
+def _level(place: int, comparison: Comparison, schedule: Schedule) -> dict[str, Any]:
+    points = {}
+    for name, point in comparison.points.items():
+        axes = {axis: compared.levels[place] for axis, compared in point.axes.items() if place in compared.levels}
+        points[name] = {
+            axis: {
+                "field_rms": one.field.rms,
+                "model_rms": one.model.rms,
+                "relative_error": number(one.relative_error),
+                "intervals": {
+                    "field_rms": _interval(one.field.intervals["rms"]),
+                    "model_rms": _interval(one.model.intervals["rms"]),
+                    "relative_error": _interval(one.error_interval),
+                },
+            }
+            for axis, one in axes.items()
+        }
+    return {**asdict(schedule.levels[place]), "points": points}
+
+
 def _band(point: PointComparison) -> dict[str, float]:
     return {
         "low_hz": point.band.low,
         "high_hz": point.band.high,
-        "field_rate_hz": point.field_rate_hz,
-        "model_rate_hz": point.model_rate_hz,
+        "field_rate_hz": point.field.rate_hz,
+        "model_rate_hz": point.model.rate_hz,
     }
 
 
-def _recording(recording: Recording) -> dict[str, Any]:
-    records = recording.points.values()
-    begin = min(record.start_ns for record in records)
+def _recording(field: FieldSide, provenance: Provenance) -> dict[str, Any]:
+    reader = provenance.reader
     return {
-        "path": str(recording.path),
-        "messages": recording.messages,
-        "lost": recording.lost,
-        "truncated": recording.truncated,
-        "sha256": recording.sha256,
-        "duration": max((record.start_ns - begin) * 1e-9 + record.duration for record in records),
-        "points": {point: _record(record) for point, record in recording.points.items()},
+        "path": str(reader.path),
+        "messages": reader.messages,
+        "lost": reader.lost,
+        "truncated": reader.truncated,
+        "damaged": reader.damaged,
+        "sha256": reader.sha256,
+        "duration": (field.end_ns - field.begin_ns) * 1e-9,
+        "points": {point: ledger.to_dict() for point, ledger in field.ledgers.items()},
     }
 
 
-def _record(record: AccelerationRecord) -> dict[str, Any]:
-    return {
-        "topic": record.topic,
-        "samples": len(record.time),
-        "rate_hz": record.rate_hz,
-        "duration": record.duration,
-        "gaps": [list(gap) for gap in record.gaps],
-        "clipped": record.clipped,
-        "duplicates": record.duplicates,
-        "invalid": record.invalid,
-        "undecodable": record.undecodable,
-        "gravity": record.gravity,
-        "frame": record.frame,
-    }
+def number(value: float) -> float | None:
+    """Give a number as JSON has it."""
+    return value if math.isfinite(value) else None
+
+
+def _interval(interval: Interval) -> list[float] | None:
+    return list(interval) if all(map(math.isfinite, interval)) else None
+
+
+def _numbers(values: Array) -> list[float | None]:
+    """Numbers to eight digits, for there are thousands."""
+    found = np.array([float(f"{value:.{_DIGITS}g}") for value in values.tolist()])
+    return [number(value) for value in found.tolist()]
 
 
 def _called_synthetic(path: Path) -> bool:

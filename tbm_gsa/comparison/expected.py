@@ -1,6 +1,6 @@
 """What to expect in the spectrum of a machine: lines of the loads, mesh frequency, axial natural frequencies."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import Literal
 
@@ -44,6 +44,17 @@ def expected_lines(machine: Machine) -> tuple[ExpectedLine, ...]:
         ExpectedLine("2 × mesh frequency", 2.0 * mesh, "mesh"),
         *_axial_lines(machine),
     )
+
+
+def lines_of_levels(machines: Mapping[int, Machine]) -> tuple[ExpectedLine, ...]:
+    """Lines of a machine at several levels of operation: what moves with the level is named after it, from 1."""
+    first, *others = machines
+    lines = list(expected_lines(machines[first]))
+    for level in others:
+        known = {round(line.frequency, 3) for line in lines}
+        moved = [line for line in expected_lines(machines[level]) if round(line.frequency, 3) not in known]
+        lines += [ExpectedLine(f"{line.name}, level {level + 1}", line.frequency, line.kind) for line in moved]
+    return tuple(lines)
 
 
 def _axial_lines(machine: Machine) -> Iterator[ExpectedLine]:

@@ -4,7 +4,7 @@ Blocks of both signals come in any interleaving and are brought together by thei
 kept, never samples, so the memory does not grow.
 """
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
@@ -135,51 +135,3 @@ class WindowedComparison:
         shares = [closed.sums[source].coverage(streams[source].rate_hz, length) for source in SOURCES]
         error = relative_error(field, model) if min(shares) >= self._least_coverage else np.full(3, np.nan)
         return WindowResult(point, closed.index * length, length, model, field, error, *shares)
-
-
-class AlarmRule:
-    """Says when the error of a test point has stayed over a threshold for a number of windows.
-
-    Parameters
-    ----------
-    threshold : float
-        Of the relative error of any axis, or of its change if there is a baseline.
-    windows : int
-        Consecutive windows with a known error that have to be over it.
-    baseline : mapping of str to array_like, shape (3,)
-        Usual error of each point of this machine; the model of a sound drive has one too.
-    axes : sequence of int
-        Which of x, y, z to watch.
-    """
-
-    def __init__(
-        self,
-        threshold: float = 0.30,
-        windows: int = 3,
-        baseline: Mapping[str, ArrayLike] | None = None,
-        axes: Sequence[int] = (0, 1, 2),
-    ) -> None:
-        if not threshold > 0.0 or windows < 1:
-            raise ValueError(f"an alarm needs threshold > 0 and windows >= 1, not {threshold} and {windows}")
-        self._threshold = threshold
-        self._windows = windows
-        self._baseline = {point: np.asarray(error, dtype=np.float64) for point, error in (baseline or {}).items()}
-        self._axes = list(axes)
-        self._over: dict[str, int] = {}
-
-    @property
-    def raised(self) -> frozenset[str]:
-        """Test points whose alarm stands."""
-        return frozenset(point for point, count in self._over.items() if count >= self._windows)
-
-    def update(self, result: WindowResult) -> bool:
-        """Take the next window of a point; true when this window raises the alarm, once until it has fallen again."""
-        error = result.relative_error
-        if result.point in self._baseline:
-            error = np.abs(error - self._baseline[result.point])
-        watched = error[self._axes]
-        if np.isnan(watched).all():
-            return False
-        over = bool(np.any(watched > self._threshold))
-        self._over[result.point] = self._over.get(result.point, 0) + 1 if over else 0
-        return self._over[result.point] == self._windows

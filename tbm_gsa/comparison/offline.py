@@ -2,36 +2,20 @@
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, field
-from typing import Any, Protocol
+from dataclasses import dataclass, fields
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from tbm_gsa.arrays import Array
-from tbm_gsa.comparison.conditioning import (
-    Band,
-    Conditioned,
-    Frame,
-    common_band,
-    compared_axes,
-    condition,
-    sampling_rate,
-)
-from tbm_gsa.comparison.statistics import (
-    Line,
-    Spectrum,
-    band_rms,
-    coverage,
-    crest_factor,
-    kurtosis,
-    match_lines,
-    peak,
-    relative_error,
-    rms,
-    strongest_lines,
-    welch_spectrum,
-)
+from tbm_gsa.arrays import Array, Integers
+from tbm_gsa.comparison.clock import sampling_rate
+from tbm_gsa.comparison.conditioning import Band, Frame, common_band, ordered
+from tbm_gsa.comparison.estimates import SignalStatistics, estimate, field_sample, level_shares, model_sample
+from tbm_gsa.comparison.intervals import Interval, error_interval
+from tbm_gsa.comparison.reduction import ReducedSignal, SignalReducer
+from tbm_gsa.comparison.settings import Settings, band_name
+from tbm_gsa.comparison.statistics import coverage, kurtosis, ratio, relative_error, rms
 
 G = 9.80665  # m/s²
 
@@ -47,76 +31,78 @@ class Record(Protocol):
     def rate_hz(self) -> float: ...  # noqa: D102
 
 
-@dataclass(frozen=True)
-class Settings:
-    """How to compare.
-
-    Attributes
-    ----------
-    window_s : float
-        Length of a window.
-    high_hz : float or None
-        Upper limit of the band; by default what `common_band` gives.
-    bands : tuple of (float, float)
-        Bands whose RMS is given, Hz.
-    expected_lines : mapping of str to float
-        Frequencies in Hz by name, e.g. the loads' lines and the mesh frequency.
-    line_count : int
-        Strongest lines per axis.
-    resolution_hz : float
-        Of the spectra.
-    """
-
-    window_s: float = 2.0
-    high_hz: float | None = None
-    bands: tuple[tuple[float, float], ...] = ((0.5, 20.0), (100.0, 110.0), (125.0, 135.0), (200.0, 210.0))
-    expected_lines: Mapping[str, float] = field(default_factory=dict)
-    line_count: int = 5
-    resolution_hz: float = 0.25
-
-
-@dataclass(frozen=True, eq=False)
-class SignalStatistics:
-    """Statistics of one signal along one compared axis, m/s²."""
-
-    rms: float
-    peak: float
-    crest_factor: float
-    kurtosis: float
-    band_rms: Mapping[str, float]
-    lines: tuple[Line, ...]
-    spectrum: Spectrum
-
-
 @dataclass(frozen=True, eq=False)
 class Windows:
-    """Window by window; all arrays have shape (w,).
+    """Window by window along one axis; all arrays have shape (w,), NaN where a window holds no sample.
 
     Attributes
     ----------
     start : ndarray
         s after the first recorded sample.
-    field_rms : ndarray
-        m/s²; NaN where a window holds no sample.
-    relative_error, coverage : ndarray
-        Equation (4) against the whole model run, which has no window that would be simultaneous; recorded share of the
-        window.
+    level : ndarray
+        Level of operation, −1 of a window that belongs to none.
+    coverage : ndarray
+        Recorded share of the window.
+    relative_error : ndarray
+        Equation (4) against the whole model run at the level, which has no window that would be simultaneous.
+    field_rms, field_peak : ndarray
+        m/s².
+    field_crest_factor, field_kurtosis : ndarray
+    field_velocity_rms : ndarray
+        m/s.
+    field_band_rms : mapping of str to ndarray
+        m/s².
+    field_line_hz : ndarray
+        Highest line of the window's own spectrum.
     """
 
     start: Array
-    field_rms: Array
-    relative_error: Array
+    level: Integers
     coverage: Array
+    relative_error: Array
+    field_rms: Array
+    field_peak: Array
+    field_crest_factor: Array
+    field_kurtosis: Array
+    field_velocity_rms: Array
+    field_band_rms: Mapping[str, Array]
+    field_line_hz: Array
+
+    def arrays(self) -> dict[str, Array]:
+        """Arrays by name, without the bands."""
+        return {item.name: getattr(self, item.name) for item in fields(self) if item.name != "field_band_rms"}
 
 
 @dataclass(frozen=True, eq=False)
-class AxisComparison:
-    """One axis of one test point."""
+class LevelComparison:
+    """One axis of one test point at one level of operation."""
 
     field: SignalStatistics
     model: SignalStatistics
     relative_error: float
+    error_interval: Interval
+
+
+@dataclass(frozen=True, eq=False)
+class AxisComparison:
+    """One axis of one test point.
+
+    Attributes
+    ----------
+    field, model : SignalStatistics
+        Over all windows at a level; the model's levels count as long as they were recorded.
+    relative_error : float
+    error_interval : (float, float)
+    windows : Windows
+    levels : mapping of int to LevelComparison
+    """
+
+    field: SignalStatistics
+    model: SignalStatistics
+    relative_error: float
+    error_interval: Interval
     windows: Windows
+    levels: Mapping[int, LevelComparison]
 
 
 @dataclass(frozen=True, eq=False)
@@ -131,15 +117,15 @@ class PointComparison:
         What was compared, Hz.
     coverage : float
         Recorded share of the time from the first to the last sample, in stretches long enough to condition.
-    field_rate_hz, model_rate_hz : float
-        Sampling rates.
+    field, model : ReducedSignal
+        The signals; the model's at the level that was held longest.
     """
 
     axes: Mapping[str, AxisComparison]
     band: Band
     coverage: float
-    field_rate_hz: float
-    model_rate_hz: float
+    field: ReducedSignal
+    model: ReducedSignal
 
 
 @dataclass(frozen=True, eq=False)
@@ -149,11 +135,6 @@ class Comparison:
     points: Mapping[str, PointComparison]
     window_s: float
 
-    def to_dict(self) -> dict[str, Any]:
-        """Give what JSON can hold, in m/s² and Hz unless a key ends in ``_g``; null where a number is not defined."""
-        points = {name: {axis: _axis_dict(point, axis) for axis in point.axes} for name, point in self.points.items()}
-        return {"window_s": self.window_s, "points": points}
-
 
 def compare_records(
     field: Mapping[str, Record],
@@ -162,7 +143,7 @@ def compare_records(
     frames: Mapping[str, Frame] | None = None,
     settings: Settings | None = None,
 ) -> Comparison:
-    """Compare a recording with the model at every recorded test point.
+    """Compare a recording with the model at every recorded test point, both in memory and at one level of operation.
 
     Parameters
     ----------
@@ -183,121 +164,111 @@ def compare_records(
     if missing:
         raise ValueError(f"the model has no test point {', '.join(missing)}; it has {', '.join(sorted(model))}")
     chosen, turning = settings or Settings(), frames or {}
-    points = {
-        name: _compare_point(name, record, model[name], turning.get(name, "fixed"), chosen)
-        for name, record in field.items()
-    }
+    points = {}
+    for name, record in field.items():
+        try:
+            model_rate = sampling_rate(model[name][0])
+            band = compared_band(record.rate_hz, model_rate, chosen)
+            frame = turning.get(name, "fixed")
+            measured = _reduced(record.time, record.values, SignalReducer(record.rate_hz, band, frame, chosen))
+            predicted = _reduced(*model[name], SignalReducer(model_rate, band, frame, chosen))
+            points[name] = compare_signals(measured, {0: predicted}, chosen)
+        except ValueError as error:
+            raise ValueError(f"test point {name}: {error}") from error
     return Comparison(points, chosen.window_s)
 
 
-def _compare_point(
-    name: str, record: Record, computed: tuple[ArrayLike, ArrayLike], frame: Frame, settings: Settings
-) -> PointComparison:
-    try:
-        model_rate = sampling_rate(computed[0])
-        band = common_band(record.rate_hz, model_rate)
-        if settings.high_hz is not None:
-            band = Band(band.low, settings.high_hz)
-        measured = condition(record.time, record.values, record.rate_hz, band)
-        predicted = condition(*computed, model_rate, band)
-    except ValueError as error:
-        raise ValueError(f"test point {name}: {error}") from error
-    axes = {
-        axis: _compare_axis(_columns(measured, columns), _columns(predicted, columns), band, settings)
-        for axis, columns in compared_axes(frame).items()
+def compared_band(field_rate_hz: float, model_rate_hz: float, settings: Settings) -> Band:
+    """Band that both signals carry, or up to what the settings say."""
+    band = common_band(field_rate_hz, model_rate_hz)
+    return band if settings.high_hz is None else Band(band.low, settings.high_hz)
+
+
+def compare_signals(field: ReducedSignal, model: Mapping[int, ReducedSignal], settings: Settings) -> PointComparison:
+    """Compare what is left of both signals of a test point.
+
+    Parameters
+    ----------
+    field : ReducedSignal
+    model : mapping of int to ReducedSignal
+        The model's run at each level of operation. Windows of the recording at another level are left out.
+    settings : Settings
+
+    Raises
+    ------
+    ValueError
+        No window of the recording belongs to a level.
+    """
+    shares = level_shares(field, model)
+    if not shares:
+        raise ValueError("no window at a steady level of operation")
+    measured, predicted = _both(field, model, shares, settings)
+    apart = {level: {level: 1.0} for level in shares if level in field.spectra}
+    by_level = {
+        level: _both(field, model, share, settings) if len(shares) > 1 else (measured, predicted)
+        for level, share in apart.items()
     }
-    share = coverage(len(measured.values), record.rate_hz, measured.duration)
-    return PointComparison(axes, band, share, record.rate_hz, model_rate)
+    axes = {}
+    for number, axis in enumerate(field.axes):
+        levels = {
+            level: LevelComparison(a[axis], b[axis], *_error(a[axis], b[axis])) for level, (a, b) in by_level.items()
+        }
+        model_rms = {level: one.model.rms for level, one in levels.items()}
+        windows = _windows(field, number, model_rms, settings)
+        error = _error(measured[axis], predicted[axis])
+        axes[axis] = AxisComparison(measured[axis], predicted[axis], *error, windows, levels)
+    share = coverage(float(field.windows.count.sum()), field.rate_hz, field.duration)
+    return PointComparison(axes, field.band, share, field, model[max(shares, key=shares.__getitem__)])
 
 
-def _compare_axis(measured: "_Columns", predicted: "_Columns", band: Band, settings: Settings) -> AxisComparison:
-    field_statistics = _statistics(measured, band, settings)
-    model_statistics = _statistics(predicted, band, settings)
-    error = float(relative_error(field_statistics.rms, model_statistics.rms))
-    return AxisComparison(field_statistics, model_statistics, error, _windows(measured, model_statistics.rms, settings))
+def _reduced(time: ArrayLike, values: ArrayLike, reducer: SignalReducer) -> ReducedSignal:
+    stamps, rows = ordered(time, values)
+    reducer.feed(stamps - stamps[:1], rows)
+    return reducer.finish()
 
 
-@dataclass(frozen=True, eq=False)
-class _Columns:
-    """The one or two columns of a conditioned signal that make up a compared axis."""
-
-    rate_hz: float
-    time: Array  # (n,) s after the first recorded sample
-    duration: float  # s
-    segments: tuple[Array, ...]  # (n_i, c) m/s²
-
-    @property
-    def amplitude(self) -> Array:
-        """The signal itself, or the length of the vector of two columns, (n,), m/s²."""
-        values = np.concatenate(self.segments)
-        return values[:, 0] if values.shape[1] == 1 else np.hypot(values[:, 0], values[:, 1])
-
-
-def _columns(signal: Conditioned, columns: tuple[int, ...]) -> _Columns:
-    segments = tuple(segment.values[:, columns] for segment in signal.segments)
-    return _Columns(signal.rate_hz, signal.time - signal.origin, signal.duration, segments)
-
-
-def _statistics(signal: _Columns, band: Band, settings: Settings) -> SignalStatistics:
-    amplitude = signal.amplitude
-    spectrum = welch_spectrum(signal.segments, signal.rate_hz, settings.resolution_hz)
-    inside = spectrum.frequency <= band.high
-    spectrum = Spectrum(spectrum.frequency[inside], spectrum.density[inside])
-    lines = match_lines(strongest_lines(spectrum, settings.line_count), settings.expected_lines)
-    bands = {
-        f"{low:g}-{high:g}_hz": float(np.linalg.norm(band_rms(signal.segments, signal.rate_hz, low, high)))
-        for low, high in settings.bands
-    }
-    return SignalStatistics(
-        rms=float(rms(amplitude)),
-        peak=float(peak(amplitude)),
-        crest_factor=float(crest_factor(amplitude)),
-        kurtosis=float(kurtosis(amplitude)),
-        band_rms=bands,
-        lines=lines,
-        spectrum=spectrum,
+def _both(
+    field: ReducedSignal, model: Mapping[int, ReducedSignal], shares: Mapping[int, float], settings: Settings
+) -> tuple[dict[str, SignalStatistics], dict[str, SignalStatistics]]:
+    """Statistics of field and model over some levels, by axis."""
+    return (
+        estimate(field_sample(field, shares), field, settings),
+        estimate(model_sample(model, shares), next(iter(model.values())), settings),
     )
 
 
-def _windows(measured: _Columns, model_rms: float, settings: Settings) -> Windows:
-    length = settings.window_s
+def _error(field: SignalStatistics, model: SignalStatistics) -> tuple[float, Interval]:
+    widths = field.rms_width, model.rms_width
+    return float(relative_error(field.rms, model.rms)), error_interval(field.rms, model.rms, widths)
+
+
+def _windows(field: ReducedSignal, axis: int, model_rms: Mapping[int, float], settings: Settings) -> Windows:
+    """Every whole window from the first sample on, recorded or not."""
+    length, table = settings.window_s, field.windows
     # A sensor clock that drifts makes the last window short by a sample or two: it counts.
-    count = math.floor(measured.duration / length + 1e-3)
-    field_rms, recorded = _window_rms(measured, length, count)
-    share = np.minimum(1.0, recorded / (measured.rate_hz * length))
-    start = length * np.arange(count, dtype=np.float64)
-    return Windows(start, field_rms, relative_error(field_rms, model_rms), share)
+    count = math.floor(field.duration / length + 1e-3)
+    there = table.index < count
+    place = table.index[there]
 
+    def dense(values: Array) -> Array:
+        whole = np.full(count, np.nan)
+        whole[place] = values[there]
+        return whole
 
-def _window_rms(signal: _Columns, length: float, count: int) -> tuple[Array, Array]:
-    """RMS and number of samples of `count` windows from the first sample on, each (count,)."""
-    window = np.floor(signal.time / length + 1e-6).astype(np.int64)
-    inside = window < count
-    samples = np.bincount(window[inside], minlength=count)
-    squares = np.bincount(window[inside], np.square(signal.amplitude[inside]), minlength=count)
-    with np.errstate(invalid="ignore"):
-        return np.sqrt(squares / samples), samples.astype(np.float64)
-
-
-def _axis_dict(point: PointComparison, axis: str) -> dict[str, Any]:
-    compared = point.axes[axis]
-    sides = {"field": compared.field, "model": compared.model}
-    result: dict[str, Any] = {"relative_error": _number(compared.relative_error), "coverage": point.coverage}
-    for side, statistics in sides.items():
-        for name in ("rms", "peak", "crest_factor", "kurtosis"):
-            result[f"{side}_{name}"] = _number(getattr(statistics, name))
-        result[f"{side}_rms_g"] = statistics.rms / G
-        result[f"{side}_band_rms"] = dict(statistics.band_rms)
-        result[f"{side}_lines"] = [
-            {"frequency_hz": line.frequency, "rms": line.rms, "match": line.match} for line in statistics.lines
-        ]
-    windows = compared.windows
-    result["windows"] = {
-        name: [_number(value) for value in getattr(windows, name).tolist()]
-        for name in ("start", "field_rms", "relative_error", "coverage")
-    }
-    return result
-
-
-def _number(value: float) -> float | None:
-    return value if math.isfinite(value) else None
+    level = np.full(count, -1, dtype=np.int64)
+    level[place] = field.level[there]
+    root = rms(table.count, table.moments)[:, axis]
+    bands = np.sqrt(ratio(table.bands[:, :, axis], table.count[:, None]))
+    return Windows(
+        start=length * np.arange(count, dtype=np.float64),
+        level=level,
+        coverage=np.minimum(1.0, np.nan_to_num(dense(table.count)) / (field.rate_hz * length)),
+        relative_error=relative_error(dense(root), [model_rms.get(int(one), math.nan) for one in level]),
+        field_rms=dense(root),
+        field_peak=dense(table.peak[:, axis]),
+        field_crest_factor=dense(ratio(table.peak[:, axis], root)),
+        field_kurtosis=dense(kurtosis(table.count, table.moments)[:, axis]),
+        field_velocity_rms=dense(np.sqrt(ratio(table.velocity[:, axis], table.count))),
+        field_band_rms={band_name(*limits): dense(bands[:, i]) for i, limits in enumerate(settings.bands)},
+        field_line_hz=dense(table.line[:, axis]),
+    )

@@ -1,9 +1,11 @@
-"""Statistics of vibration signals: pure functions on arrays, time along the first axis."""
+"""Statistics of vibration signals: pure functions on arrays and on sums of powers."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
+import scipy.fft
 import scipy.signal
 from numpy.typing import ArrayLike
 
@@ -22,10 +24,13 @@ class Spectrum:
         Hz, uniform.
     density : ndarray, shape (m,)
         Unit of the signal squared per Hz.
+    segments : float
+        Half overlapping segments it is the mean of.
     """
 
     frequency: Array
     density: Array
+    segments: float
 
 
 @dataclass(frozen=True)
@@ -47,83 +52,57 @@ class Line:
     match: str = ""
 
 
-def rms(values: ArrayLike) -> Array:
-    """Root mean square of values (n, …), over the first axis."""
-    return np.asarray(np.sqrt(np.mean(np.square(_samples(values)), axis=0)))
+def rms(count: ArrayLike, moments: ArrayLike) -> Array:
+    """Root mean square from a number of samples (…) and the sums of their powers 1 to 4, (…, 4, a); (…, a)."""
+    return np.sqrt(_means(count, moments)[..., 1, :])
 
 
-def peak(values: ArrayLike) -> Array:
-    """Largest magnitude of values (n, …), over the first axis."""
-    largest: Array = np.abs(_samples(values)).max(axis=0)
-    return largest
+def kurtosis(count: ArrayLike, moments: ArrayLike) -> Array:
+    """Fourth central moment over the squared variance, (…, a), as `rms` takes its arguments.
+
+    3 for Gaussian noise, 1.5 for a sine, NaN for a signal that does not change.
+    """
+    m1, m2, m3, m4 = np.moveaxis(_means(count, moments), -2, 0)
+    variance = m2 - m1**2
+    fourth = m4 - 4.0 * m1 * m3 + 6.0 * m1**2 * m2 - 3.0 * m1**4
+    still = variance <= 1e-12 * m2  # nothing but rounding
+    return np.where(still, np.nan, ratio(fourth, variance**2))
 
 
-def crest_factor(values: ArrayLike) -> Array:
-    """Peak over RMS of values (n, …); √2 for a sine, NaN for a signal that is zero."""
-    return _ratio(peak(values), rms(values))
-
-
-def kurtosis(values: ArrayLike) -> Array:
-    """Fourth central moment over the squared variance of values (n, …); 3 for Gaussian noise, 1.5 for a sine."""
-    samples = _samples(values)
-    squares = np.square(samples - samples.mean(axis=0))
-    return _ratio(np.mean(np.square(squares), axis=0), np.square(squares.mean(axis=0)))
-
-
-def band_rms(segments: Sequence[ArrayLike], rate_hz: float, low_hz: float, high_hz: float) -> Array:
-    """RMS of the part of a signal between two frequencies, from the discrete Fourier transform of each segment.
-
-    Bands that share their limits share nothing else, so the squares of a partition add up to the whole (Parseval).
+def periodograms(values: Array, rate_hz: float, size: int) -> Array:
+    """One-sided densities of half overlapping segments (Hann), whose mean is Welch's.
 
     Parameters
     ----------
-    segments : sequence of array_like, shapes (n_i, …)
-        Stretches of the signal without gaps.
+    values : ndarray, shape (n, c)
+        A signal without gaps.
     rate_hz : float
         Sampling rate.
-    low_hz, high_hz : float
-        The band [low, high).
+    size : int
+        Samples of a segment, at most n.
 
     Returns
     -------
-    ndarray, shape (…)
+    ndarray, shape (k, size // 2 + 1, c)
+        Unit of the signal squared per Hz.
     """
-    power, count = np.zeros(np.shape(segments[0])[1:]), 0
-    for values in map(_samples, segments):
-        size = len(values)
-        energy = 2.0 * np.square(np.abs(np.fft.rfft(values, axis=0))) / size
-        energy[0] /= 2.0  # zero and the Nyquist frequency have no mirror image
-        if size % 2 == 0:
-            energy[-1] /= 2.0
-        frequency = np.fft.rfftfreq(size, 1.0 / rate_hz)
-        power = power + energy[(frequency >= low_hz) & (frequency < high_hz)].sum(axis=0)
-        count += size
-    return np.sqrt(power / count)
+    window = _hann(size)
+    columns = np.ascontiguousarray(values.T)
+    segments = np.lib.stride_tricks.sliding_window_view(columns, size, axis=1)[:, :: size - size // 2]  # (c, k, size)
+    transformed = scipy.fft.rfft(segments * window, axis=2)
+    density = np.square(transformed.real)
+    density += np.square(transformed.imag)
+    density *= 2.0 / (rate_hz * (window @ window))
+    density[:, :, 0] /= 2.0  # zero and the Nyquist frequency have no mirror image
+    if size % 2 == 0:
+        density[:, :, -1] /= 2.0
+    return np.asarray(density.transpose(1, 2, 0))
 
 
-def welch_spectrum(segments: Sequence[ArrayLike], rate_hz: float, resolution_hz: float) -> Spectrum:
-    """Welch's power spectral density (Hann, half overlap), averaged over segments, summed over columns.
-
-    Parameters
-    ----------
-    segments : sequence of array_like, shapes (n_i, c)
-        Stretches of the signal without gaps; those shorter than the transform are left out.
-    rate_hz : float
-        Sampling rate.
-    resolution_hz : float
-        Wanted distance of the frequencies; coarser if no segment is long enough.
-
-    Returns
-    -------
-    Spectrum
-    """
-    stretches = [_samples(values) for values in segments]
-    size = min(round(rate_hz / resolution_hz), max(map(len, stretches)))
-    used = [values for values in stretches if len(values) >= size]
-    weights = np.array([len(values) for values in used]) / sum(map(len, used))
-    densities = [scipy.signal.welch(values, rate_hz, nperseg=size, detrend=False, axis=0)[1] for values in used]
-    total = sum(weight * density.sum(axis=1) for weight, density in zip(weights, densities, strict=True))
-    return Spectrum(rate_hz / size * np.arange(size // 2 + 1, dtype=np.float64), np.asarray(total))
+@lru_cache(maxsize=8)
+def _hann(size: int) -> Array:
+    window: Array = scipy.signal.get_window("hann", size)
+    return window
 
 
 def strongest_lines(spectrum: Spectrum, count: int, separation_hz: float = 1.0) -> tuple[Line, ...]:
@@ -159,24 +138,22 @@ def relative_error(measured: ArrayLike, computed: ArrayLike) -> Array:
         RMS values of one shape.
     """
     field, model = np.asarray(measured, dtype=np.float64), np.asarray(computed, dtype=np.float64)
-    return _ratio(np.abs(field - model), field)
+    return ratio(np.abs(field - model), field)
 
 
-def coverage(samples: int, rate_hz: float, duration_s: float) -> float:
+def coverage(samples: float, rate_hz: float, duration_s: float) -> float:
     """Share of a duration that was really recorded, from the number of samples, 0 … 1."""
     return min(1.0, samples / (rate_hz * duration_s))
 
 
-def _samples(values: ArrayLike) -> Array:
-    samples = np.asarray(values, dtype=np.float64)
-    if samples.ndim == 0 or not len(samples):
-        raise ValueError("a statistic needs at least one sample")
-    return samples
-
-
-def _ratio(numerator: Array, denominator: Array) -> Array:
+def ratio(numerator: ArrayLike, denominator: ArrayLike) -> Array:
+    """Quotient that is infinite or NaN where the denominator is zero, without a warning."""
     with np.errstate(divide="ignore", invalid="ignore"):
         return np.asarray(np.divide(numerator, denominator))
+
+
+def _means(count: ArrayLike, moments: ArrayLike) -> Array:
+    return ratio(moments, np.asarray(count, dtype=np.float64)[..., None, None])
 
 
 def _line(spectrum: Spectrum, index: int, step: float) -> Line:

@@ -7,7 +7,8 @@ from typing import Literal
 import numpy as np
 
 from tbm_gsa.arrays import Array, Integers
-from tbm_gsa.comparison.conditioning import HIGH_PASS_HZ, Band, CausalConditioner, common_band, sampling_rate
+from tbm_gsa.comparison.clock import sampling_rate
+from tbm_gsa.comparison.conditioning import HIGH_PASS_HZ, Band, CausalConditioner, common_band
 from tbm_gsa.comparison.statistics import coverage
 
 Source = Literal["model", "field"]

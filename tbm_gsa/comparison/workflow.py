@@ -1,33 +1,30 @@
-"""From a recording on disk to a comparison: read, run the model at the recorded operating point, compare."""
+"""From a recording on disk to a comparison: reduce it, run the model at its levels of operation, compare."""
 
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
-from typing import Any, cast
+from typing import Any
 
-import numpy as np
-
-from tbm_dynamics import Machine, Simulator, load_machine
-from tbm_dynamics.integration.simulator import DEFAULT_STEP
-from tbm_gsa.arrays import Array
-from tbm_gsa.comparison.conditioning import Frame
+from tbm_dynamics import Machine, MachineError, load_machine
 from tbm_gsa.comparison.document import Provenance, comparison_document
-from tbm_gsa.comparison.excerpt import Excerpt, take_excerpt
-from tbm_gsa.comparison.expected import expected_lines
-from tbm_gsa.comparison.offline import Comparison, PointComparison, Settings, compare_records
-from tbm_gsa.comparison.operating import operating_level
+from tbm_gsa.comparison.expected import ExpectedLine, lines_of_levels
+from tbm_gsa.comparison.field_side import FieldSide, reduce_field
+from tbm_gsa.comparison.levels import NeverDrivenError, Schedule, machine_schedule, recorded_schedule
+from tbm_gsa.comparison.model_run import MODEL_RATE_HZ, run_model
+from tbm_gsa.comparison.offline import Comparison, PointComparison, compare_signals
+from tbm_gsa.comparison.reduction import ReducedSignal, SignalReducer
+from tbm_gsa.comparison.settings import Settings
 from tbm_msgs_py.bags.errors import RecordingError
 from tbm_msgs_py.bags.mapping import Mapping as TopicMapping
-from tbm_msgs_py.recording import Recording, read_recording
+from tbm_msgs_py.recording import RecordingReader, open_recording
 
-LONGEST_MODEL_S = 300.0
+LONGEST_MODEL_S = 3600.0
 SHORTEST_MODEL_S = 1.0
-EXCERPT_S = 1.0
-_CHUNK_STEPS = 8192
 
-Computed = Mapping[str, tuple[Array, Array]]
-"""Time (m,) s and acceleration (m, 3) m/s² by test point."""
+Progress = Callable[[str, float | None], None]
+"""Called with what is done now and the share of it, 0 to 1; None where the end is not known."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,18 +33,19 @@ class ComparisonResult:
 
     Attributes
     ----------
-    recording : Recording
     comparison : Comparison
-        Of the points that machine and recording share.
-    excerpt : Excerpt
-        Of the first point along the power flow.
+        Of the points that machine and recording share, along the power flow.
+    lines : tuple of ExpectedLine
+        Of the machine at the levels of operation.
+    starts_ns : mapping of str to int
+        Header time of the first sample of each point.
     document : dict
         See `comparison_document`.
     """
 
-    recording: Recording
     comparison: Comparison
-    excerpt: Excerpt
+    lines: tuple[ExpectedLine, ...]
+    starts_ns: Mapping[str, int]
     document: dict[str, Any]
 
 
@@ -58,9 +56,9 @@ def compare_recording(
     model_duration: float = 60.0,
     seed: int = 0,
     settings: Settings | None = None,
-    progress: Callable[[float], None] | None = None,
+    progress: Progress = lambda *_: None,
 ) -> ComparisonResult:
-    """Compare a recording with the model at the recorded operating point.
+    """Compare a recording with the model at the recorded levels of operation.
 
     Test points that the machine does not have, and those whose signal cannot be conditioned, are left out and named
     with the reason in the document; it is an error only when none is left.
@@ -72,15 +70,14 @@ def compare_recording(
     machine : str, Path or Machine
         Name of a shipped machine, path of a machine file, or the machine itself.
     mapping : Mapping, str or Path, optional
-        As in `read_recording`.
+        As in `open_recording`.
     model_duration : float
-        Length of the model run, s.
+        Length of the model run at each level, s.
     seed : int
         Of its loads.
     settings : Settings, optional
         Windows and bands; the machine's lines are added to the expected ones.
     progress : callable, optional
-        Called with the share of the model run that is done, 0 to 1.
 
     Returns
     -------
@@ -98,44 +95,31 @@ def compare_recording(
     chosen = settings or Settings()
     _check_lengths(model_duration, chosen.window_s)
     described = machine if isinstance(machine, Machine) else load_machine(machine)
-    recording = read_recording(bag, mapping)
-    shared = _shared_points(recording, described)
-    operating = operating_level(recording, described)
-    driven = operating.apply(described)
-    lines = expected_lines(driven)
+    reader = open_recording(bag, mapping)
+    shared = _shared_points(reader, described)
+    field = reduce_field(reader, shared, chosen, progress=lambda seconds: progress(f"reading, {seconds:.0f} s", None))
+    schedule = _schedule(reader, described, field)
+    if len(schedule.dwells) > 1:
+        # Now that the levels are known, once more: each has a spectrum of its own.
+        field = reduce_field(
+            reader, shared, chosen, schedule, lambda seconds: progress(f"levels, {seconds:.0f} s", None)
+        )
+    machines = _machines(reader.path, schedule, described)
+    lines = lines_of_levels(machines)
     named = {**{line.name: line.frequency for line in lines}, **chosen.expected_lines}
-    computed = model_accelerations(driven, model_duration, seed, progress)
-    comparison, failed = _compare_each(recording, shared, computed, replace(chosen, expected_lines=named))
-    unknown = {
-        point: f"machine {described.name} has no such test point" for point in recording.points if point not in shared
+    chosen = replace(chosen, expected_lines=named)
+    predicted = _model_side(machines, field.signals, chosen, (model_duration, seed), progress)
+    comparison, failed = _compare_each(reader, field, predicted, chosen)
+    skipped = {
+        point: f"machine {described.name} has no such test point" for point in reader.points if point not in shared
     }
-    provenance = Provenance(driven, operating, lines, {**unknown, **failed}, seed, model_duration)
+    provenance = Provenance(reader, described, schedule, lines, {**skipped, **failed}, seed, model_duration)
     return ComparisonResult(
-        recording,
         comparison,
-        _first_excerpt(recording, comparison, computed),
-        comparison_document(recording, comparison, provenance),
+        lines,
+        {point: field.ledgers[point].start_ns for point in comparison.points},
+        comparison_document(field, comparison, provenance),
     )
-
-
-def model_accelerations(
-    machine: Machine, duration: float, seed: int, progress: Callable[[float], None] | None = None
-) -> Computed:
-    """Accelerations of all test points at the default step.
-
-    What `simulate` gives, without the displacements and mesh forces, for which a run of minutes has no room.
-    """
-    points = machine.description.test_points
-    simulator = Simulator(machine.assemble(), points.values())
-    loads = machine.loads(seed)
-    time = np.arange(round(duration / DEFAULT_STEP), dtype=np.float64) * DEFAULT_STEP
-    values = np.empty((len(points), time.size, 3))
-    for first in range(0, time.size, _CHUNK_STEPS):
-        part = slice(first, min(first + _CHUNK_STEPS, time.size))
-        values[:, part] = simulator.step(loads.evaluate(time[part])).acceleration[:, :, :3].swapaxes(0, 1)
-        if progress is not None:
-            progress(part.stop / time.size)
-    return {point: (time, values[i]) for i, point in enumerate(points)}
 
 
 def _check_lengths(model_duration: float, window_s: float) -> None:
@@ -145,37 +129,68 @@ def _check_lengths(model_duration: float, window_s: float) -> None:
         raise ValueError(f"window {window_s:g} s, allowed: a positive length")
 
 
-def _shared_points(recording: Recording, machine: Machine) -> list[str]:
+def _shared_points(reader: RecordingReader, machine: Machine) -> list[str]:
     """Test points of the machine that are recorded, in the machine's order: along the power flow."""
-    shared = [point for point in machine.description.test_points if point in recording.points]
+    shared = [point for point in machine.description.test_points if point in reader.points]
     if not shared:
         raise RecordingError(
-            f"{recording.path}: test points {', '.join(map(repr, recording.points))}: none is one of machine "
+            f"{reader.path}: test points {', '.join(map(repr, reader.points))}: none is one of machine "
             f"{machine.name}, allowed: {', '.join(machine.description.test_points)}"
         )
     return shared
 
 
+def _schedule(reader: RecordingReader, machine: Machine, field: FieldSide) -> Schedule:
+    span = field.begin_ns, field.end_ns
+    if reader.operating_point is None:
+        return machine_schedule(machine, *span)
+    try:
+        return recorded_schedule(reader.operating_point, *span)
+    except NeverDrivenError as error:
+        raise RecordingError(f"{reader.path}: {error}") from error
+
+
+def _machines(path: Path, schedule: Schedule, machine: Machine) -> dict[int, Machine]:
+    """Give the machine at each level."""
+    try:
+        return {number: level.apply(machine) for number, level in enumerate(schedule.levels)}
+    except MachineError as error:
+        raise RecordingError(f"{path}: operating point: {error}") from error
+
+
+def _model_side(
+    machines: Mapping[int, Machine],
+    field: Mapping[str, ReducedSignal],
+    settings: Settings,
+    run: tuple[float, int],
+    progress: Progress,
+) -> dict[int, dict[str, ReducedSignal]]:
+    """Run the model at every level that a window belongs to, for (duration, seed)."""
+    seen = {int(level) for signal in field.values() for level in signal.level}
+    predicted = {}
+    for level in sorted(seen & set(machines)):
+        reducers = {
+            point: SignalReducer(MODEL_RATE_HZ, signal.band, "rotating" if "yz" in signal.axes else "fixed", settings)
+            for point, signal in field.items()
+        }
+        name = "model" if len(machines) == 1 else f"model, level {level + 1} of {len(machines)}"
+        predicted[level] = run_model(machines[level], *run, reducers, partial(progress, name))
+    return predicted
+
+
 def _compare_each(
-    recording: Recording, points: list[str], computed: Computed, settings: Settings
+    reader: RecordingReader, field: FieldSide, predicted: Mapping[int, Mapping[str, ReducedSignal]], settings: Settings
 ) -> tuple[Comparison, dict[str, str]]:
     """Compare point by point, so that one dead sensor does not take the others with it; the failed with the reason."""
     compared: dict[str, PointComparison] = {}
-    failed: dict[str, str] = {}
-    for point in points:
-        record = recording.points[point]
-        frames = {point: cast(Frame, record.frame)}
+    failed = {**field.failed, **reader.problems}
+    for point, signal in field.signals.items():
         try:
-            compared |= compare_records({point: record}, computed, frames=frames, settings=settings).points
+            runs = {level: signals[point] for level, signals in predicted.items()}
+            compared[point] = compare_signals(signal, runs, settings)
         except ValueError as error:
-            failed[point] = str(error).removeprefix(f"test point {point}: ")
+            failed[point] = str(error)
     if not compared:
         reasons = (f"test point {point}: {reason}" for point, reason in failed.items())
-        raise RecordingError(f"{recording.path}: {'; '.join(reasons)}")
+        raise RecordingError(f"{reader.path}: {'; '.join(reasons)}")
     return Comparison(compared, settings.window_s), failed
-
-
-def _first_excerpt(recording: Recording, comparison: Comparison, computed: Computed) -> Excerpt:
-    """Excerpt of the first point along the power flow, the cutterhead of a machine that has one."""
-    name, point = next(iter(comparison.points.items()))
-    return take_excerpt(name, recording.points[name], computed[name], point.model_rate_hz, point.band, EXCERPT_S)

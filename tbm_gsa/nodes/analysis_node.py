@@ -13,11 +13,14 @@ from geometry_msgs.msg import Vector3Stamped
 from sensor_msgs.msg import PointCloud2
 from std_srvs.srv import Trigger
 
-from tbm_dynamics.machine import load_machine
+from tbm_dynamics.machine import Machine, load_machine
 from tbm_gsa.comparison import AlarmRule, WindowedComparison, WindowResult
+from tbm_gsa.comparison.document import machine_sha256
+from tbm_gsa.history import Source
 from tbm_gsa.nodes.field_topics import FieldTopics
 from tbm_gsa.nodes.gsa_process import GsaOptions, GsaProcess, GsaStatus
-from tbm_gsa.nodes.statuses import comparison_status, gsa_result_statuses, gsa_status
+from tbm_gsa.nodes.history_writer import HistoryWriter
+from tbm_gsa.nodes.statuses import comparison_status, gsa_result_statuses, gsa_status, history_status
 from tbm_msgs_py import blocks, topics
 from tbm_msgs_py.bags.mapping import Mapping, SensorMapping, contract_sensor, load_mapping
 from tbm_msgs_py.blocks import BlockError
@@ -39,6 +42,16 @@ PARAMETERS = (
     Parameter(
         "mapping", "", "mapping file of the field topics; empty: the topics of the contract, m/s², gravity removed"
     ),
+    Parameter(
+        "history",
+        "",
+        "history file of the windows; empty: tbm_monitor/history.sqlite in the user's data folder; none: not kept",
+    ),
+    Parameter(
+        "baseline",
+        "",
+        "baseline in the history whose errors alarms are set against; empty: the threshold is absolute",
+    ),
     Parameter("gsa.on_threshold", True, "start the sensitivity analysis when the alarm is raised"),
     Parameter("gsa.samples", 200, "training simulations", minimum=10, maximum=100000),
     Parameter("gsa.test", 20, "test simulations", minimum=2, maximum=100000),
@@ -58,11 +71,13 @@ class AnalysisNode(ManagedNode):
 
     def configure(self) -> None:
         """Read machine and mapping, create publishers, subscriptions and services."""
-        self._points = tuple(load_machine(self.value("machine")).description.test_points)
+        machine = load_machine(self.value("machine"))
+        self._points = tuple(machine.description.test_points)
         self._sensors = self._field_sensors()
+        self._history = self._open_history(machine)
         self._alarm = self._new_alarm()
-        rotating = [sensor.point for sensor in self._sensors.values() if sensor.frame == "rotating"]
-        self._comparison = WindowedComparison(float(self.value("window")), rotating=rotating)
+        self._rotating = frozenset(sensor.point for sensor in self._sensors.values() if sensor.frame == "rotating")
+        self._comparison = WindowedComparison(float(self.value("window")), rotating=self._rotating)
         self._latest: dict[str, WindowResult] = {}
         self._refused: dict[tuple[str, str], str] = {}  # by point and source, until a good block comes
         self._gsa = GsaProcess(self._gsa_options())
@@ -84,6 +99,10 @@ class AnalysisNode(ManagedNode):
         names = (name(point) for point in self._points for name in (topics.field_block, topics.field_accel))
         return {name: contract_sensor(name.split("/")[1]) for name in names}
 
+    def _open_history(self, machine: Machine) -> HistoryWriter:
+        source = Source("live", self.get_fully_qualified_name(), "", machine.name, machine_sha256(machine))
+        return HistoryWriter(self.value("history"), source, self.get_logger().warning)
+
     def _new_alarm(self) -> AlarmRule:
         axes = self.value("alarm_axes")
         unknown = [axis for axis in axes if axis not in _AXES]
@@ -92,6 +111,7 @@ class AnalysisNode(ManagedNode):
         return AlarmRule(
             float(self.value("threshold")),
             int(self.value("threshold_windows")),
+            self._history.usual_errors(self.value("baseline")),
             axes=[_AXES.index(axis) for axis in axes],
         )
 
@@ -144,6 +164,7 @@ class AnalysisNode(ManagedNode):
         self._field_topics.close()
         for service in self._services_made:
             self.destroy_service(service)
+        self._history.close()
 
     def _on_block(self, source: Any, sensor: SensorMapping, message: Any) -> None:
         if not self.active:
@@ -176,12 +197,14 @@ class AnalysisNode(ManagedNode):
         if result.point not in self._points:
             return
         self._latest[result.point] = result
+        self._history.add(result, result.point in self._rotating)
         for quantity in topics.ANALYSIS_QUANTITIES:
             message = messages.vector3(result.start_ns, getattr(result, quantity), result.point)
             self._quantities[result.point, quantity].publish(message)
         if self._alarm.update(result):
-            threshold, windows = self.value("threshold"), self.value("threshold_windows")
-            reason = f"{result.point}: relative error over {threshold:g} for {windows} windows"
+            windows, baseline = self.value("threshold_windows"), self.value("baseline")
+            what = f"change of the relative error against {baseline}" if baseline else "relative error"
+            reason = f"{result.point}: {what} over {self.value('threshold'):g} for {windows} windows"
             self.get_logger().warning(reason)
             if self.value("gsa.on_threshold"):
                 self._start_gsa(reason)
@@ -229,7 +252,8 @@ class AnalysisNode(ManagedNode):
             for p in self._points
         ]
         now = self.get_clock().now().nanoseconds
-        self._diagnostics.publish(messages.diagnostics(now, [*statuses, gsa_status(self._gsa.status)]))
+        own = [history_status(self._history), gsa_status(self._gsa.status)]
+        self._diagnostics.publish(messages.diagnostics(now, [*statuses, *own]))
 
     def _publish_gsa(self) -> None:
         """Publish the status of the analysis when it has changed, and the result once it is there."""

@@ -9,6 +9,7 @@ from diagnostic_msgs.msg import DiagnosticStatus
 
 from tbm_gsa.comparison import StreamCounters, WindowResult
 from tbm_gsa.nodes.gsa_process import GsaStatus
+from tbm_gsa.nodes.history_writer import HistoryWriter
 from tbm_msgs_py.nodes import messages
 
 _STRONGEST = 5
@@ -41,6 +42,14 @@ def comparison_status(
     if alarm:
         return messages.status(name, "warn", "relative error over its threshold", values, point)
     return messages.status(name, "ok", "compared", values, point)
+
+
+def history_status(history: HistoryWriter) -> DiagnosticStatus:
+    """Whether the windows arrive in the history."""
+    values: dict[str, Any] = {"file": history.path, "written": history.written, "lost": history.lost}
+    if history.problem:
+        return messages.status("tbm: history", "warn", history.problem, values)
+    return messages.status("tbm: history", "ok", "written" if history.path else "not kept", values)
 
 
 def gsa_status(status: GsaStatus) -> DiagnosticStatus:

@@ -5,12 +5,14 @@ from pathlib import Path
 from typing import Any, Final
 
 from tbm_gsa.comparison.document import axial_rows
-from tbm_gsa.comparison.expected import ExpectedLine
+from tbm_gsa.comparison.ledger import COUNTS
 from tbm_gsa.comparison.workflow import ComparisonResult
 from tbm_gsa.report import compare_figures
+from tbm_gsa.report.files import write_whole
 from tbm_gsa.report.page import embed_figure, render_page
 
 LOW_COVERAGE: Final = 0.9
+ALWAYS_SHOWN: Final = ("clipped", "duplicates", "invalid", "undecodable")
 
 
 def compare_page(result: ComparisonResult) -> str:
@@ -27,7 +29,13 @@ def compare_page(result: ComparisonResult) -> str:
         "low": [name for name, point in result.comparison.points.items() if point.coverage < LOW_COVERAGE],
         "low_limit": LOW_COVERAGE,
         "health": [_health(document, name) for name in [*document["points"], *document["skipped"]]],
-        "excerpt": result.excerpt.point,
+        "excerpt": next(iter(result.comparison.points)),
+        "levels": document["levels"],
+        "left_out": [dwell for dwell in document["dwells"] if dwell["level"] is None],
+        "fault_names": _fault_names(document),
+        "band_names": [
+            name.replace("-", " to ").replace("_hz", " Hz") for name in _first_axis(document)["field_band_rms"]
+        ],
         "window_count": max(len(axes["x"]["windows"]["start"]) for axes in document["points"].values()),
         "provenance": _provenance(document),
         **_figures(result),
@@ -37,12 +45,27 @@ def compare_page(result: ComparisonResult) -> str:
 
 def write_page(result: ComparisonResult, path: Path) -> None:
     """Write the page so that a reader sees the old file or the new one, never half of it."""
-    unfinished = path.with_name(f".{path.name}.new")
-    try:
-        unfinished.write_text(compare_page(result), encoding="utf-8")
-        unfinished.replace(path)
-    finally:
-        unfinished.unlink(missing_ok=True)
+    write_whole(path, compare_page(result).encode())
+
+
+def _fault_names(document: Mapping[str, Any]) -> dict[str, str]:
+    """Faults to give a column: the usual ones, and what else was found at any point."""
+    records = document["recording"]["points"].values()
+    found = [name for record in records for name in COUNTS if record[name]]
+    return {name: name.replace("_", " ").capitalize() for name in dict.fromkeys((*ALWAYS_SHOWN, *found))}
+
+
+def stuck_texts(record: Mapping[str, Any]) -> list[str]:
+    """Sensor axes that held one value, and for how long."""
+    seconds: dict[str, float] = {}
+    for axis, begin, end in record["stuck"]:
+        seconds[axis] = seconds.get(axis, 0.0) + end - begin
+    return [f"{axis} for {time:.3g} s" for axis, time in seconds.items()]
+
+
+def _first_axis(document: Mapping[str, Any]) -> Mapping[str, Any]:
+    axes: Mapping[str, Mapping[str, Any]] = next(iter(document["points"].values()))
+    return axes["x"]
 
 
 def _axes(document: Mapping[str, Any]) -> Iterator[dict[str, Any]]:
@@ -62,6 +85,7 @@ def _health(document: Mapping[str, Any], name: str) -> dict[str, Any]:
         **record,
         "gap_count": len(gaps),
         "longest": max(gaps, default=0.0),
+        "stuck": stuck_texts(record),
         "coverage": compared["x"]["coverage"] if compared else None,
     }
 
@@ -69,15 +93,12 @@ def _health(document: Mapping[str, Any], name: str) -> dict[str, Any]:
 def _figures(result: ComparisonResult) -> dict[str, str]:
     """Draw the figures as image elements."""
     comparison = result.comparison
-    lines = [
-        ExpectedLine(line["name"], line["frequency_hz"], line["kind"]) for line in result.document["expected_lines"]
-    ]
+    name, first = next(iter(comparison.points.items()))
     return {
         "series": embed_figure(
-            compare_figures.time_series(result.excerpt),
-            f"Axial acceleration measured and computed at {result.excerpt.point}",
+            compare_figures.time_series(first), f"Axial acceleration measured and computed at {name}"
         ),
-        "spectra": embed_figure(compare_figures.spectra(comparison, lines), "Axial power spectral densities"),
+        "spectra": embed_figure(compare_figures.spectra(comparison, result.lines), "Axial power spectral densities"),
         "flow": embed_figure(compare_figures.power_flow(comparison), "RMS of every test point in each direction"),
         "windows": embed_figure(compare_figures.windows(comparison), "Axial RMS and relative error by window"),
     }
@@ -85,15 +106,14 @@ def _figures(result: ComparisonResult) -> dict[str, str]:
 
 def _provenance(document: Mapping[str, Any]) -> dict[str, object]:
     """Where the numbers come from, as rows of a table."""
-    recording, level = document["recording"], document["operating_point"]
+    recording, file = document["recording"], document["machine_file"]
     bands = {f"{band['low_hz']:g} to {band['high_hz']:.0f} Hz" for band in document["bands"].values()}
     return {
         "recording": recording["path"],
-        "SHA-256": recording["sha256"],
-        "machine": document["machine"],
-        "operating point": f"{level['speed_r_min']:.4g} r/min, {level['torque_kn_m']:.5g} kN·m, "
-        f"{level['thrust_kn']:.5g} kN ({level['note']})",
-        "model run": f"{document['model_duration']:g} s, seed {document['seed']}",
+        "SHA-256 of the recording": recording["sha256"],
+        "machine": f"{document['machine']} ({file['origin']})",
+        "SHA-256 of the machine": file["sha256"],
+        "model run": f"{document['model_duration']:g} s a level, seed {document['seed']}",
         "compared band": "; ".join(sorted(bands)),
         "window": f"{document['window_s']:g} s",
         "versions": ", ".join(f"{name} {number}" for name, number in document["versions"].items()),

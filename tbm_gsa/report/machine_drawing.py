@@ -3,14 +3,11 @@
 from __future__ import annotations
 
 import math
-import warnings
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
-from pathlib import Path
 from typing import Any, Final
 
-from matplotlib import rc_context
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.layout_engine import ConstrainedLayoutEngine
@@ -23,8 +20,6 @@ from tbm_dynamics.machine.description import MachineDescription, Subsystem
 from tbm_dynamics.structure.drive import drive_angles, drive_nodes, drive_positions, gear_pair
 from tbm_gsa.report.gsa_figures import PALETTE
 from tbm_gsa.report.machine_summary import STRUCTURES, SUBSYSTEMS
-
-FORMATS: Final = (".png", ".svg")
 
 # Of the side view, inches: its length, between rows, between parts in a row, of a node from a line that it hides.
 _LENGTH, _ROW = 13.0, 0.85
@@ -67,32 +62,6 @@ class _Link:
     kind: str
     first: int
     second: int | None
-
-
-def check_path(path: Path) -> None:
-    """Raise unless a drawing can be written to a path.
-
-    Raises
-    ------
-    ValueError
-        Another format, or no such folder.
-    """
-    if path.suffix not in FORMATS:
-        raise ValueError(f"{path}: unknown kind of picture, allowed: a name that ends in {' or '.join(FORMATS)}")
-    if not path.parent.is_dir():
-        raise ValueError(f"{path}: no folder {path.parent}, allowed: a file in a folder that is there")
-
-
-def write_drawing(machine: Machine, path: Path) -> None:
-    """Write the drawing of a machine as .png or .svg."""
-    check_path(path)
-    # Fixed salt and no date: equal machines give equal files. Names of others are no mathematics.
-    with rc_context({"svg.hashsalt": "tbm_monitor", "text.parse_math": False}), warnings.catch_warnings():
-        warnings.filterwarnings("ignore", "Glyph .* missing from font")  # it draws a box
-        try:
-            draw_machine(machine).savefig(path, dpi=150, metadata={"Date": None} if path.suffix == ".svg" else None)
-        except OSError as error:
-            raise OSError(error.errno, error.strerror, str(path)) from None
 
 
 def draw_machine(machine: Machine) -> Figure:

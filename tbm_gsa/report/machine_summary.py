@@ -9,6 +9,7 @@ from typing import Any, get_args
 import numpy as np
 
 from tbm_dynamics import Machine
+from tbm_dynamics.loads.cutters.layout import TYPES
 from tbm_dynamics.machine.description import Connection, MachineDescription, Subsystem
 from tbm_dynamics.machine.entries import Source
 from tbm_dynamics.mesh.planetary import stage_law
@@ -55,10 +56,12 @@ def machine_summary(machine: Machine, count: int = 10) -> dict[str, Any]:
     -------
     dict
         ``machine``, ``title``, ``origin``; ``operating_point{speed_r_min, torque_kn_m, thrust_kn, source}``;
+        ``operating_limits{speed_r_min, torque_kn_m, thrust_kn, power_kw, source}``, null without;
         ``nodes[{node, subsystem, place (m), roles}]``; ``places{subsystem: source}``; ``shafts[{subsystem, nodes,
         outer_diameter, inner_diameter (m), mass (kg), source}]``; ``bodies[{subsystem, node, mass, inertia
         (kg·m²), source}]``; ``connections[{name, where, between, type, stiffness (6: N/m, N·m/rad), source}]``;
-        ``drives`` (see `drives_summary`); ``masses{subsystem …, total}`` (kg); ``degrees_of_freedom``;
+        ``drives`` (see `drives_summary`); ``cutters`` (see `cutters_summary`, null without);
+        ``masses{subsystem …, total}`` (kg); ``degrees_of_freedom``;
         ``modes[{frequency_hz, motion, node, shares}]``; ``sources{table1 …}``:
         how many numbers of the file come from where.
 
@@ -69,21 +72,66 @@ def machine_summary(machine: Machine, count: int = 10) -> dict[str, Any]:
     """
     system = machine.assemble()
     description = machine.description
+    limits = description.operating_limits
     return {
         "machine": machine.name,
         "title": description.title,
         "origin": machine.origin,
         "operating_point": description.operating_point.model_dump(),
+        "operating_limits": limits and limits.model_dump(),
         "nodes": _nodes(description),
         "places": {name: part.source for name, part in _structures(description)},
         "shafts": [_entry(name, shaft) for name, part in _structures(description) for shaft in part.shafts],
         "bodies": [_entry(name, body) for name, part in _structures(description) for body in part.bodies],
         "connections": list(_connections(description)),
         "drives": drives_summary(machine),
+        "cutters": cutters_summary(machine),
         "masses": _masses(description),
         "degrees_of_freedom": system.size,
         "modes": modes_summary(system, count),
         "sources": count_sources(description),
+    }
+
+
+def cutters_summary(machine: Machine) -> dict[str, Any] | None:
+    """Gather the cutters of a machine.
+
+    Returns
+    -------
+    dict or None
+        ``types{centre, face, gauge: {cutters, discs, radius: [m, m]}}``; ``disc``, ``rock`` and ``fracture`` as in the
+        file; ``side_share``, ``friction_kn``, ``idle_torque_kn_m``, ``source``; and, from the model at the operating
+        point, ``penetration_mm``, ``normal_force_kn`` and ``rolling_force_kn`` (means of the face discs) and
+        ``torque_kn_m`` of the head.
+
+    Raises
+    ------
+    MachineError
+        A layout that cannot be, or a thrust that the rock cannot take up.
+    """
+    entry = machine.description.cutters
+    if entry is None:
+        return None
+    loads = machine.cutter_loads()
+    layout = loads.head.layout
+    kinds = np.array(layout.kind)
+    types = {
+        kind: {
+            "cutters": layout.count(kind),
+            "discs": int(np.count_nonzero(kinds == kind)),
+            "radius": [float(layout.radius[kinds == kind].min()), float(layout.radius[kinds == kind].max())],
+        }
+        for kind in TYPES
+        if kind in kinds
+    }
+    wrenches = loads.head.wrenches(loads.penetration)[kinds == "face"]
+    return {
+        **entry.model_dump(),
+        "types": types,
+        "penetration_mm": 1e3 * loads.penetration,
+        "normal_force_kn": float(-wrenches[:, 0].mean() / 1e3),
+        "rolling_force_kn": float((-wrenches[:, 3] / layout.radius[kinds == "face"]).mean() / 1e3),
+        "torque_kn_m": float(-loads.mean[3] / 1e3),
     }
 
 

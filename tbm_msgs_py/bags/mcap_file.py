@@ -1,86 +1,56 @@
-"""Lazy reading of one MCAP file, chunk by chunk, damaged or not.
+"""One MCAP file, read forward in windows of a few megabytes, damaged or not.
 
-The records are walked here and parsed by the mcap library: its own readers need the index at the end of the file, which
-a recording that was cut off does not have. All before the damage is recovered, also from the chunk that was cut.
+The mcap library's own readers need the index at the end of the file, which a recording that was cut off does not have,
+and make an object of each message. Here one walk (`records`) finds the messages, in the file and in its chunks alike.
 """
 
 from __future__ import annotations
 
 import os
 import struct
-import zlib
+from collections import Counter
 from collections.abc import Iterator
 from contextlib import suppress
-from dataclasses import dataclass, field
 from io import BytesIO
 from pathlib import Path
 from typing import IO, NamedTuple
 
-import lz4.frame  # type: ignore[import-untyped]
-import zstandard
+import numpy as np
 from mcap.data_stream import ReadDataStream
 from mcap.exceptions import McapError
 from mcap.opcode import Opcode
-from mcap.records import Channel, Chunk, Schema, Statistics
+from mcap.records import Channel, Schema, Statistics
+from numpy.typing import NDArray
 
+from tbm_msgs_py.bags.chunks import ChunkError, chunk_records
 from tbm_msgs_py.bags.errors import RecordingError
+from tbm_msgs_py.bags.records import CHUNK_HEAD, CUT, FOOTER, HEAD, LONGEST, MORE, Bytes, Walk, walk
+from tbm_msgs_py.bags.stretch import BATCH, POOL, Stretch, Topic, joined
 
 MAGIC = b"\x89MCAP0\r\n"
-LOOSE_BATCH = 1000  # messages outside chunks that are handed on together
-_RECORD = struct.Struct("<BQ")
-_MESSAGE = struct.Struct("<HIQQ")
-_DAMAGED = (struct.error, McapError, ValueError, RuntimeError, zstandard.ZstdError)
+WINDOW = 4 << 20  # bytes read at a time
+_FOOTER_BODY = struct.Struct("<QQI")
+_DAMAGED = (struct.error, McapError, ValueError, OverflowError)
 
 
-@dataclass(frozen=True)
-class Topic:
-    """One recorded topic.
+class Summary(NamedTuple):
+    """What the end of a file states: message count of each topic, first and last log time in ns, and all messages."""
 
-    Attributes
-    ----------
-    name, type : str
-        Absolute topic name and message type such as ``sensor_msgs/msg/Imu``.
-    encoding : str
-        ``cdr`` for ROS 2.
-    qos : str
-        Offered profiles as rosbag2 writes them (YAML), empty when unknown.
-    definition : str
-        Message definition text.
-    """
-
-    name: str
-    type: str
-    encoding: str = "cdr"
-    qos: str = field(default="", repr=False)
-    definition: str = field(default="", repr=False)
-
-
-def topic_of(channel: Channel, schema: Schema | None) -> Topic:
-    """Topic that an MCAP channel and its schema describe."""
-    return Topic(
-        channel.topic,
-        schema.name if schema else "",
-        channel.message_encoding,
-        channel.metadata.get("offered_qos_profiles", ""),
-        schema.data.decode("utf-8", "replace") if schema else "",
-    )
-
-
-class RawMessage(NamedTuple):
-    """One serialised message with its log time in ns."""
-
-    topic: Topic
-    log_ns: int
-    data: bytes
+    topics: dict[Topic, int]
+    start_ns: int
+    end_ns: int
+    messages: int
 
 
 class McapFile:
-    """One MCAP file, read forward once per call of `batches`.
+    """One MCAP file, read forward once per call of `stretches`.
 
     Attributes
     ----------
-    lost : int
-        Messages of the last reading that are known to be there and could not be read.
+    messages, lost : int
+        Messages of the last reading; those known to be there that could not be read.
+    damaged : int
+        Places of the last reading that were no records; what stood there is lost, be it counted or not.
     truncated : bool
         The last reading met the end of the file before the end of the recording.
     declared : int or None
@@ -89,110 +59,229 @@ class McapFile:
 
     def __init__(self, path: Path) -> None:
         self.path = path
-        self.lost = 0
-        self.truncated = False
+        self._stated: dict[int, Topic] | None = None  # channels by the end of the file, once it was looked at
+        self._restart()
+
+    def stretches(self) -> Iterator[Stretch]:
+        """Messages in file order, a window at a time; the bytes of one are valid until the next is asked for."""
+        self._restart()
+        with self.path.open("rb", buffering=0) as file:
+            at = self._begin(file)
+            buffer, searching = np.empty(WINDOW, np.uint8), at == 0
+            while True:
+                data = _loaded(file, at, buffer)
+                size = os.fstat(file.fileno()).st_size
+                limit = max(size - at, len(data))
+                found = walk(data, 0, len(data), limit, searching=searching)
+                yield from self._taken(data, found)
+                # A file that is being written has grown meanwhile: then it is not cut there.
+                grown = os.fstat(file.fileno()).st_size > size
+                if found.state == FOOTER or (found.state == CUT and not grown):
+                    break
+                # A record that does not fit into a window makes it grow; one that is stepped over may end behind it.
+                if 2 * (len(data) - found.stop) > len(buffer):
+                    buffer = np.empty(2 * len(buffer), np.uint8)
+                at, searching = at + found.stop, found.searching
+            if found.state == CUT:
+                yield from self._end(data, found)
+        self._settle(0, 0)
+
+    def summary(self) -> Summary | None:
+        """Read what the end of the file states about it; None when that is missing or does not fit together."""
+        with self.path.open("rb") as file:
+            found = _summary_records(file)
+        if found is None:
+            return None
+        schemas: dict[int, Schema] = {}
+        channels: dict[int, Topic] = {}
+        statistics: Statistics | None = None
+        for opcode, body in found:
+            with suppress(*_DAMAGED):
+                if opcode == Opcode.STATISTICS:
+                    statistics = Statistics.read(ReadDataStream(BytesIO(body)))
+                else:
+                    _describe(opcode, body, schemas, channels)
+        self._stated = channels
+        if statistics is None or statistics.message_end_time >= 2**63:
+            return None
+        counts = statistics.channel_message_counts
+        topics: Counter[Topic] = Counter()
+        for channel, topic in channels.items():
+            topics[topic] += counts.get(channel, 0)
+        if sum(topics.values()) != statistics.message_count:
+            return None
+        return Summary(
+            dict(topics), statistics.message_start_time, statistics.message_end_time, statistics.message_count
+        )
+
+    def _restart(self) -> None:
+        self.messages, self.lost, self.damaged, self.truncated = 0, 0, 0, False
         self.declared: int | None = None
         self._schemas: dict[int, Schema] = {}
         self._channels: dict[int, Topic] = {}
+        self._stated = None
+        self._indexed = self._accounted = 0  # messages since the last chunk began: by indices; read or lost
 
-    @property
-    def topics(self) -> list[Topic]:
-        """Topics seen so far."""
-        return list(dict.fromkeys(self._channels.values()))
+    def _begin(self, file: IO[bytes]) -> int:
+        """Where the records begin; 0 when the magic is damaged and they have to be searched for."""
+        head = file.read(len(MAGIC) + HEAD)
+        if head.startswith(MAGIC):
+            file.seek(len(MAGIC))
+            return len(MAGIC)
+        size = os.fstat(file.fileno()).st_size
+        file.seek(max(0, size - len(MAGIC)))
+        if file.read() != MAGIC and head[len(MAGIC) : len(MAGIC) + 1] != bytes([Opcode.HEADER]):
+            raise RecordingError(f"{self.path}: not an MCAP file, its first bytes are not the MCAP magic")
+        self.damaged += 1
+        file.seek(0)
+        return 0
 
-    def batches(self) -> Iterator[list[RawMessage]]:
-        """Messages in file order, a chunk at a time."""
-        self.lost, self.truncated, self.declared = 0, False, None
-        with self.path.open("rb") as file:
-            if file.read(len(MAGIC)) != MAGIC:
-                raise RecordingError(f"{self.path}: not an MCAP file, its first bytes are not the MCAP magic")
-            yield from self._data(file)
-
-    def _data(self, file: IO[bytes]) -> Iterator[list[RawMessage]]:
-        loose: list[RawMessage] = []
-        damaged_chunk = False
-        for opcode, body, whole in self._records(file):
+    def _taken(self, data: Bytes, found: Walk) -> Iterator[Stretch]:
+        """Messages of a window: those outside chunks and those in its chunks, in file order."""
+        self.damaged += found.damaged
+        self.lost += found.lost
+        self._accounted += found.lost
+        parts: list[tuple[Bytes, NDArray[np.int64]]] = []
+        loose, own = found.messages, 0
+        for opcode, at, size in found.others.T.tolist():
             if opcode == Opcode.CHUNK:
-                messages, complete = self._chunk(body, whole)
-                damaged_chunk = not complete
-                yield messages
-            elif opcode == Opcode.MESSAGE_INDEX and damaged_chunk:
-                self.lost += max(0, (len(body) - 6) // 16)
+                before = int(np.searchsorted(loose[2], at))
+                parts += _batched(data, loose[:, :before])
+                self._accounted += before
+                loose = loose[:, before:]
+                bytes_, messages = self._chunk(data, at, at + size)
+                parts.append((bytes_, messages))
+                own += len(bytes_) if bytes_ is not data else 0
+                if own > POOL:
+                    yield from self._known(data, parts)
+                    parts, own = [], 0
+            elif opcode == Opcode.MESSAGE_INDEX:
+                self._indexed += max(0, (size - 6) // 16)
             else:
-                loose += self._record(opcode, body, whole)
-                if len(loose) >= LOOSE_BATCH:
-                    yield loose
-                    loose = []
-        yield loose
+                self._record(opcode, data[at : at + size].tobytes())
+        parts += _batched(data, loose)
+        self._accounted += loose.shape[1]
+        yield from self._known(data, parts)
 
-    def _records(self, file: IO[bytes]) -> Iterator[tuple[int, bytes, bool]]:
-        """Opcode and body of each record up to the footer, and whether the body is whole."""
-        while len(head := file.read(_RECORD.size)) == _RECORD.size:
-            opcode, length = _RECORD.unpack(head)
-            if opcode == Opcode.FOOTER:
-                return
-            # No more than is there, whatever a damaged length says; a file that is being written grows meanwhile.
-            body = file.read(min(length, os.fstat(file.fileno()).st_size - file.tell()))
-            yield opcode, body, len(body) == length
-        self.truncated = True
-
-    def _chunk(self, body: bytes, whole: bool) -> tuple[list[RawMessage], bool]:
-        """Messages of a chunk; those of a chunk that was cut off or damaged as far as they can be trusted."""
+    def _chunk(self, data: Bytes, first: int, end: int) -> tuple[Bytes, NDArray[np.int64]]:
+        """Messages of the chunk with the body ``data[first:end]``, and the bytes that hold them."""
         try:
-            chunk = Chunk.read(ReadDataStream(BytesIO(body)))
-            data = _decompressed(chunk)
-        except _DAMAGED:
-            return [], False
-        bad = whole and chunk.uncompressed_crc and zlib.crc32(data) != chunk.uncompressed_crc
-        if bad or (whole and len(data) != chunk.uncompressed_size):
-            return [], False
-        return self._inner_records(data), True
+            records = chunk_records(data, first, end)
+        except (ChunkError, struct.error):
+            self._settle(0, 1)
+            return data, np.empty((4, 0), np.int64)
+        inner = walk(records.data, records.first, records.end, records.end)
+        for opcode, at, size in inner.others.T.tolist():
+            self._record(opcode, records.data[at : at + size].tobytes())
+        broken = inner.damaged + (inner.state == CUT and records.whole and inner.stop < records.end)
+        lost = inner.lost + int(inner.stop < records.end and records.data[inner.stop] == Opcode.MESSAGE)
+        self.lost += lost
+        self._settle(inner.messages.shape[1] + lost, broken)
+        return records.data, inner.messages
 
-    def _inner_records(self, data: bytes) -> list[RawMessage]:
-        messages: list[RawMessage] = []
-        at = 0
-        while at + _RECORD.size <= len(data):
-            opcode, length = _RECORD.unpack_from(data, at)
-            at += _RECORD.size
-            messages += self._record(opcode, data[at : at + length], at + length <= len(data))
-            at += length
-        return messages
+    def _settle(self, accounted: int, damaged: int) -> None:
+        """Begin a chunk: what the index of the one before names and was not read is lost."""
+        self.lost += max(0, self._indexed - self._accounted)
+        self.damaged += damaged
+        self._indexed, self._accounted = 0, accounted
 
-    def _record(self, opcode: int, body: bytes, whole: bool) -> list[RawMessage]:
-        """Take in one record outside or inside a chunk; a list of one message or none."""
-        if opcode == Opcode.MESSAGE:
-            return self._message(body, whole)
-        if whole:
-            with suppress(*_DAMAGED):
-                self._describe(opcode, ReadDataStream(BytesIO(body)))
-        return []
+    def _known(self, window: Bytes, parts: list[tuple[Bytes, NDArray[np.int64]]]) -> Iterator[Stretch]:
+        """Messages of known channels."""
+        for stretch in joined(window, [part for part in parts if part[1].size], self._channels):
+            channels = np.flatnonzero(np.bincount(stretch.messages[0]))
+            unknown = [channel for channel in channels.tolist() if not self._is_known(channel)]
+            if not unknown:
+                self.messages += len(stretch)
+                yield stretch
+                continue
+            keep = ~np.isin(stretch.messages[0], unknown)
+            self.lost += int(np.count_nonzero(~keep))
+            self.messages += int(np.count_nonzero(keep))
+            ends = np.concatenate(([0], np.cumsum(keep)))[list(stretch.ends)]
+            yield Stretch(stretch.data, stretch.messages[:, keep], self._channels, tuple(ends.tolist()))
 
-    def _describe(self, opcode: int, stream: ReadDataStream) -> None:
-        if opcode == Opcode.SCHEMA:
-            schema = Schema.read(stream)
-            self._schemas[schema.id] = schema
-        elif opcode == Opcode.CHANNEL:
-            channel = Channel.read(stream)
-            self._channels[channel.id] = topic_of(channel, self._schemas.get(channel.schema_id))
-        elif opcode == Opcode.STATISTICS:
-            self.declared = Statistics.read(stream).message_count
+    def _is_known(self, channel: int) -> bool:
+        """Whether a channel is described, if not before its messages then at the end of the file."""
+        if channel not in self._channels:
+            if self._stated is None:
+                self.summary()
+                self._stated = self._stated or {}
+            if channel in self._stated:
+                self._channels[channel] = self._stated[channel]
+        return channel in self._channels
 
-    def _message(self, body: bytes, whole: bool) -> list[RawMessage]:
-        if whole and len(body) >= _MESSAGE.size:
-            channel, _, log_ns, _ = _MESSAGE.unpack_from(body)
-            if channel in self._channels:
-                return [RawMessage(self._channels[channel], log_ns, body[_MESSAGE.size :])]
-        self.lost += 1
-        return []
+    def _end(self, data: Bytes, found: Walk) -> Iterator[Stretch]:
+        """Read what is left of the record that the file ends in."""
+        self.truncated = True
+        left = len(data) - found.stop
+        if left < HEAD:
+            return
+        if data[found.stop] == Opcode.CHUNK and left >= HEAD + CHUNK_HEAD:
+            bytes_, messages = self._chunk(data, found.stop + HEAD, len(data))
+            yield from self._known(data, [(bytes_, messages)])
+        elif data[found.stop] == Opcode.MESSAGE:
+            self.lost += 1
+
+    def _record(self, opcode: int, body: bytes) -> None:
+        with suppress(*_DAMAGED):
+            if opcode == Opcode.STATISTICS:
+                self.declared = Statistics.read(ReadDataStream(BytesIO(body))).message_count
+            else:
+                _describe(opcode, body, self._schemas, self._channels)
 
 
-def _decompressed(chunk: Chunk) -> bytes:
-    """Decompress a chunk, as far as it goes when it was cut."""
-    data: bytes = chunk.data
-    if chunk.compression == "zstd":
-        data = zstandard.ZstdDecompressor().decompressobj().decompress(data)
-    elif chunk.compression == "lz4":
-        data = lz4.frame.LZ4FrameDecompressor().decompress(data)
-    elif chunk.compression:
-        raise ValueError(f"unknown compression {chunk.compression}")
-    return data
+def _describe(opcode: int, body: bytes, schemas: dict[int, Schema], channels: dict[int, Topic]) -> None:
+    """Take in a schema or a channel; the first description of a channel counts."""
+    stream = ReadDataStream(BytesIO(body))
+    if opcode == Opcode.SCHEMA:
+        schema = Schema.read(stream)
+        schemas[schema.id] = schema
+    elif opcode == Opcode.CHANNEL:
+        channel = Channel.read(stream)
+        schema_there = schemas.get(channel.schema_id)
+        topic = Topic(
+            channel.topic,
+            schema_there.name if schema_there else "",
+            channel.message_encoding,
+            channel.metadata.get("offered_qos_profiles", ""),
+            schema_there.data.decode("utf-8", "replace") if schema_there else "",
+            channel.metadata.get("topic_type_hash", ""),
+        )
+        channels.setdefault(channel.id, topic)
+
+
+def _loaded(file: IO[bytes], at: int, buffer: Bytes) -> Bytes:
+    """Bytes of the file from `at` on, as many as there is room for; the buffer is used again, as it is in the cache."""
+    file.seek(at)
+    filled = 0
+    while filled < len(buffer):
+        count = file.readinto(buffer[filled:])  # type: ignore[attr-defined]
+        if not count:
+            break
+        filled += count
+    return buffer[:filled]
+
+
+def _batched(data: Bytes, messages: NDArray[np.int64]) -> list[tuple[Bytes, NDArray[np.int64]]]:
+    return [(data, messages[:, first : first + BATCH]) for first in range(0, messages.shape[1], BATCH)]
+
+
+def _summary_records(file: IO[bytes]) -> list[tuple[int, bytes]] | None:
+    """Opcode and body of the records between the data and the footer."""
+    size = os.fstat(file.fileno()).st_size
+    at = size - len(MAGIC) - _FOOTER_BODY.size - HEAD
+    if at < len(MAGIC):
+        return None
+    file.seek(at)
+    footer = file.read()
+    if footer[0] != Opcode.FOOTER or not footer.endswith(MAGIC):
+        return None
+    start, _, _ = _FOOTER_BODY.unpack_from(footer, HEAD)
+    if not len(MAGIC) <= start < at or at - start > LONGEST:
+        return None
+    file.seek(start)
+    data = np.frombuffer(file.read(at - start), np.uint8)
+    found = walk(data, 0, len(data), len(data))
+    if found.damaged or found.state == MORE or found.stop < len(data):
+        return None
+    return [(opcode, data[place : place + length].tobytes()) for opcode, place, length in found.others.T.tolist()]

@@ -2,24 +2,25 @@
 
 from __future__ import annotations
 
+import os
 import shutil
-import tempfile
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from types import TracebackType
-from typing import Any, Literal, Self
+from typing import Any, Self
 
 import numpy as np
-import yaml
 from numpy.typing import ArrayLike
-from rosbags.interfaces import Connection
-from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin, Writer
-from rosbags.rosbag2.storage_mcap import McapWriter
 
 from tbm_msgs_py import blocks, topics
+from tbm_msgs_py.bags import metadata
 from tbm_msgs_py.bags.errors import RecordingError
-from tbm_msgs_py.bags.quality import rosbag_qos
+from tbm_msgs_py.bags.locking import lock
+from tbm_msgs_py.bags.metadata import TopicEntry
+from tbm_msgs_py.bags.part import Compression, Part
 from tbm_msgs_py.bags.samples import BLOCK_TYPE, JOINT_STATE_TYPE, typestore
-from tbm_msgs_py.blocks import BlockLayout
+from tbm_msgs_py.blocks import NANOSECONDS, BlockLayout
 from tbm_msgs_py.operating_point import OperatingPoint
 from tbm_msgs_py.topics import Quality
 
@@ -29,23 +30,48 @@ ACCEL_TYPE = "geometry_msgs/msg/AccelStamped"
 class BagWriter:
     """Writer of one recording; in a `with` block a half-written one is removed when an exception passes.
 
+    A disk that refuses to take more is a `RecordingError`; what was flushed before is kept, see `salvage`.
+
     Parameters
     ----------
     path : str or Path
         New rosbag2 folder, or a new bare file when it ends in ``.mcap``.
     compression : str
         ``none`` or ``zstd`` for the chunks.
+    max_bytes, max_seconds : float, optional
+        Size of a file, and log time in it, after which a folder goes on in a further file. The last message of each
+        latched topic is repeated there, so that a file says on its own what the machine did.
+    custom_data : mapping of str, optional
+        Goes into the metadata.
     """
 
-    def __init__(self, path: str | Path, compression: Literal["none", "zstd"] = "none") -> None:
+    def __init__(
+        self,
+        path: str | Path,
+        compression: Compression = "none",
+        *,
+        max_bytes: float | None = None,
+        max_seconds: float | None = None,
+        custom_data: Mapping[str, str] | None = None,
+    ) -> None:
         self.path = Path(path)
+        self._bare = self.path.suffix == ".mcap"
+        self._split = max_bytes is not None or max_seconds is not None
         if self.path.exists():
             raise RecordingError(f"{self.path}: exists already, allowed: a new name")
-        self._bare = self.path.suffix == ".mcap"
+        if self._bare and self._split:
+            raise RecordingError(f"{self.path}: a bare file cannot be split, allowed: a new folder")
         self._compression = compression
-        self._workspace: Path | None = None
-        self._writer: Writer | None = None
-        self._connections: dict[tuple[str, str], Connection] = {}
+        self._max_bytes = np.inf if max_bytes is None else max_bytes
+        self._max_ns = np.inf if max_seconds is None else max_seconds * NANOSECONDS
+        self._custom_data = dict(custom_data or {})
+        self._finished: list[metadata.FileEntry] = []
+        self._part: Part | None = None
+        self._number = 0
+        self._lock: int | None = None
+        self._entries: dict[tuple[str, str], TopicEntry] = {}
+        self._latched: dict[TopicEntry, bytes] = {}
+        self._undescribed = False  # a topic that metadata.yaml does not name yet
 
     def __enter__(self) -> Self:
         self.open()
@@ -59,43 +85,76 @@ class BagWriter:
         else:
             self.discard()
 
+    @property
+    def current(self) -> Path | None:
+        """File being written, None when the recording is not open."""
+        return self._part.path if self._part else None
+
+    @property
+    def messages(self) -> int:
+        """Messages in the recording, those repeated at the beginning of a file included."""
+        return sum(entry.messages for entry in self._files())
+
     def open(self) -> None:
         """Create the recording, with metadata from the start: a killed recorder leaves a readable folder."""
-        try:
+        with self._one_line():
             self.path.parent.mkdir(parents=True, exist_ok=True)
-            folder = self._folder()
-            self._writer = Writer(folder, version=9, storage_plugin=StoragePlugin.MCAP)
-            if self._compression == "zstd":
-                self._writer.set_compression(CompressionMode.STORAGE, CompressionFormat.ZSTD)
-            self._writer.open()
-            (folder / "metadata.yaml").write_text(_initial_metadata(f"{folder.name}.mcap"), encoding="utf-8")
-        except OSError as error:
-            raise RecordingError(f"{self.path}: {error.strerror}, allowed: a folder that can be written") from error
+            if not self._bare:
+                self.path.mkdir()
+                self._lock = lock(self.path)
+            self._begin_part()
 
     def close(self) -> None:
-        """Finish the recording: index and metadata."""
-        writer, self._writer = self._writer, None
-        if writer is None:
+        """Finish the recording: index and metadata; one that is not open stays as it is."""
+        if self._part is None:
             return
-        writer.close()
-        if self._workspace is not None:
-            (writer.path / f"{writer.path.name}.mcap").rename(self.path)
-            shutil.rmtree(self._workspace)
+        try:
+            file = self._end_part().path
+            with self._one_line():
+                if self._bare:
+                    file.replace(self.path)
+                else:
+                    self._describe()
+        except RecordingError:
+            self.salvage()
+            raise
+        self._unlock()
+
+    def salvage(self) -> None:
+        """Give the recording up as it is on the disk: every message up to the last flush, and metadata that say so."""
+        if self._part is not None:
+            self._part.abandon()
+            self._finished.append(self._part.entry)
+            self._part = None
+        if not self._bare:
+            with suppress(OSError):  # no room for that either: the last metadata are true for the files before
+                self._describe()
+        self._unlock()
 
     def discard(self) -> None:
         """Remove what has been written."""
-        writer, self._writer = self._writer, None
-        if writer is not None:
-            writer.abort()
-            shutil.rmtree(self._workspace or writer.path)
+        part, self._part = self._part, None
+        if part is not None:
+            part.abandon()
+            if self._bare:
+                part.path.unlink()
+        if not self._bare:
+            shutil.rmtree(self.path, ignore_errors=True)
+        self._unlock()
 
     def flush(self) -> None:
         """Hand everything written so far to the operating system: what was flushed survives a kill."""
-        storage = self._open_writer().storage
-        if isinstance(storage, McapWriter):
-            if storage.chunk.msgs:
-                storage.close_chunk()
-            storage.bio.flush()
+        self._open_part().flush()
+        if self._undescribed and not self._bare:
+            with self._one_line():
+                self._describe()
+
+    def drop(self, name: str) -> None:
+        """Delete a finished file of the recording."""
+        self._finished = [entry for entry in self._finished if entry.name != name]
+        with self._one_line():
+            self._describe()
+            (self.path / name).unlink()
 
     def write(
         self,
@@ -122,20 +181,14 @@ class BagWriter:
         definition : (str, str), optional
             Definition text and hash of a type that ROS 2 Jazzy's common interfaces do not hold.
         """
-        writer = self._open_writer()
-        connection = self._connections.get((topic, message_type))
-        if connection is None:
-            known: dict[str, Any] = {"typestore": typestore()}
-            if definition is not None:
-                known = {"msgdef": definition[0], "rihs01": definition[1]}
-            elif message_type not in typestore().types:
-                raise RecordingError(
-                    f"{self.path}: topic {topic}: type {message_type} is not known and has no definition"
-                )
-            offered = [rosbag_qos(quality or topics.quality(topic))]
-            connection = writer.add_connection(topic, message_type, offered_qos_profiles=offered, **known)
-            self._connections[topic, message_type] = connection
-        writer.write(connection, int(log_ns), data)
+        part, log_ns, data = self._open_part(), int(log_ns), bytes(data)
+        entry = self._entries.get((topic, message_type)) or self._declare(topic, message_type, quality, definition)
+        full = part.size >= self._max_bytes or log_ns - part.entry.start_ns >= self._max_ns
+        if full and part.entry.messages:
+            part = self._next_part(log_ns)
+        part.write(entry, log_ns, data)
+        if entry.quality.latched:
+            self._latched[entry] = data
 
     def write_block(
         self,
@@ -194,17 +247,73 @@ class BagWriter:
     def _serialise(self, topic: str, message_type: str, log_ns: int, message: Any) -> None:
         self.write(topic, message_type, log_ns, typestore().serialize_cdr(message, message_type))
 
-    def _folder(self) -> Path:
-        if not self._bare:
-            return self.path
-        # Beside the result, so that the finished file moves into its place in one step.
-        self._workspace = Path(tempfile.mkdtemp(prefix=f".{self.path.stem}.", dir=self.path.parent))
-        return self._workspace / self.path.stem
+    def _declare(
+        self, topic: str, message_type: str, quality: Quality | None, definition: tuple[str, str] | None
+    ) -> TopicEntry:
+        if definition is None:
+            if message_type not in typestore().types:
+                raise RecordingError(
+                    f"{self.path}: topic {topic}: type {message_type} is not known and has no definition"
+                )
+            text, _ = typestore().generate_msgdef(message_type, ros_version=2)
+            definition = text, typestore().hash_rihs01(message_type)
+        entry = TopicEntry(topic, message_type, definition[1], quality or topics.quality(topic), definition[0])
+        self._entries[topic, message_type] = entry
+        self._undescribed = True
+        return entry
 
-    def _open_writer(self) -> Writer:
-        if self._writer is None:
+    def _next_part(self, log_ns: int) -> Part:
+        self._end_part()
+        with self._one_line():
+            following = self._begin_part()
+        for entry, data in self._latched.items():
+            following.write(entry, log_ns, data)
+        return following
+
+    def _end_part(self) -> Part:
+        part = self._open_part()
+        part.close()
+        self._finished.append(part.entry)
+        self._part = None
+        return part
+
+    def _begin_part(self) -> Part:
+        """Start the next file; it is there before the metadata name it."""
+        if self._bare:
+            # Beside the result, so that the finished file moves into its place in one step.
+            file = self.path.with_name(f".{self.path.stem}.{os.getpid()}.mcap")
+        else:
+            file = self.path / (f"{self.path.name}_{self._number}.mcap" if self._split else f"{self.path.name}.mcap")
+        self._number += 1
+        self._part = Part(file, self._compression)
+        if not self._bare:
+            self._describe()
+        return self._part
+
+    def _files(self) -> list[metadata.FileEntry]:
+        return [*self._finished, *([self._part.entry] if self._part else [])]
+
+    def _describe(self) -> None:
+        metadata.write(self.path, metadata.information(self._files(), self._custom_data))
+        self._undescribed = False
+
+    def _unlock(self) -> None:
+        if self._lock is not None:
+            os.close(self._lock)
+            self._lock = None
+
+    @contextmanager
+    def _one_line(self) -> Iterator[None]:
+        """Turn an error of the operating system into the one line of a `RecordingError`."""
+        try:
+            yield
+        except OSError as error:
+            raise RecordingError(f"{self.path}: {error.strerror}, allowed: a folder that can be written") from error
+
+    def _open_part(self) -> Part:
+        if self._part is None:
             raise RecordingError(f"{self.path}: the recording is not open")
-        return self._writer
+        return self._part
 
 
 def _header(stamp_ns: int, frame_id: str = "") -> Any:
@@ -213,23 +322,3 @@ def _header(stamp_ns: int, frame_id: str = "") -> Any:
     return types["std_msgs/msg/Header"](
         stamp=types["builtin_interfaces/msg/Time"](sec=sec, nanosec=nanosec), frame_id=frame_id
     )
-
-
-def _initial_metadata(file: str) -> str:
-    none = {"nanoseconds": 0}
-    start = {"nanoseconds_since_epoch": 0}
-    information = {
-        "version": 9,
-        "storage_identifier": "mcap",
-        "relative_file_paths": [file],
-        "duration": none,
-        "starting_time": start,
-        "message_count": 0,
-        "topics_with_message_count": [],
-        "compression_format": "",
-        "compression_mode": "",
-        "files": [{"path": file, "starting_time": start, "duration": none, "message_count": 0}],
-        "custom_data": None,
-        "ros_distro": "rosbags",
-    }
-    return yaml.safe_dump({"rosbag2_bagfile_information": information}, sort_keys=False)

@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
+import json
 import sys
 import time
 from collections.abc import Iterator
+from pathlib import Path
 from typing import Any
 
 from rclpy.clock import Clock
 from rclpy.clock_type import ClockType
 from rclpy.duration import Duration
 from rclpy.publisher import Publisher
-from rclpy.qos import QoSProfile
 from rosgraph_msgs.msg import Clock as ClockMessage
 
 from tbm_msgs_py import topics
@@ -35,6 +36,7 @@ PARAMETERS = (
     Parameter("wait_for_subscribers", 1, "subscriptions to the played topics before the first message", 0, 1000),
     Parameter("wait_timeout", 5.0, "longest wait for these subscriptions, s", 0.0, 3600.0),
     Parameter("exit_at_end", True, "end the process after the last message"),
+    Parameter("summary", "", "file that gets the result as JSON at the end; empty for none"),
 )
 
 
@@ -47,6 +49,7 @@ class BagPlayer(ManagedNode):
     def __init__(self) -> None:
         super().__init__("bag_player", PARAMETERS)
         self._publishers_by_topic: dict[str, Publisher] = {}
+        self._latched: set[str] = set()
         self._clock_publisher: Publisher | None = None
         self._timer: Any = None
 
@@ -69,6 +72,8 @@ class BagPlayer(ManagedNode):
 
     def activate(self) -> None:
         """Begin to wait for subscribers, then play."""
+        self._before_start = self._latched_before_start()
+        self._loops = 0
         self._rewind()
         self._waiting_until = time.monotonic() + self.value("wait_timeout")
         self._zero: int | None = None  # monotonic ns at which the playing began
@@ -79,6 +84,14 @@ class BagPlayer(ManagedNode):
     def deactivate(self) -> None:
         """Stop playing; the next activation starts from the beginning."""
         self._stop()
+        if self.value("summary"):
+            document = {
+                "played": self._count,
+                "lost": self._bag.lost,
+                "loops": self._loops,
+                "ended": self._next is None,
+            }
+            Path(self.value("summary")).write_text(json.dumps(document), encoding="utf-8")
 
     def _stop(self) -> None:
         if self._timer is not None:
@@ -104,22 +117,31 @@ class BagPlayer(ManagedNode):
             if message_type is None:
                 self.get_logger().warning(f"{topic.name}: type {topic.type} is not installed, the topic is not played")
                 continue
-            self._publishers_by_topic[topic.name] = self.create_publisher(message_type, topic.name, _profile(topic))
+            quality = offered_quality(topic.qos) or topics.quality(topic.name)  # what the recording states goes first
+            if quality.latched:
+                self._latched.add(topic.name)
+            self._publishers_by_topic[topic.name] = self.create_publisher(
+                message_type, topic.name, qos.profile(quality)
+            )
         if not self._publishers_by_topic:
             raise RecordingError(f"{self._bag.path}: no topic can be played")
 
     def _tick(self) -> None:
-        if self._zero is None:
-            if self._ready():
-                self._zero = time.monotonic_ns()
-            else:
-                self._publish_clock(self._start_ns)
-                return
-        now = self._start_ns + round((time.monotonic_ns() - self._zero) * self.value("rate"))
+        if self._zero is None and not self._ready():
+            self._publish_clock(self._start_ns)
+            return
+        zero = self._begin() if self._zero is None else self._zero
+        now = self._start_ns + round((time.monotonic_ns() - zero) * self.value("rate"))
         self._publish_until(min(now, self._end_ns))
         self._publish_clock(min(now, self._end_ns))
         if self._next is None:
             self._finished()
+
+    def _begin(self) -> int:
+        for message in self._before_start:
+            self._publish(message)
+        self._zero = time.monotonic_ns()
+        return self._zero
 
     def _ready(self) -> bool:
         wanted = self.value("wait_for_subscribers")
@@ -132,9 +154,12 @@ class BagPlayer(ManagedNode):
 
     def _publish_until(self, now_ns: int) -> None:
         while self._next is not None and self._next.log_ns <= now_ns:
-            self._publishers_by_topic[self._next.topic.name].publish(self._next.data)
-            self._count += 1
+            self._publish(self._next)
             self._advance()
+
+    def _publish(self, message: RawMessage) -> None:
+        self._publishers_by_topic[message.topic.name].publish(message.data)
+        self._count += 1
 
     def _publish_clock(self, now_ns: int) -> None:
         if self._clock_publisher is not None:
@@ -142,8 +167,9 @@ class BagPlayer(ManagedNode):
 
     def _finished(self) -> None:
         if self.value("loop"):
+            self._loops += 1
             self._rewind()
-            self._zero = time.monotonic_ns()
+            self._begin()
             return
         for publisher in self._publishers_by_topic.values():
             publisher.wait_for_all_acked(Duration(seconds=DELIVERY / len(self._publishers_by_topic)))
@@ -157,14 +183,19 @@ class BagPlayer(ManagedNode):
         self._recorded: Iterator[RawMessage] = self._bag.messages(set(self._publishers_by_topic), self._start_ns)
         self._advance()
 
+    def _latched_before_start(self) -> list[RawMessage]:
+        """Last message of each latched topic before the start: it still holds there, as the operating point does."""
+        found: dict[str, RawMessage] = {}
+        if self._latched and self.value("start"):
+            for message in self._bag.messages(self._latched):
+                if message.log_ns >= self._start_ns:
+                    break
+                found[message.topic.name] = message
+        return list(found.values())
+
     def _advance(self) -> None:
         following = next(self._recorded, None)
         self._next = following if following is not None and following.log_ns <= self._end_ns else None
-
-
-def _profile(topic: Topic) -> QoSProfile:
-    """Profile that the recording states for a topic, else that of the contract."""
-    return qos.profile(offered_quality(topic.qos) or topics.quality(topic.name))
 
 
 def main(args: list[str] | None = None) -> int:

@@ -1,28 +1,57 @@
-"""Node `bag_recorder`: records topics into a rosbag2 folder that survives a kill."""
+"""Node `bag_recorder`: records topics into a rosbag2 folder that survives a kill and a full disk."""
 
 from __future__ import annotations
 
+import json
 import sys
 from collections.abc import Callable
-from typing import Any
+from pathlib import Path
+from typing import Any, NamedTuple
 
+from diagnostic_msgs.msg import DiagnosticArray
+from rclpy.clock import Clock
+from rclpy.clock_type import ClockType
+from rclpy.event_handler import SubscriptionEventCallbacks
 from rclpy.subscription import Subscription
 
 from tbm_msgs_py import topics
 from tbm_msgs_py.bags import BagWriter, RecordingError
+from tbm_msgs_py.bags.quota import MARK, enforce
+from tbm_msgs_py.bags.samples import typestore
 from tbm_msgs_py.nodes import messages, qos
 from tbm_msgs_py.nodes.managed import ManagedNode, Parameter, run_node
 from tbm_msgs_py.topics import Quality
 
-DISCOVERY = 0.2  # s between looks for topics that are not there yet
+DISCOVERY = 0.05  # s between looks for topics that are not there yet
+QUOTA_PERIOD = 2.0  # s between looks at the disk
 DEPTH = 1000  # messages that may wait while the disk is slow
+MEGABYTE = 1e6
 
 PARAMETERS = (
     Parameter("output", "", "new rosbag2 folder"),
     Parameter("topics", [""], "topics recorded, relative to the namespace or absolute; at least one"),
+    Parameter("duration", 0.0, "s after which the recording ends; 0 for never", minimum=0.0),
     Parameter("flush_period", 0.5, "longest time a message stays unwritten, s", 0.05, 0.5),
     Parameter("compression", "none", "compression of the chunks", choices=("none", "zstd")),
+    Parameter("split_size", 0.0, "MB after which the recording goes on in a further file; 0 for never", minimum=0.0),
+    Parameter("split_time", 0.0, "s after which the recording goes on in a further file; 0 for never", minimum=0.0),
+    Parameter(
+        "quota",
+        0.0,
+        "MB that the recordings beside the output take at most, the oldest files go; 0 for all",
+        minimum=0.0,
+    ),
+    Parameter("summary", "", "file that gets the result as JSON at the end; empty for none"),
 )
+
+
+class Arrived(NamedTuple):
+    """A message that is not written yet."""
+
+    topic: str
+    type: str
+    offered: Quality
+    data: bytes
 
 
 class BagRecorder(ManagedNode):
@@ -33,6 +62,13 @@ class BagRecorder(ManagedNode):
         self._writer: BagWriter | None = None
         self._subscribed: dict[str, Subscription] = {}
         self._timers_made: list[Any] = []
+        self._arrived: list[Arrived] = []
+        self._lost = 0
+        self._deleted: list[str] = []
+        self._over_quota = False
+        self._unrecorded: list[str] = []  # of a type that cannot be written
+        self._problem = ""
+        self._diagnostics: Any = None
 
     def configure(self) -> None:
         """Create the recording."""
@@ -41,17 +77,33 @@ class BagRecorder(ManagedNode):
             raise RecordingError("parameter topics: empty, allowed: at least one topic")
         if not self.value("output"):
             raise RecordingError("parameter output: empty, allowed: a new folder")
-        writer = BagWriter(self.value("output"), self.value("compression"))
+        if 0 < self.value("quota") < 2 * self.value("split_size"):
+            raise RecordingError(
+                f"parameter quota: {self.value('quota'):g} MB, allowed: 0 or at least twice the split_size of "
+                f"{self.value('split_size'):g} MB"
+            )
+        writer = BagWriter(
+            self.value("output"),
+            self.value("compression"),
+            max_bytes=self.value("split_size") * MEGABYTE or None,
+            max_seconds=self.value("split_time") or None,
+            custom_data=MARK,
+        )
         writer.open()
         self._writer = writer
+        self._diagnostics = self.create_publisher(DiagnosticArray, topics.DIAGNOSTICS, qos.DIAGNOSTICS)
 
     def activate(self) -> None:
         """Record: subscribe to what is there, look for the rest, write out what waits."""
         self._discover()
-        self._timers_made = [
-            self.create_timer(DISCOVERY, self._discover),
-            self.create_timer(self.value("flush_period"), self._flush),
-        ]
+        steady = Clock(clock_type=ClockType.STEADY_TIME)  # the disk does not wait for a simulated clock
+        tasks = [(DISCOVERY, self._discover), (self.value("flush_period"), self._flush)]
+        if self.value("quota"):
+            tasks.append((QUOTA_PERIOD, self._keep_quota))
+        if self.value("duration"):
+            tasks.append((self.value("duration"), self.end))
+        self._timers_made = [self.create_timer(period, task, clock=steady) for period, task in tasks]
+        self._timers_made.append(self.create_status_timer(self._diagnose))
 
     def deactivate(self) -> None:
         """Stop recording."""
@@ -64,38 +116,111 @@ class BagRecorder(ManagedNode):
     def cleanup(self) -> None:
         """Finish the recording: index and metadata."""
         writer, self._writer = self._writer, None
-        if writer is not None:
-            writer.close()
+        try:
+            if writer is not None:
+                writer.close()
+        except RecordingError as error:
+            self._problem = str(error)
+            raise
+        finally:
+            if self.value("summary"):
+                document = {"lost": self._lost + len(self._arrived), "deleted": self._deleted, "problem": self._problem}
+                Path(self.value("summary")).write_text(json.dumps(document), encoding="utf-8")
 
     def _discover(self) -> None:
         known = dict(self.get_topic_names_and_types())
-        for name in self._wanted:
+        for name in list(self._wanted):
             publishers = self.get_publishers_info_by_topic(name) if name not in self._subscribed else []
             if publishers and name in known:
                 self._subscribe(name, known[name][0], publishers)
 
     def _subscribe(self, name: str, message_type: str, publishers: list[Any]) -> None:
         message_class = messages.message_class(message_type)
-        if message_class is None:
-            self.get_logger().error(f"{name}: type {message_type} is not installed, the topic is not recorded")
+        if message_class is None or message_type not in typestore().types:
+            why = "is not installed" if message_class is None else "is none of ROS 2 Jazzy's common interfaces"
+            self.get_logger().error(f"{name}: type {message_type} {why}, the topic is not recorded")
+            self._unrecorded.append(name)
             self._wanted.remove(name)
             return
         offered = qos.offered(publishers)
         profile = qos.profile(Quality(offered.reliable, offered.latched, DEPTH))
-        callback = self._recorder(name, message_type, offered)
-        self._subscribed[name] = self.create_subscription(message_class, name, callback, profile, raw=True)
+        self._subscribed[name] = self.create_subscription(
+            message_class,
+            name,
+            self._recorder(name, message_type, offered),
+            profile,
+            raw=True,
+            event_callbacks=SubscriptionEventCallbacks(message_lost=self._on_lost),
+        )
 
     def _recorder(self, name: str, message_type: str, offered: Quality) -> Callable[[bytes], None]:
         def record(data: bytes) -> None:
-            if self._writer is not None:
-                now = self.get_clock().now().nanoseconds
-                self._writer.write(name, message_type, now, data, quality=offered)
+            self._arrived.append(Arrived(name, message_type, offered, data))
+            self._on_disk(self._write)
 
         return record
 
+    def _write(self, writer: BagWriter) -> None:
+        """Write what has arrived; it waits for a simulated clock that has not begun."""
+        if now := self.get_clock().now().nanoseconds:
+            arrived, self._arrived = self._arrived, []
+            for message in arrived:
+                writer.write(message.topic, message.type, now, message.data, quality=message.offered)
+
+    def _on_disk(self, work: Callable[[BagWriter], None]) -> None:
+        """Do what writes; a disk that refuses ends the recording with what it has."""
+        if self._writer is None:
+            return
+        try:
+            work(self._writer)
+        except (RecordingError, OSError) as error:
+            self._problem = str(error)
+            self.get_logger().error(f"the recording ends with what was written before: {self._problem}")
+            self._diagnose()
+            self._writer.salvage()
+            self._writer = None
+            self.end(2)
+
     def _flush(self) -> None:
-        if self._writer is not None:
-            self._writer.flush()
+        self._on_disk(self._write)
+        self._on_disk(lambda writer: writer.flush())
+
+    def _keep_quota(self) -> None:
+        self._on_disk(self._delete_oldest)
+
+    def _delete_oldest(self, writer: BagWriter) -> None:
+        quota = self.value("quota")
+        deleted, over = enforce(quota * MEGABYTE, writer)
+        for file in deleted:
+            self._deleted.append(str(file.path))
+            self.get_logger().info(f"quota of {quota:g} MB: deleted {file.path} ({file.size / MEGABYTE:.3f} MB)")
+        if over > 0 and not self._over_quota:
+            self.get_logger().warning(f"over the quota by {over / MEGABYTE:.3f} MB, and no older file may be deleted")
+        self._over_quota = over > 0
+
+    def _on_lost(self, event: Any) -> None:
+        self._lost += event.total_count_change
+
+    def _diagnose(self) -> None:
+        if self._writer is None:
+            return
+        missing = [name for name in self._wanted if name not in self._subscribed]
+        troubles = [
+            *([self._problem] if self._problem else []),
+            *([f"waiting for {', '.join(missing)}"] if missing else []),
+            *([f"not recorded: {', '.join(self._unrecorded)}"] if self._unrecorded else []),
+            *([f"{self._lost} messages lost on their way"] if self._lost else []),
+            *(["over the quota"] if self._over_quota else []),
+        ]
+        values = {
+            "messages": self._writer.messages,
+            "lost": self._lost,
+            "file": self._writer.current,
+            "deleted": len(self._deleted),
+        }
+        level: messages.Level = "error" if self._problem else "warn" if troubles else "ok"
+        status = messages.status("tbm: recorder", level, "; ".join(troubles) or "recording", values)
+        self._diagnostics.publish(messages.diagnostics(self.get_clock().now().nanoseconds, [status]))
 
 
 def main(args: list[str] | None = None) -> int:

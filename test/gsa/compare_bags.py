@@ -13,10 +13,11 @@ RATE = 2000
 __all__ = ["RATE", "START_NS", "G", "model_values", "noise", "write_bag"]
 
 
-def model_values(seed, duration=10.0):
-    """Accelerations of dz101 at its test points at the model's own rate, 10 kHz."""
-    points = load_machine("dz101").description.test_points
-    response = simulate(load_machine("dz101"), duration, seed, outputs=points.values())
+def model_values(seed, duration=10.0, machine=None):
+    """Accelerations of a machine, by default dz101, at its test points at the model's own rate, 10 kHz."""
+    chosen = machine or load_machine("dz101")
+    points = chosen.description.test_points
+    response = simulate(chosen, duration, seed, outputs=points.values())
     return {point: response.acceleration(node)[:, :3] for point, node in points.items()}
 
 

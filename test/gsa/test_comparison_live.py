@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from tbm_gsa.comparison import AlarmRule, WindowedComparison, WindowResult
+from tbm_gsa.comparison import AlarmRule, UsualError, WindowedComparison, WindowResult
 from tbm_gsa.comparison.conditioning import common_band, condition
 
 SECOND = 1_000_000_000
@@ -229,9 +229,27 @@ def test_points_alarm_on_their_own():
 
 
 def test_a_baseline_makes_the_change_of_the_error_count():
-    rule = AlarmRule(0.30, 1, baseline={"shield": [0.4, 0.4, 0.4]})
+    rule = AlarmRule(0.30, 1, baseline={"shield": UsualError([0.4, 0.4, 0.4])})
     assert not rule.update(window([0.5, 0.4, 0.3]))
     assert rule.update(window([0.8, 0.4, 0.4]))
+
+
+def test_a_change_within_the_scatter_of_the_baseline_is_none():
+    rule = AlarmRule(0.10, 1, baseline={"shield": UsualError([0.4] * 3, [0.1, 0.01, 0.01])})
+    assert not rule.update(window([0.65, 0.4, 0.4]))  # within three times 0.1
+    assert rule.update(window([0.75, 0.4, 0.4]))
+    assert not rule.update(window([0.4, 0.48, 0.4]))  # beyond the scatter, within the threshold
+    assert rule.update(window([0.4, 0.55, 0.4]))
+    assert not rule.update(window([0.4, 0.4, 0.4]))
+    assert rule.update(window([0.05, 0.4, 0.4]))  # a fall is a change too
+
+
+def test_points_and_axes_without_a_baseline_have_an_absolute_threshold():
+    rule = AlarmRule(0.30, 1, baseline={"shield": UsualError([0.9, np.nan, 0.9], np.zeros(3))})
+    assert not rule.update(window([0.9, 0.2, 0.9]))
+    assert rule.update(window([0.9, 0.4, 0.9]))
+    assert rule.update(window([0.9, 0.2, 0.9], "gripper"))
+    assert AlarmRule(0.30, 1, baseline={"shield": UsualError([0.9] * 3)}).update(window([np.inf] * 3))
 
 
 def test_the_alarm_may_watch_one_axis():

@@ -1,16 +1,18 @@
 import numpy as np
 import pytest
 import scipy.signal
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
+from tbm_gsa.comparison.clock import sampling_rate
 from tbm_gsa.comparison.conditioning import (
     Band,
     CausalConditioner,
+    Stretch,
+    ZeroPhaseConditioner,
     common_band,
     compared_axes,
     condition,
-    sampling_rate,
 )
 
 RATE = 1000.0
@@ -155,7 +157,9 @@ def test_no_transient_at_the_ends():
 
 
 def test_the_filter_is_scipys():
-    signal = np.random.default_rng(1).standard_normal((10_000, 3))
+    # But for the ends, which each continues in its own way.
+    time = np.arange(60_000) / RATE
+    signal = np.random.default_rng(1).standard_normal((60_000, 3))
     once = np.vstack(
         [
             scipy.signal.butter(2, 0.5, "highpass", fs=RATE, output="sos"),
@@ -163,4 +167,71 @@ def test_the_filter_is_scipys():
         ]
     )
     expected = scipy.signal.sosfiltfilt(once, scipy.signal.detrend(signal, axis=0), axis=0, padtype="even", padlen=2000)
-    np.testing.assert_allclose(condition(TIME, signal, RATE, BAND).values, expected)
+    inside = slice(15_000, -15_000)
+    found = condition(time, signal, RATE, BAND).values
+    np.testing.assert_allclose(found[inside], expected[inside], atol=1e-8)
+    np.testing.assert_allclose(found, expected, atol=0.05)
+
+
+def pieced(time: np.ndarray, signal: np.ndarray, cuts: list[int]) -> list[Stretch]:
+    """Conditioned in pieces that end at `cuts`."""
+    conditioner = ZeroPhaseConditioner(RATE, BAND)
+    parts = zip(np.split(time, cuts), np.split(signal, cuts), strict=True)
+    return [*(stretch for part in parts for stretch in conditioner.feed(*part)), *conditioner.finish()]
+
+
+@settings(max_examples=10, deadline=None)
+@given(
+    cuts=st.lists(st.integers(0, 150_000), max_size=8).map(sorted),
+    jitter=st.sampled_from([0.0, 0.3]),
+    gap=st.integers(1, 149_000),
+)
+@example(cuts=[93, 101], jitter=0.3, gap=1)
+def test_pieces_give_what_one_filter_gives(cuts, jitter, gap):
+    rng = np.random.default_rng(len(cuts))
+    time = np.arange(150_000) / RATE + rng.uniform(-jitter, jitter, 150_000) / RATE
+    # Gravity that tilts, a wandering mean and noise.
+    signal = rng.standard_normal((150_000, 3)) + 1e-2 * rng.standard_normal((150_000, 3)).cumsum(axis=0)
+    signal[:, 2] += 9.81 + 0.01 * time
+    kept = (np.arange(150_000) < gap) | (np.arange(150_000) >= gap + 100)
+    stretches = pieced(time[kept], signal[kept], [cut for cut in cuts if cut < kept.sum()])
+    whole = condition(time[kept], signal[kept], RATE, BAND)
+    found = np.concatenate([stretch.acceleration for stretch in stretches])
+    assert found.shape == whole.values.shape
+    np.testing.assert_allclose(found, whole.values, atol=1e-6)  # of a signal of RMS 1
+    assert sum(not stretch.joined for stretch in stretches) == len(whole.segments)
+    np.testing.assert_allclose(np.concatenate([s.time for s in stretches]), whole.time, atol=1e-3)
+
+
+def test_blocks_bound_the_memory():
+    conditioner = ZeroPhaseConditioner(RATE, BAND)
+    for first in range(0, 300_000, 1000):
+        time = (first + np.arange(1000)) / RATE
+        for stretch in conditioner.feed(time, waves(time, 50.0, 60.0, 70.0)):
+            assert len(stretch.time) <= 31 * RATE
+        assert conditioner._count <= (30 + 2 * 10 + 1) * RATE
+
+
+@pytest.mark.parametrize(("frequency", "share"), [(10.0, 0.5**0.5), (20.0, 1.0), (130.3, 1.0), (300.0, 1.0)])
+def test_velocity_is_the_integral(frequency, share):
+    time = np.arange(30_000) / RATE
+    signal = 9.81 + waves(time, frequency, frequency, frequency)
+    (stretch,) = pieced(time, signal, [])
+    expected = share / (2 * np.pi * frequency) * -np.cos(2 * np.pi * frequency * time)
+    np.testing.assert_allclose(
+        stretch.velocity[2000:-2000, 0], expected[2000:-2000], atol=0.004 * np.abs(expected).max()
+    )
+
+
+def test_a_slow_sensor_has_no_velocity():
+    conditioner = ZeroPhaseConditioner(20.0, common_band(20.0))
+    assert list(conditioner.feed(np.arange(2000) / 20.0, np.ones((2000, 3)))) == []
+    (stretch,) = conditioner.finish()
+    assert stretch.velocity is None
+
+
+def test_a_sampling_rate_that_changes_is_an_error():
+    conditioner = ZeroPhaseConditioner(RATE, BAND)
+    list(conditioner.feed(TIME, waves(TIME, 50.0, 60.0, 70.0)))
+    with pytest.raises(ValueError, match="1000 Hz does not fit the stamps, which say 2000 Hz"):
+        list(conditioner.feed(TIME[-1] + TIME[1:] / 2, waves(TIME[1:], 50.0, 60.0, 70.0)))

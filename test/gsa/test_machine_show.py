@@ -24,7 +24,8 @@ from tbm_gsa.report.machine_summary import motion_parts
 
 TEXT = {path.name: path.read_text("utf-8") for path in (resources.files("tbm_dynamics") / "machines").iterdir()}
 STRUCTURES = ("cutterhead_bearing_gear", "carrier_girder")
-KEYS = "machine title origin operating_point nodes places shafts bodies connections drives masses degrees_of_freedom"
+KEYS = "machine title origin operating_point operating_limits nodes places shafts bodies connections drives cutters "
+KEYS += "masses degrees_of_freedom"
 DRIVE_KEYS = "count source ring_node mount_node radius placement members parts connections gear mesh gearbox"
 SOURCES = ("table1", "table4", "table5", "assumed", "calibrated")
 NODE_NUMBERS = r"(.*_)?node|.*_nodes(_from)?|between|test_points"  # keys
@@ -189,6 +190,20 @@ def test_pictures(data, command):
     nodes = {*drive_nodes(data, 0), *(node for part in STRUCTURES for node in data[part]["nodes"])}
     assert set(map(str, nodes)) <= side
     assert {str(drive_nodes(data, i)[1]) for i in range(data["driveshaft"]["count"])} <= end
+
+
+def test_cutters_of_the_layout_file(command):
+    rows = [line.split(",") for line in TEXT["dz101_cutters.csv"].splitlines() if line[:1].isdigit()]
+    found = document(command, "show dz101")["cutters"]
+    for kind, count in {"centre": 4, "face": 32, "gauge": 11}.items():  # the paper's
+        radii = [float(row[2]) for row in rows if row[1] == kind]
+        expected = {"cutters": count, "discs": len(radii), "radius": [min(radii), max(radii)]}
+        assert found["types"][kind] == expected
+    # formulas of the reference by hand: 160 and 24.5 kN a cutter at 9.9 mm; twins and tilt deepen it.
+    assert found["normal_force_kn"] == pytest.approx(160.0, rel=0.05)
+    assert found["rolling_force_kn"] == pytest.approx(24.5, rel=0.1)
+    assert found["torque_kn_m"] == pytest.approx(3040.0, rel=0.05)
+    assert document(command, "show open380")["cutters"] is None
 
 
 @pytest.mark.parametrize("line", BAD)

@@ -2,9 +2,9 @@
 
 import numpy as np
 import pytest
+from bag_files import rewrite
 from mcap.reader import make_reader
 from mcap.writer import CompressionType
-from mcap.writer import Writer as McapWriter
 from rosbags.highlevel import AnyReader
 from sample_bag import BLOCKS, RATE, SAMPLES, START_NS, fill, signal
 
@@ -17,10 +17,10 @@ from tbm_msgs_py import (
     read_acceleration,
     read_recording,
 )
+from tbm_msgs_py.bags.faults import find_gaps
 from tbm_msgs_py.bags.mcap_file import MAGIC
 from tbm_msgs_py.bags.quality import offered_quality
 from tbm_msgs_py.bags.samples import typestore
-from tbm_msgs_py.recording import find_gaps
 from tbm_msgs_py.topics import BLOCK_QUALITY, OPERATING_POINT_QUALITY
 
 BLOCK_TOPIC = "/tbm/field/cutterhead/block"
@@ -84,22 +84,6 @@ def test_messages_come_in_log_time_order_though_written_otherwise(tmp_path):
     assert first_two == sorted(first_two)
     late = [m.log_ns - START_NS for m in Bag(tmp_path / "bag").messages(start_ns=START_NS + 5)]
     assert late == [5, 6, 8, 9]
-
-
-def rewrite(folder, path, compression, **options):
-    """The recording as another writer would have made it: small chunks with checksums."""
-    with path.open("wb") as file:
-        writer = McapWriter(file, chunk_size=20_000, compression=compression, **options)
-        writer.start("ros2", "test")
-        channels = {}
-        for message in Bag(folder).messages():
-            topic = message.topic
-            if topic not in channels:
-                schema = writer.register_schema(topic.type, "ros2msg", topic.definition.encode())
-                channels[topic] = writer.register_channel(topic.name, "cdr", schema)
-            writer.add_message(channels[topic], message.log_ns, message.data, message.log_ns)
-        writer.finish()
-    return path
 
 
 @pytest.mark.parametrize("chunks", [True, False])
@@ -253,29 +237,3 @@ def test_samples_without_stamps_are_refused(tmp_path):
     with BagWriter(tmp_path / "bag") as writer:
         writer.write_accel("/tbm/field/shield/accel", 0, (0, 0, 0), log_ns=START_NS)
     assert "stamp" in refusal(lambda: read_recording(tmp_path / "bag"))
-
-
-@pytest.mark.parametrize("frame", ["", "a", "sensor_link", "abc", "abcdefg"])
-@pytest.mark.parametrize("kind", ["AccelStamped", "Vector3Stamped", "Imu"])
-@pytest.mark.parametrize("big_endian", [False, True])
-def test_single_samples_decode_as_the_library_decodes_them(frame, kind, big_endian):
-    from tbm_msgs_py.bags.samples import decode_samples
-
-    store = typestore()
-    t = store.types
-    header = t["std_msgs/msg/Header"](t["builtin_interfaces/msg/Time"](sec=12, nanosec=34), frame)
-    vector = t["geometry_msgs/msg/Vector3"](x=1.5, y=-2.5, z=9.8)
-    name = f"{'sensor' if kind == 'Imu' else 'geometry'}_msgs/msg/{kind}"
-    if kind == "Imu":
-        turn, nine = t["geometry_msgs/msg/Quaternion"](x=0.0, y=0.0, z=0.0, w=1.0), np.zeros(9)
-        message = t[name](header, turn, nine, vector, nine, vector, nine)
-    elif kind == "AccelStamped":
-        message = t[name](header, t["geometry_msgs/msg/Accel"](vector, vector))
-    else:
-        message = t[name](header, vector)
-    data = bytes(store.serialize_cdr(message, name, little_endian=not big_endian))
-    samples = decode_samples(name, [data, data, data[:30], b""])
-    np.testing.assert_array_equal(samples.times_ns, [12 * 10**9 + 34] * 2)
-    np.testing.assert_array_equal(samples.values, [[1.5, -2.5, 9.8]] * 2)
-    assert samples.undecodable == 2
-    assert samples.problem

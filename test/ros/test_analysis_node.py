@@ -15,6 +15,8 @@ from processes import wait_for  # noqa: E402
 from sensor_msgs.msg import Imu, PointCloud2  # noqa: E402
 from std_srvs.srv import Trigger  # noqa: E402
 
+from tbm_gsa.history import Baseline, History  # noqa: E402
+from tbm_gsa.history.baseline import Usual  # noqa: E402
 from tbm_msgs_py import ACCELERATION  # noqa: E402
 from tbm_msgs_py.nodes import messages, qos  # noqa: E402
 from tbm_msgs_py.topics import ANALYSIS_QUANTITIES  # noqa: E402
@@ -232,11 +234,54 @@ def test_mapped_topics_with_their_units_axes_and_types(run_node, peer, tmp_path)
     assert vectors(windows["gripper field_rms"])[-1] == pytest.approx(FIELD / np.sqrt(2), rel=0.05)
 
 
+def test_windows_go_into_the_history_and_alarms_are_set_against_its_baseline(run_node, peer, tmp_path):
+    """An error of 50 % is no alarm for a machine whose baseline says so, but a change of it is one."""
+    file = tmp_path / "h.sqlite"
+    usual = {("shield", axis): Usual(value, 0.01, 9) for axis, value in (("x", 0.5), ("y", 0.0), ("z", 0.5))}
+    with History(file) as history:
+        history.store_baseline(Baseline("sound", "dz101", "", 1, 0, 1, usual))
+    windows = listen_to(peer, "shield")
+    node = run_node(
+        ANALYSIS_NODE,
+        window=0.5,
+        history=file,
+        baseline="sound",
+        threshold_windows=2,
+        **{"alarm_axes": "['x', 'y', 'z']", "gsa.on_threshold": False},
+    )
+    model = peer.node.create_publisher(PointCloud2, "/tbm/model/shield/block", qos.BLOCK)
+    field = peer.node.create_publisher(PointCloud2, "/tbm/field/shield/block", qos.BLOCK)
+    levels = {"field": FIELD}
+    pairs = [
+        (model, lambda k: block_message(k, sine(MODEL, k))),
+        (field, lambda k: block_message(k, sine(levels["field"], k))),
+    ]
+    feed(peer, windows, 5, pairs)
+    peer.wait_for(lambda: int(peer.value("tbm: history", "written") or 0) >= 15)
+    assert peer.text("tbm: comparison shield") == "compared"
+    with History(file) as history:  # while the node writes
+        found = [window for window in history.windows() if window.entry.axis == "x"]
+    assert {(window.source.kind, window.source.name) for window in found} == {("live", NODE)}
+    assert found[-1].entry.relative_error == pytest.approx(0.5, abs=0.02)
+    assert found[-1].entry.start_ns % 500_000_000 == 0
+
+    levels["field"] = np.array([10.0, 1.0, 4.0])  # 70 % on x: a change of 20 %, under the threshold of 30 %
+    feed(peer, windows, 10, pairs)
+    assert not node.says("change of the relative error")
+    levels["field"] = np.array([2.0, 2.0, 4.0])  # 50 % on y, whose baseline is 0
+    feed(peer, windows, 20, pairs)
+    peer.wait_for(lambda: node.says("change of the relative error against sound over 0.3 for 2 windows"))
+    peer.wait_for(lambda: peer.text("tbm: comparison shield") != "compared")
+
+
 @pytest.mark.parametrize(
     ("parameters", "named"),
     [
         ({"alarm_axes": "[x,w]"}, "alarm_axes"),
         ({"mapping": "/nowhere.yaml"}, "/nowhere.yaml"),
+        ({"history": "/dev/null/h.sqlite"}, "/dev/null/h.sqlite"),
+        ({"baseline": "never_made"}, "no baseline never_made"),
+        ({"baseline": "any", "history": "none"}, "baseline any: no history to find it in"),
     ],
 )
 def test_bad_parameters_are_one_line(run_node, parameters, named):

@@ -15,6 +15,8 @@ from sensor_msgs.msg import JointState, PointCloud2  # noqa: E402
 
 import tbm_dynamics.machine  # noqa: E402
 from tbm_dynamics import load_machine  # noqa: E402
+from tbm_dynamics.schedule import read_schedule  # noqa: E402
+from tbm_dynamics.streams import LoadStream  # noqa: E402
 from tbm_msgs_py import LOADS, OperatingPoint  # noqa: E402
 from tbm_msgs_py.nodes import messages, qos  # noqa: E402
 
@@ -189,6 +191,35 @@ def test_simulated_time(run_node, peer):
     assert np.array_equal(messages.block_from(fresh[0]).values, expected(2, 0))
 
 
+def test_disc_forces_on_a_schedule(run_node, peer, tmp_path):
+    rows = ["t,rpm,torque_kn_m,thrust_kn,cycle", "0,4.0,0,9000,a", "0.2,5.0,0,11000,a", "9,7.0,0,9000,b"]
+    (tmp_path / "cycle.csv").write_text("\n".join(rows), "utf-8")
+    blocks = peer.listen(PointCloud2, "/tbm/loads/block", qos.BLOCK)
+    points = peer.listen(JointState, "/tbm/loads/operating_point", qos.OPERATING_POINT)
+    node = run_node(
+        LOAD_NODE,
+        loads="cutter",
+        seed=3,
+        schedule=str(tmp_path / "cycle.csv"),
+        schedule_columns="[time=t, speed=rpm]",
+        schedule_where="[cycle=a]",
+        wait_for_subscribers=1,
+    )
+    peer.wait_for(lambda: len(blocks) >= 6)
+    schedule = read_schedule(tmp_path / "cycle.csv", {"time": "t", "speed": "rpm"}, {"cycle": "a"})
+    stream = LoadStream(load_machine("dz101"), 3, DT, SAMPLES, "cutter", schedule)
+    for message in blocks[:6]:
+        offline = stream.next_block()
+        assert np.array_equal(messages.block_from(message).values, offline.loads)
+    held = offline.operating_point  # at the end of the fourth block, 11 000 kN, and from there on
+    assert drive(points[-1]) == (held.speed, held.torque, held.thrust)
+    assert held.thrust == pytest.approx(11e6)
+    peer.publisher(JointState, "/tbm/operating_point", qos.OPERATING_POINT).publish(
+        messages.operating_point_message(0, OperatingPoint(0.5, 2e6, 1e7))
+    )
+    peer.wait_for(lambda: node.says("the loads follow a schedule; the last one stays"))
+
+
 @pytest.mark.parametrize(
     ("parameters", "named"),
     [
@@ -196,6 +227,9 @@ def test_simulated_time(run_node, peer):
         ({"block_rate": 3000.0}, "whole number of ns"),
         ({"machine": "nowhere"}, "nowhere"),
         ({"use_sim_time": 3}, "use_sim_time"),
+        ({"loads": "rock"}, "loads"),
+        ({"loads": "cutter", "machine": "open380"}, "cutters: missing"),
+        ({"schedule": "nowhere.csv"}, "nowhere.csv"),
     ],
 )
 def test_bad_parameters_are_one_line(run_node, parameters, named):

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import copy
 import math
 from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Self
 
 import numpy as np
 import scipy.optimize
@@ -56,12 +59,41 @@ class Cutterhead:
     idle_torque: float
     face: Face = field(default_factory=Face)
 
+    @property
+    def rest(self) -> FloatArray:
+        """What reaches the head past the discs, (6,), N and N·m."""
+        return np.array([-self.friction, 0.0, 0.0, -self.idle_torque, 0.0, 0.0])
+
+    @cached_property
+    def unit_wrenches(self) -> FloatArray:
+        """Wrench of each disc for 1 N of normal and of rolling force on a track of 1 m, (2, n, 6).
+
+        Forces grow with the cube root of the spacing (equation of P₀), alike on all discs.
+        """
+        layout = self.layout
+        normal, rolling, side = wrench_rows(layout)
+        gauge = np.array([[kind == "gauge"] for kind in layout.kind])
+        share = (self.face.factors(layout) * np.cbrt(layout.spacing))[:, None]
+        return np.array([share * (normal + self.side_share * gauge * side), share * rolling])
+
+    @cached_property
+    def _unit_means(self) -> FloatArray:
+        """Mean over a turn of the sum of `unit_wrenches`, in fixed axes, (2, 6)."""
+        angles, strengths = self.face.over_a_turn(self.layout)
+        return np.array([turned(strengths @ unit, angles).mean(axis=0) for unit in self.unit_wrenches])
+
+    def forces(self, penetration: float) -> FloatArray:
+        """Give normal and rolling force of a new disc on a track of 1 m, (2,), N."""
+        return np.array(cutting_forces(self.rock, self.disc, 1.0, penetration))
+
     def wrenches(self, penetration: float) -> FloatArray:
         """Compute the mean wrench of each disc in even rock on the head at angle 0, (n, 6), N and N·m."""
-        normal, rolling = cutting_forces(self.rock, self.disc, self.layout.spacing, penetration)
-        gauge = np.array([kind == "gauge" for kind in self.layout.kind])
-        forces = self.face.factors(self.layout) * np.array([normal, rolling, self.side_share * gauge * normal])
-        found: FloatArray = np.einsum("kn,knc->nc", forces, wrench_rows(self.layout))
+        found: FloatArray = np.tensordot(self.forces(penetration), self.unit_wrenches, 1)
+        return found
+
+    def mean(self, penetration: float) -> FloatArray:
+        """Mean of each component over whole turns, (6,), N and N·m: in even rock thrust and torque alone."""
+        found: FloatArray = self.rest + self.forces(penetration) @ self._unit_means
         return found
 
     def penetration(self, thrust: float) -> float:
@@ -72,10 +104,10 @@ class Cutterhead:
         CutterError
             A thrust that friction takes up, or that the rock cannot.
         """
-        mean_strength = self.face.over_a_turn(self.layout)[1].mean(axis=0)
+        along = self._unit_means[:, 0]
 
         def surplus(depth: float) -> float:
-            return float(self.friction - self.wrenches(depth)[:, 0] @ mean_strength - thrust)
+            return float(self.friction - self.forces(depth) @ along - thrust)
 
         most = surplus(_DEEPEST) + thrust
         if not self.friction <= thrust <= most:
@@ -101,27 +133,35 @@ class CutterLoads:
     """
 
     def __init__(self, head: Cutterhead, thrust: float, speed: float, seed: int = 0) -> None:
-        if not (math.isfinite(speed) and speed > 0.0):
-            raise CutterError(f"speed {speed:g} rad/s, must be a number above 0")
-        self.head, self.speed, self.seed = head, speed, seed
-        self.penetration = head.penetration(thrust)
-        self._wrenches = head.wrenches(self.penetration)
-        self._rest = np.array([-head.friction, 0.0, 0.0, -head.idle_torque, 0.0, 0.0])
+        self.head, self.seed = head, seed
         fracture, layout = head.fracture, head.layout
         along = layout.radius if fracture.along == "angle" else np.ones_like(layout.radius)
         self._rates = along / fracture.chip
         self._phases = hashed_generator(seed, "chips/phase").random(len(self._rates))
         self._zones = head.face.table
+        self._rest = head.rest
         self._kept: dict[int, Teeth] = {}
+        self._drive(thrust, speed)
+
+    def _drive(self, thrust: float, speed: float) -> None:
+        if not (math.isfinite(speed) and speed > 0.0):
+            raise CutterError(f"speed {speed:g} rad/s, must be a number above 0")
+        self.speed = speed
+        self.penetration = self.head.penetration(thrust)
+        self.forces = self.head.forces(self.penetration)
+
+    def at(self, thrust: float, speed: float) -> Self:
+        """Give the same realisation at another thrust (N) and speed (rad/s); the chips found are shared."""
+        other = copy.copy(self)
+        other._drive(thrust, speed)
+        return other
 
     @property
     def mean(self) -> FloatArray:
-        """Mean of each component over whole turns, (6,), N and N·m: in even rock thrust and torque alone."""
-        angles, strengths = self.head.face.over_a_turn(self.head.layout)
-        found: FloatArray = self._rest + turned(strengths @ self._wrenches, angles).mean(axis=0)
-        return found
+        """Mean of each component over whole turns, (6,), N and N·m."""
+        return self.head.mean(self.penetration)
 
-    def evaluate(self, time: ArrayLike, angle: ArrayLike | None = None) -> FloatArray:
+    def evaluate(self, time: ArrayLike, angle: ArrayLike | None = None, forces: ArrayLike | None = None) -> FloatArray:
         """Evaluate the loads at any times.
 
         Parameters
@@ -130,6 +170,8 @@ class CutterLoads:
             Stream time in s, in any order.
         angle : array_like, shape (n,), optional
             Of the head at those times, rad; at constant speed by default.
+        forces : array_like, shape (n, 2), optional
+            Normal and rolling force of a disc on a track of 1 m at those times, N; those of the thrust by default.
 
         Returns
         -------
@@ -140,6 +182,7 @@ class CutterLoads:
         angles = self.speed * times if angle is None else np.asarray(angle, dtype=float)
         if times.ndim != 1 or angles.shape != times.shape:
             raise ValueError(f"time and angle must have the same shape (n,), not {times.shape} and {angles.shape}")
+        pressed = np.array(np.broadcast_to(self.forces if forces is None else forces, (times.size, 2)), dtype=float)
         base = angles if self.head.fracture.along == "angle" else times
         if not np.all(np.isfinite(angles) & (np.abs(base) <= 1e9)):
             raise ValueError("time and angle must be finite, within ±1e9")
@@ -148,12 +191,13 @@ class CutterLoads:
         order = np.argsort(stretches, kind="stable")
         layout, release = self.head.layout, self.head.fracture.release
         places = np.array([layout.radius * np.cos(layout.angle), layout.radius * np.sin(layout.angle)])
+        units = self.head.unit_wrenches
         for run in np.split(order, np.flatnonzero(np.diff(stretches[order])) + 1):
             if run.size:
                 chips = self._chips(int(stretches[run[0]]))
                 cycles = self._rates, self._phases
                 loads[run] = _summed(
-                    base[run], angles[run], cycles, chips, release, self._zones, places, self._wrenches, self._rest
+                    base[run], angles[run], pressed[run], cycles, chips, release, self._zones, places, units, self._rest
                 )
         return loads
 
@@ -172,20 +216,22 @@ class CutterLoads:
 def _summed(
     base: np.ndarray,
     angle: np.ndarray,
+    forces: np.ndarray,
     cycles: tuple[np.ndarray, np.ndarray],
     chips: Teeth,
     release: float,
     zones: np.ndarray,
     places: np.ndarray,
-    wrenches: np.ndarray,
+    units: np.ndarray,
     rest: np.ndarray,
 ) -> np.ndarray:
     """Sum the discs, rates and phases in `cycles`, at places `base` (n,), and turn them with the head: (n, 6)."""
     out = np.empty((len(base), 6))
-    total = np.empty(6)
+    normal, rolling, total = np.empty(6), np.empty(6), np.empty(6)
     rates, phases = cycles
     for i in range(len(base)):
-        total[:] = 0.0
+        normal[:] = 0.0
+        rolling[:] = 0.0
         cosine, sine = math.cos(angle[i]), math.sin(angle[i])
         for disc in range(len(rates)):
             force = 1.0 + fluctuation(rates[disc] * base[i] + phases[disc], disc, chips, release)
@@ -193,7 +239,10 @@ def _summed(
                 y, z = places[0, disc], places[1, disc]
                 force *= strength(zones, cosine * y - sine * z, sine * y + cosine * z)
             for c in range(6):
-                total[c] += force * wrenches[disc, c]
+                normal[c] += force * units[0, disc, c]
+                rolling[c] += force * units[1, disc, c]
+        for c in range(6):
+            total[c] = forces[i, 0] * normal[c] + forces[i, 1] * rolling[c]
         for c in (0, 3):
             out[i, c] = rest[c] + total[c]
             out[i, c + 1] = rest[c + 1] + cosine * total[c + 1] - sine * total[c + 2]

@@ -1,0 +1,153 @@
+"""An operating point that changes with time: a table, or the columns of a CSV file."""
+
+from __future__ import annotations
+
+import csv
+import math
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Final
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from tbm_dynamics.machine.loading import MachineError
+from tbm_dynamics.machine.machine import OperatingPoint
+
+COLUMNS: Final = {"time": "time_s", "speed": "speed_r_min", "torque": "torque_kn_m", "thrust": "thrust_kn"}
+"""Column that each quantity is read from unless the caller names another; units are always these."""
+
+_TO_SI: Final = {"time": 1.0, "speed": 2.0 * math.pi / 60.0, "torque": 1e3, "thrust": 1e3}
+
+
+@dataclass(frozen=True, eq=False)
+class Schedule:
+    """Operating points over time, linear in between and held before the first and after the last.
+
+    Attributes
+    ----------
+    time : (n,) array_like
+        Stream time, s, increasing.
+    speed, torque, thrust : (n,) array_like
+        rad/s, N·m, N.
+    places : tuple of str
+        What error messages call the rows, e.g. ``cycle.csv: line 7``; ``schedule: row 1`` … by default.
+
+    Raises
+    ------
+    MachineError
+        Columns of different lengths, numbers that are not finite, times that do not increase.
+    """
+
+    time: ArrayLike
+    speed: ArrayLike
+    torque: ArrayLike
+    thrust: ArrayLike
+    places: tuple[str, ...] = ()
+
+    def __post_init__(self) -> None:
+        columns = {name: np.asarray(getattr(self, name), dtype=float) for name in COLUMNS}
+        shapes = {values.shape for values in columns.values()}
+        (shape, *others) = shapes
+        if others or len(shape) != 1 or shape[0] == 0:
+            raise MachineError("schedule: time, speed, torque and thrust must be of one shape (n,), n at least 1")
+        places = self.places or tuple(f"schedule: row {row}" for row in range(1, shape[0] + 1))
+        for name, values in columns.items():
+            if not np.isfinite(values).all():
+                raise MachineError(f"{places[int(np.isfinite(values).argmin())]}: {name} is no finite number")
+            object.__setattr__(self, name, values)
+        late = np.flatnonzero(np.diff(columns["time"]) <= 0.0)
+        if late.size:
+            row = int(late[0]) + 1
+            raise MachineError(f"{places[row]}: time {columns['time'][row]:g} s, allowed is later than the row before")
+        object.__setattr__(self, "places", places)
+
+    def at(self, time: float) -> OperatingPoint:
+        """Operating point at a stream time in s."""
+        columns = (np.asarray(values, dtype=float) for values in (self.time, self.speed, self.torque, self.thrust))
+        times, *values = columns
+        return OperatingPoint(*(float(np.interp(time, times, column)) for column in values))
+
+    def rows(self) -> Iterator[tuple[str, OperatingPoint]]:
+        """Rows in order: what messages call each, and its operating point."""
+        table: NDArray[np.float64] = np.array([self.speed, self.torque, self.thrust]).T
+        for place, row in zip(self.places, table, strict=True):
+            yield place, OperatingPoint(*map(float, row))
+
+
+def read_schedule(
+    path: str | Path, columns: Mapping[str, str] | None = None, where: Mapping[str, str] | None = None
+) -> Schedule:
+    """Read a schedule from a CSV file with a header; its first row is the start of the stream.
+
+    Parameters
+    ----------
+    path : str or Path
+    columns : mapping of str to str, optional
+        Column of ``time`` (s), ``speed`` (r/min), ``torque`` (kN·m) or ``thrust`` (kN), where it is not that of
+        `COLUMNS`.
+    where : mapping of str to str, optional
+        Only rows whose cell in a column is this text.
+
+    Raises
+    ------
+    MachineError
+        A file that cannot be read, a column that is not there, or a cell that is missing or no number: line and column.
+    """
+    chosen = {**COLUMNS, **(columns or {})}
+    if unknown := sorted(set(chosen) - set(COLUMNS)):
+        raise MachineError(f"columns: {unknown[0]}: allowed are {', '.join(COLUMNS)}")
+    try:
+        lines = Path(path).read_text(encoding="utf-8-sig").splitlines()
+    except (OSError, UnicodeDecodeError) as error:
+        reason = error.strerror if isinstance(error, OSError) else "no UTF-8 text"
+        raise MachineError(f"{path}: {reason}, allowed: a CSV file") from None
+    rows = csv.DictReader(lines)
+    header = [name.strip() for name in rows.fieldnames or ()]
+    rows.fieldnames = header
+    for name in (*chosen.values(), *(where or {})):
+        if name not in header:
+            raise MachineError(f"{path}: line 1: no column {name!r}, there are {', '.join(header) or 'none'}")
+    taken = [
+        (f"{path}: line {rows.line_num}", row)
+        for row in rows
+        if all((row[name] or "").strip() == text for name, text in (where or {}).items())
+    ]
+    if not taken:
+        wanted = " and ".join(f"{name} = {text!r}" for name, text in (where or {}).items())
+        raise MachineError(f"{path}: no row{f' with {wanted}' if wanted else ''}")
+    table = {
+        key: np.array([_number(place, column, row[column]) for place, row in taken]) * _TO_SI[key]
+        for key, column in chosen.items()
+    }
+    table["time"] -= table["time"][0]
+    return Schedule(**table, places=tuple(place for place, _ in taken))
+
+
+def pairs(name: str, given: Iterable[str]) -> dict[str, str]:
+    """Read texts of the form ``key=value``, as parameters and options give them.
+
+    Raises
+    ------
+    MachineError
+        A text without an equals sign; the message begins with `name`.
+    """
+    found = {}
+    for text in given:
+        key, sign, value = text.partition("=")
+        if not sign:
+            raise MachineError(f"{name}: {text!r}, allowed is key=value")
+        found[key.strip()] = value.strip()
+    return found
+
+
+def _number(place: str, column: str, cell: str | None) -> float:
+    try:
+        value = float(cell or "")
+    except ValueError:
+        value = math.nan
+    if not math.isfinite(value):
+        given = repr(cell) if cell and cell.strip() else "empty"
+        raise MachineError(f"{place}, column {column}: {given}, allowed is a finite number")
+    return value

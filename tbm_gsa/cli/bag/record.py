@@ -1,0 +1,69 @@
+"""`tbm-monitor bag record`: topics into a recording."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from tbm_gsa.cli.bag.info import info_document
+from tbm_gsa.cli.bag.node import run_to_end
+from tbm_gsa.cli.output import JSON_OPTION, print_json, results
+from tbm_gsa.cli.processes import NodeCommand
+from tbm_gsa.cli.ros import BAG_RECORDER
+from tbm_msgs_py.bags import Bag, RecordingError
+
+
+def record(
+    out: Annotated[Path, typer.Option(help="New rosbag2 folder.")],
+    topics: Annotated[list[str], typer.Option(help="Topics, relative to /tbm or absolute: repeated, or with commas.")],
+    duration: Annotated[float, typer.Option(min=0.0, help="Ends after so long (s); 0: with Ctrl-C.")] = 0.0,
+    split_size: Annotated[float, typer.Option(min=0.0, help="A further file after so much (MB); 0: never.")] = 0.0,
+    split_time: Annotated[float, typer.Option(min=0.0, help="A further file after so long (s); 0: never.")] = 0.0,
+    quota: Annotated[
+        float,
+        typer.Option(min=0.0, help="The recordings beside this one and itself take at most so much (MB); 0: no limit."),
+    ] = 0.0,
+    compress: Annotated[bool, typer.Option("--compress", help="Compress with zstd.")] = False,
+    sim_time: Annotated[
+        bool, typer.Option("--sim-time", help="Log on /clock instead of the computer's clock.")
+    ] = False,
+    json: Annotated[bool, JSON_OPTION] = False,
+) -> None:
+    """Record topics until Ctrl-C: raw messages, on the disk within half a second."""
+    if out.exists():
+        raise RecordingError(f"{out}: exists already, allowed: a new name")
+    command = NodeCommand(
+        "bag_recorder",
+        BAG_RECORDER,
+        {
+            "output": str(out),
+            "topics": [name.strip() for given in topics for name in given.split(",") if name.strip()] or [""],
+            "duration": duration,
+            "split_size": split_size,
+            "split_time": split_time,
+            "quota": quota,
+            "compression": "zstd" if compress else "none",
+            "use_sim_time": sim_time,
+        },
+    )
+    summary = run_to_end(command)
+    if summary["problem"]:
+        raise RuntimeError(str(summary["problem"]))
+    bag = Bag(out)
+    document = info_document(out, bag.info()) | {
+        "files": [file.path.name for file in bag.files],
+        "lost": summary["lost"],
+        "deleted": summary["deleted"],
+    }
+    if json:
+        print_json(document)
+    else:
+        files = len(document["files"])
+        results.print(
+            f"{out}: {document['messages']} messages of {len(document['topics'])} topics over "
+            f"{document['duration']:.3f} s in {files} file{'s' * (files > 1)}, {document['lost']} lost",
+            highlight=False,
+            markup=False,
+        )

@@ -1,0 +1,136 @@
+"""The recorded side: every point of a recording reduced piece by piece, and what was wrong with its data."""
+
+from collections.abc import Callable, Collection, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from tbm_gsa.comparison.clock import sampling_rate
+from tbm_gsa.comparison.conditioning import Frame
+from tbm_gsa.comparison.ledger import PointLedger
+from tbm_gsa.comparison.levels import Schedule
+from tbm_gsa.comparison.model_run import MODEL_RATE_HZ
+from tbm_gsa.comparison.offline import compared_band
+from tbm_gsa.comparison.reduction import ReducedSignal, SignalReducer, one_level
+from tbm_gsa.comparison.settings import Settings
+from tbm_msgs_py.recording import AccelerationRecord, RecordingReader
+
+LEAST_SAMPLES = 1000  # that a sampling rate is taken from, if there are as many
+
+
+@dataclass(frozen=True, eq=False)
+class FieldSide:
+    """A recording, reduced.
+
+    Attributes
+    ----------
+    signals : mapping of str to ReducedSignal
+        By test point.
+    ledgers : mapping of str to PointLedger
+        Of every recorded point.
+    failed : mapping of str to str
+        Points whose signal cannot be conditioned, with the reason.
+    """
+
+    signals: Mapping[str, ReducedSignal]
+    ledgers: Mapping[str, PointLedger]
+    failed: Mapping[str, str]
+
+    @property
+    def begin_ns(self) -> int:
+        """Header time of the first sample of all."""
+        return min(ledger.start_ns for ledger in self.ledgers.values())
+
+    @property
+    def end_ns(self) -> int:
+        """Header time of the last sample of all."""
+        return max(ledger.start_ns + round(ledger.end * 1e9) for ledger in self.ledgers.values())
+
+
+def reduce_field(
+    reader: RecordingReader,
+    points: Collection[str],
+    settings: Settings,
+    schedule: Schedule | None = None,
+    progress: Callable[[float], None] = lambda _: None,
+) -> FieldSide:
+    """Read a recording from beginning to end.
+
+    Parameters
+    ----------
+    reader : RecordingReader
+    points : collection of str
+        Points to reduce; the others are counted only.
+    settings : Settings
+    schedule : Schedule, optional
+        Levels of operation, if they are known and several.
+    progress : callable
+        Called with the seconds of the recording that are done.
+    """
+    ledgers: dict[str, PointLedger] = {}
+    intakes = {point: _Intake(reader.points[point].frame, settings, schedule) for point in points}
+    for piece in reader.pieces():
+        for point, record in piece.items():
+            ledgers.setdefault(point, PointLedger.of(record)).add(record)
+            if point in intakes:
+                intakes[point].feed(record)
+        if ledgers:
+            progress(max(ledger.end for ledger in ledgers.values()))
+    signals = {point: intakes[point].finish() for point in points}
+    return FieldSide(
+        {point: signal for point, signal in signals.items() if isinstance(signal, ReducedSignal)},
+        ledgers,
+        {point: signal for point, signal in signals.items() if isinstance(signal, str)},
+    )
+
+
+class _Intake:
+    """Pieces of one point: the first ones wait until the sampling rate is known."""
+
+    def __init__(self, frame: Frame, settings: Settings, schedule: Schedule | None) -> None:
+        self._frame, self._settings, self._schedule = frame, settings, schedule
+        self._waiting: list[AccelerationRecord] = []
+        self._origin_ns = 0
+        self._reducer: SignalReducer | None = None
+        self._failure = ""
+
+    def feed(self, record: AccelerationRecord) -> None:
+        """Take the next piece; one that does not fit ends the reduction of this point only."""
+        if self._failure:
+            return
+        self._waiting.append(record)
+        if self._reducer is None and sum(len(one.time) for one in self._waiting) < LEAST_SAMPLES:
+            return
+        try:
+            self._work_off()
+        except ValueError as error:
+            self._failure = str(error)
+
+    def finish(self) -> ReducedSignal | str:
+        """Give the reduced signal, or why there is none."""
+        try:
+            if self._waiting and not self._failure:
+                self._work_off()
+            if self._reducer and not self._failure:
+                return self._reducer.finish()
+        except ValueError as error:
+            self._failure = str(error)
+        return self._failure or "no sample"
+
+    def _work_off(self) -> None:
+        if self._reducer is None:
+            self._begin()
+        for record in self._waiting:
+            self._reducer.feed(self._seconds(record), record.values)  # type: ignore[union-attr]
+        self._waiting = []
+
+    def _begin(self) -> None:
+        self._origin_ns = self._waiting[0].start_ns
+        rate = sampling_rate(np.concatenate([self._seconds(record) for record in self._waiting]))
+        level_of = self._schedule.level_of(self._origin_ns) if self._schedule else one_level
+        band = compared_band(rate, MODEL_RATE_HZ, self._settings)
+        self._reducer = SignalReducer(rate, band, self._frame, self._settings, level_of)
+
+    def _seconds(self, record: AccelerationRecord) -> np.ndarray:
+        """Give the times of a piece after the point's first sample, s."""
+        return (record.start_ns - self._origin_ns) * 1e-9 + record.time

@@ -1,0 +1,37 @@
+"""How a recording and the model are compared."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+
+@dataclass(frozen=True)
+class Settings:
+    """How to compare.
+
+    Attributes
+    ----------
+    window_s : float
+        Length of a window.
+    high_hz : float or None
+        Upper limit of the band; by default what `common_band` gives.
+    bands : tuple of (float, float)
+        Bands whose RMS is given, Hz.
+    expected_lines : mapping of str to float
+        Frequencies in Hz by name, e.g. the loads' lines and the mesh frequency.
+    line_count : int
+        Strongest lines per axis.
+    resolution_hz : float
+        Of the spectra.
+    """
+
+    window_s: float = 2.0
+    high_hz: float | None = None
+    bands: tuple[tuple[float, float], ...] = ((0.5, 20.0), (100.0, 110.0), (125.0, 135.0), (200.0, 210.0))
+    expected_lines: Mapping[str, float] = field(default_factory=dict)
+    line_count: int = 5
+    resolution_hz: float = 0.25
+
+
+def band_name(low: float, high: float) -> str:
+    """Key of a band in documents."""
+    return f"{low:g}-{high:g}_hz"

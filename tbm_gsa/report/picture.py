@@ -1,0 +1,39 @@
+"""Figures as files: what may be written, and how."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Callable
+from pathlib import Path
+from typing import Final
+
+from matplotlib import rc_context
+from matplotlib.figure import Figure
+
+FORMATS: Final = (".png", ".svg")
+
+
+def check_path(path: Path) -> None:
+    """Raise unless a picture can be written to a path.
+
+    Raises
+    ------
+    ValueError
+        Another format, or no such folder.
+    """
+    if path.suffix not in FORMATS:
+        raise ValueError(f"{path}: unknown kind of picture, allowed: a name that ends in {' or '.join(FORMATS)}")
+    if not path.parent.is_dir():
+        raise ValueError(f"{path}: no folder {path.parent}, allowed: a file in a folder that is there")
+
+
+def write_picture(draw: Callable[[], Figure], path: Path) -> None:
+    """Draw a figure into a .png or .svg file; equal figures give equal files."""
+    check_path(path)
+    # Fixed salt and no date. Names of others are no mathematics, which a text is told when it is made.
+    with rc_context({"svg.hashsalt": "tbm_monitor", "text.parse_math": False}), warnings.catch_warnings():
+        warnings.filterwarnings("ignore", "Glyph .* missing from font")  # it draws a box
+        try:
+            draw().savefig(path, dpi=150, metadata={"Date": None} if path.suffix == ".svg" else None)
+        except OSError as error:
+            raise OSError(error.errno, error.strerror, str(path)) from None

@@ -1,0 +1,83 @@
+"""The records of one chunk: decompressed within bounds and checked."""
+
+from __future__ import annotations
+
+import struct
+from collections.abc import Callable
+from typing import NamedTuple
+
+import lz4.frame  # type: ignore[import-untyped]
+import numpy as np
+import zstandard
+from isal import isal_zlib  # zlib's checksum, five times as fast
+
+from tbm_msgs_py.bags.records import LONGEST, Bytes
+
+_HEAD = struct.Struct("<QQQII")  # first and last log time, size of the records, their CRC, length of the name
+_STEP = 1 << 20  # bytes that are decompressed at a time: no frame grows further than a chunk may
+
+
+class ChunkError(ValueError):
+    """A chunk that cannot be trusted, in one line."""
+
+
+class ChunkRecords(NamedTuple):
+    """Records of a chunk: `data` from `first` to `end`; `whole` when all that it states are there."""
+
+    data: Bytes
+    first: int
+    end: int
+    whole: bool
+
+
+def chunk_records(data: Bytes, first: int, end: int) -> ChunkRecords:
+    """Open the chunk whose body is ``data[first:end]``, cut off or not.
+
+    A chunk that is whole and does not have the stated size or checksum is a `ChunkError`: some of it is wrong, and
+    nothing says which part. One that was cut is read as far as it goes.
+    """
+    _, _, size, crc, name = _HEAD.unpack(data[first : min(end, first + _HEAD.size)].tobytes())
+    start = first + _HEAD.size + name + 8
+    if start > end or size > LONGEST:
+        raise ChunkError(f"chunk of {size} bytes, allowed: up to {LONGEST}")
+    compression = data[first + _HEAD.size : start - 8].tobytes().decode("utf-8", "replace")
+    stored = int.from_bytes(data[start - 8 : start].tobytes(), "little")
+    whole = end - start >= stored
+    if compression:
+        data = _decompressed(data[start : start + stored].tobytes(), compression, size)
+        start, end = 0, len(data)
+    if whole and (end - start != size or (crc and isal_zlib.crc32(data[start:end]) != crc)):
+        raise ChunkError(f"chunk of {end - start} bytes, stated are {size} and a checksum")
+    return ChunkRecords(data, start, end, whole)
+
+
+def _decompressed(stored: bytes, compression: str, size: int) -> Bytes:
+    """Up to `size` bytes, and one more where there are more; fewer when the frame is cut or damaged."""
+    if compression == "zstd":
+        read: Callable[[int], bytes] = zstandard.ZstdDecompressor().stream_reader(stored).read
+    elif compression == "lz4":
+        read = _lz4_reader(stored)
+    else:
+        raise ChunkError(f"compression {compression}, allowed: none, zstd, lz4")
+    parts, room = [], size + 1
+    while room:
+        try:
+            part = read(min(room, _STEP))
+        except (zstandard.ZstdError, RuntimeError, MemoryError):
+            break
+        if not part:
+            break
+        parts.append(part)
+        room -= len(part)
+    return np.frombuffer(b"".join(parts), np.uint8)
+
+
+def _lz4_reader(stored: bytes) -> Callable[[int], bytes]:
+    """Reader of a frame; the library's own file object gives nothing of the last blocks of a cut one."""
+    frame = lz4.frame.LZ4FrameDecompressor()
+    rest = [stored]
+
+    def read(count: int) -> bytes:
+        return b"" if frame.eof else bytes(frame.decompress(rest.pop() if rest else b"", max_length=count))
+
+    return read

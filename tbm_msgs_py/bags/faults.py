@@ -1,0 +1,151 @@
+"""What is wrong with the samples of one sensor: counts, holes, stuck axes, its clock. Pure functions on arrays."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+GAP_FACTOR = 1.5  # a step longer than this many sample periods is a gap
+STUCK_S = 1.0  # an axis that holds one value for so long, and for
+STUCK_SAMPLES = 100  # so many samples, is stuck
+CLOCK_JUMP_NS = 10_000_000_000  # stamps that part from the log times by more come from another clock
+PERSISTENT = 5  # messages after which another clock is taken to be the clock from then on
+
+
+@dataclass(frozen=True)
+class Faults:
+    """Counts of what was found and dropped or put right.
+
+    Attributes
+    ----------
+    undecodable, astray : int
+        Messages that could not be decoded; messages of another clock than that of the topic. Dropped.
+    invalid, duplicates, late : int
+        Samples that are not finite; at the time of another; at a time that had passed for good. Dropped.
+    disordered : int
+        Samples behind a later one. Put in order.
+    clock_steps : int
+        Times that the clock was set to another time.
+    """
+
+    undecodable: int = 0
+    astray: int = 0
+    invalid: int = 0
+    duplicates: int = 0
+    late: int = 0
+    disordered: int = 0
+    clock_steps: int = 0
+
+    def __add__(self, other: Faults) -> Faults:
+        return Faults(*(getattr(self, field.name) + getattr(other, field.name) for field in fields(self)))
+
+
+@dataclass(frozen=True)
+class Clock:
+    """Header stamps of messages against their log times.
+
+    Attributes
+    ----------
+    offset : float
+        Median of stamp minus log time, s: how far the clock is behind (negative), latency included.
+    drift : float
+        Change of that per time, parts per million, between the medians of the first and the last tenth.
+    """
+
+    offset: float = 0.0
+    drift: float = 0.0
+
+
+def clock_of(stamps_ns: NDArray[np.int64], log_ns: NDArray[np.int64]) -> Clock:
+    """Compare the clock of messages (m,) with that of the recorder."""
+    if not len(stamps_ns):
+        return Clock()
+    offsets = stamps_ns - log_ns
+    base = int(offsets[0])
+    relative = (offsets - base).astype(np.float64)
+    tenth = max(1, len(relative) // 10)
+    span = float(np.median(stamps_ns[-tenth:] - stamps_ns[0]) - np.median(stamps_ns[:tenth] - stamps_ns[0]))
+    change = float(np.median(relative[-tenth:]) - np.median(relative[:tenth]))
+    return Clock((base + float(np.median(relative))) * 1e-9, 1e6 * change / span if span > 0 else 0.0)
+
+
+def other_clocks(
+    stamps_ns: NDArray[np.int64], log_ns: NDArray[np.int64], offset_ns: int | None
+) -> tuple[NDArray[np.bool_], list[int], int | None]:
+    """Find the messages (m,) whose stamps come from another clock than that of the messages before.
+
+    A stamp that leaves its predecessor by more than `CLOCK_JUMP_NS`, and the log times do not, is of another clock. At
+    least `PERSISTENT` such messages in a row are a clock that was set: it counts from then on.
+
+    Parameters
+    ----------
+    stamps_ns, log_ns : ndarray (m,)
+        In file order.
+    offset_ns : int or None
+        Stamp minus log time of the last message before that was not astray.
+
+    Returns
+    -------
+    tuple
+        Which messages are astray; where the clock was set; the offset of the last message that is not.
+    """
+    astray = np.zeros(len(stamps_ns), np.bool_)
+    offsets = stamps_ns - log_ns
+    jumped = (np.abs(np.diff(stamps_ns)) > CLOCK_JUMP_NS) & (np.abs(np.diff(offsets)) > CLOCK_JUMP_NS)
+    bounds = [0, *(np.flatnonzero(jumped) + 1).tolist(), len(stamps_ns)]
+    runs = list(pairwise(bounds))
+    steps: list[int] = []
+    if len(runs) > 1 and offset_ns is None:
+        # The first stamps may be the astray ones.
+        offset_ns = int(offsets[next((first for first, end in runs if end - first >= PERSISTENT), 0)])
+    for first, end in runs if len(runs) > 1 else ():
+        if offset_ns is not None and abs(int(offsets[first]) - offset_ns) > CLOCK_JUMP_NS:
+            if end - first < PERSISTENT:
+                astray[first:end] = True
+                continue
+            steps.append(first)
+        offset_ns = int(offsets[end - 1])
+    return astray, steps, int(offsets[-1]) if len(runs) == 1 and len(offsets) else offset_ns
+
+
+def find_gaps(time: NDArray[np.float64], before: float | None = None) -> tuple[list[tuple[float, float]], float]:
+    """Holes in increasing times (n,) in s, and the mean rate in Hz outside them.
+
+    Parameters
+    ----------
+    time : ndarray (n,)
+        Times.
+    before : float, optional
+        Time of the sample before the first, for a hole between the two.
+    """
+    if len(time) < 2:
+        return [], 0.0
+    steps = np.diff(time)
+    longest = GAP_FACTOR * np.median(steps)
+    holes = steps > longest
+    gaps = [(float(time[i]), float(time[i + 1])) for i in np.flatnonzero(holes)]
+    if before is not None and time[0] - before > longest:
+        gaps.insert(0, (before, float(time[0])))
+    return gaps, float(1.0 / np.mean(steps[~holes]))
+
+
+def stuck_axes(
+    time: NDArray[np.float64], values: NDArray[np.float64], rate_hz: float
+) -> list[tuple[int, float, float]]:
+    """Axis, first and last time of each stretch in which an axis of values (n, c) holds one and the same value."""
+    least = max(STUCK_SAMPLES, int(np.ceil(STUCK_S * rate_hz)))
+    half = least // 2
+    found: list[tuple[int, float, float]] = []
+    for axis, series in enumerate(values.T):
+        grid = series[::half]
+        # Every stretch that long has two neighbours of this grid in it.
+        if not (grid[1:] == grid[:-1]).any():
+            continue
+        starts = np.concatenate(([0], np.flatnonzero(np.diff(series)) + 1))
+        ends = np.concatenate((starts[1:], [len(series)]))
+        held = ends - starts >= least
+        found += [(axis, float(time[a]), float(time[b - 1])) for a, b in zip(starts[held], ends[held], strict=True)]
+    return found

@@ -1,0 +1,95 @@
+"""The files of a recording on disk: a rosbag2 folder, by its metadata or without, or a bare `.mcap`."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import NamedTuple
+
+import yaml
+
+from tbm_msgs_py.bags.errors import RecordingError
+
+ALLOWED = "a rosbag2 folder with MCAP files or a .mcap file"
+METADATA = "metadata.yaml"
+_Loader = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
+_LONGEST = 16 << 20  # bytes of metadata that are read
+_UNREADABLE = (yaml.YAMLError, ValueError, KeyError, TypeError, AttributeError, RecursionError)
+
+
+class Files(NamedTuple):
+    """Files of a recording in order.
+
+    Attributes
+    ----------
+    paths : list of Path
+        Those that are there.
+    declared : int or None
+        Message count that the metadata state.
+    problem : str
+        What is wrong with the metadata, empty when nothing is.
+    """
+
+    paths: list[Path]
+    declared: int | None
+    problem: str
+
+
+class _Metadata(NamedTuple):
+    names: list[str]
+    declared: int | None
+
+
+def find_files(path: Path) -> Files:
+    """Find the files of a recording; metadata that are damaged, or that name files that are not there, are a problem
+    and no error as long as a file is left.
+    """  # noqa: D205
+    try:
+        return _find_files(path)
+    except OSError as error:
+        raise RecordingError(f"{path}: {error.strerror}, allowed: {ALLOWED}") from error
+
+
+def _find_files(path: Path) -> Files:
+    if not path.exists():
+        raise RecordingError(f"{path}: no such file or folder, allowed: {ALLOWED}")
+    if not path.is_dir():
+        return Files(_filled([path]), None, "")
+    metadata, problem = _read(path / METADATA)
+    names = metadata.names if metadata else []
+    files = [file for file in (path / name for name in names) if file.is_file()]
+    if missing := [name for name in names if not (path / name).is_file()]:
+        problem = f"{path / missing[0]}: named by {METADATA} and not there"
+    if not files:
+        files = sorted(path.glob("*.mcap"), key=lambda file: (len(file.name), file.name))
+    if not files:
+        raise RecordingError(problem or f"{path}: no .mcap file in this folder, allowed: {ALLOWED}")
+    return Files(_filled(files), metadata.declared if metadata else None, problem)
+
+
+def _filled(files: list[Path]) -> list[Path]:
+    filled = [file for file in files if file.stat().st_size]
+    if not filled:
+        raise RecordingError(f"{files[0]}: the file is empty, allowed: {ALLOWED}")
+    return filled
+
+
+def _read(file: Path) -> tuple[_Metadata | None, str]:
+    """Metadata, and what is wrong with them."""
+    if not file.is_file():
+        return None, ""
+    if file.stat().st_size > _LONGEST:
+        return None, f"{file}: more than {_LONGEST} bytes, not the metadata of a rosbag2 recording"
+    try:
+        content = yaml.load(file.read_text(encoding="utf-8"), _Loader)  # noqa: S506  a safe one
+        content = content["rosbag2_bagfile_information"]
+        storage, compression = content["storage_identifier"], content.get("compression_mode")
+        names = [Path(name).name for name in content.get("relative_file_paths") or []]
+        count = content.get("message_count")
+    except _UNREADABLE as error:
+        return None, f"{file}: not the metadata of a rosbag2 recording ({type(error).__name__})"
+    if storage == "sqlite3":
+        raise RecordingError(f"{file}: storage_identifier {storage}, allowed: mcap (convert with `ros2 bag convert`)")
+    if isinstance(compression, str) and compression.lower() in ("file", "message"):
+        raise RecordingError(f"{file}: compression_mode {compression}, allowed: none (MCAP chunks may be zstd or lz4)")
+    names = [name for name in names if name and "\0" not in name]
+    return _Metadata(names, count if isinstance(count, int) and count > 0 else None), ""

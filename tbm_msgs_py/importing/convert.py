@@ -1,0 +1,231 @@
+"""A file of measurements becomes a recording: block topics of the contract, and the operating point."""
+
+from __future__ import annotations
+
+import heapq
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+import yaml
+from numpy.typing import NDArray
+
+from tbm_msgs_py import topics
+from tbm_msgs_py.bags import mapping
+from tbm_msgs_py.bags.errors import RecordingError
+from tbm_msgs_py.bags.mapping import contract_sensor
+from tbm_msgs_py.bags.writing import BagWriter
+from tbm_msgs_py.blocks import ACCELERATION, NANOSECONDS
+from tbm_msgs_py.importing.description import Description, OperatingColumns, PointColumns, TimeColumn
+from tbm_msgs_py.importing.extra import complaints
+from tbm_msgs_py.importing.formats import open_source
+from tbm_msgs_py.importing.source import Source
+from tbm_msgs_py.importing.timing import RowTimes
+from tbm_msgs_py.operating_point import OperatingPoint
+
+BLOCK_SAMPLES = topics.MODEL_BLOCK_SAMPLES
+_MEANING = {"m/s2": {"m/s2", "m/s^2", "m/s²", "ms-2"}, "g": {"g", "gn", "g_n"}}
+
+
+@dataclass
+class Stream:
+    """What became of one topic.
+
+    Attributes
+    ----------
+    topic : str
+        Absolute name.
+    samples : int
+        Rows written.
+    rate_hz : float
+        From the median step.
+    jitter : float
+        Largest deviation of a step from the median one, as a share of it; gaps do not count.
+    gaps, restarts : int
+        Steps of more than 1.5 median ones; times that began again.
+    unmeasured : list of str
+        Sensor axes written as 0.
+    """
+
+    topic: str
+    samples: int = 0
+    rate_hz: float = 0.0
+    jitter: float = 0.0
+    gaps: int = 0
+    restarts: int = 0
+    unmeasured: list[str] = field(default_factory=list)
+
+
+@dataclass
+class Imported:
+    """Result of an import: streams by test point (and ``operating_point``), and what the user should look at."""
+
+    streams: dict[str, Stream]
+    warnings: list[str]
+
+
+class _Message(NamedTuple):
+    """What is written in one step: a block of a point, or one operating point."""
+
+    stamp_ns: int
+    name: str
+    times_ns: NDArray[np.int64]
+    values: NDArray[np.float64]
+
+
+def import_recording(
+    path: str | Path, description: Description, out: str | Path, progress: Callable[[int], None] | None = None
+) -> Imported:
+    """Write the columns of a file as a recording; nothing is left behind when the file is refused.
+
+    Times are kept as they are: no sample is resampled, dropped or made up.
+
+    Parameters
+    ----------
+    path : str or Path
+        CSV, TDMS, MDF 4, WAV or MATLAB file.
+    description : Description
+        What its columns are.
+    out : str or Path
+        New rosbag2 folder, or a bare ``.mcap`` file.
+    progress : callable, optional
+        Called with the number of samples of every message written.
+    """
+    path, out = Path(path), Path(out)
+    with complaints(path) as said:
+        imported = _import(path, description, out, progress)
+    return Imported(imported.streams, [*imported.warnings, *said])
+
+
+def _import(path: Path, description: Description, out: Path, progress: Callable[[int], None] | None) -> Imported:
+    source = open_source(path, description)
+    stated = {topics.absolute(topics.field_block(name)): point.written() for name, point in description.points.items()}
+    if out.suffix == ".mcap" and any(sensor != contract_sensor(sensor.point) for sensor in stated.values()):
+        raise RecordingError(
+            f"{out}: a bare file cannot say gravity, frame, axes, rotation and range, allowed: a new folder"
+        )
+    warnings = _check_units(path, source, description)
+    streams = _streams(description)
+    with BagWriter(out) as writer:
+        for message in heapq.merge(*_groups(path, source, description, streams), key=lambda message: message.stamp_ns):
+            _write(writer, streams[message.name].topic, message)
+            if progress:
+                progress(len(message.times_ns))
+        if stated and out.suffix != ".mcap":
+            content = mapping.Mapping(topics=stated).model_dump(mode="json", exclude_none=True)
+            text = yaml.safe_dump(content, sort_keys=False)
+            (out / mapping.FILE_NAME).write_text(text, encoding="utf-8")
+    return Imported(streams, warnings)
+
+
+def _streams(description: Description) -> dict[str, Stream]:
+    streams = {}
+    for name, point in description.points.items():
+        missing = [axis for axis, column in zip("xyz", point.columns, strict=True) if column is None]
+        streams[name] = Stream(topics.absolute(topics.field_block(name)), unmeasured=missing)
+    if description.operating_point:
+        streams[topics.OPERATING_POINT] = Stream(topics.absolute(topics.OPERATING_POINT))
+    return streams
+
+
+def _check_units(path: Path, source: Source, description: Description) -> list[str]:
+    """Refuse a missing full scale; warnings where the file states another unit than the user."""
+    warnings = []
+    for name, point in description.points.items():
+        if source.full_scale and point.full_scale is None:
+            raise RecordingError(
+                f"{path}: points.{name}.full_scale: missing, allowed: what full scale is in {point.units}"
+            )
+        for column in point.columns:
+            label = source.unit(column) if column else ""
+            if label and label.strip().lower() not in _MEANING[point.units]:
+                warnings.append(f"{path}: column {column}: the file says {label}, the description {point.units}")
+    return warnings
+
+
+def _groups(
+    path: Path, source: Source, description: Description, streams: dict[str, Stream]
+) -> list[Iterator[_Message]]:
+    """Give one reading for all streams whose columns share their rows."""
+    groups = [list(streams)] if source.shared_rows else [[name] for name in streams]
+    return [_messages(path, source, description, {name: streams[name] for name in group}) for group in groups]
+
+
+def _messages(path: Path, source: Source, description: Description, streams: dict[str, Stream]) -> Iterator[_Message]:
+    """Messages of the streams of one time base, in the order of time."""
+    wanted = {name: _columns(description, name) for name in streams}
+    columns = list(dict.fromkeys(column for names in wanted.values() for column in names if column))
+    time = description.time
+    restart_gap = time.restart_gap if isinstance(time, TimeColumn) else None
+    clock = RowTimes(path, _start(path, source, description), description.rate, restart_gap, source.row)
+    for piece in source.pieces(columns, time):
+        stamps = clock.stamps(piece.times_ns, len(piece.values))
+        edges = clock.gaps_before(stamps)
+        batches = []
+        for name, names in wanted.items():
+            values = _scaled(description, name, [piece.values[:, columns.index(c)] if c else None for c in names])
+            batches += _batches(name, stamps, values, edges)
+        yield from sorted(batches, key=lambda message: message.stamp_ns)
+    for stream in streams.values():
+        stream.samples, stream.gaps, stream.restarts = clock.rows, clock.gaps, clock.restarts
+        if clock.step_ns:
+            stream.rate_hz = NANOSECONDS / clock.step_ns
+            stream.jitter = clock.jitter_ns / clock.step_ns
+
+
+def _start(path: Path, source: Source, description: Description) -> int:
+    if description.start != "file":
+        return description.start_ns
+    if source.start_ns is None:
+        raise RecordingError(f"{path}: start: file: the file states no moment, allowed: a date and time with its zone")
+    return source.start_ns
+
+
+def _columns(description: Description, name: str) -> list[str | None]:
+    operating = description.operating_point
+    if name == topics.OPERATING_POINT and operating:
+        return [entry.column for entry in operating.entries()]
+    return list(description.points[name].columns)
+
+
+def _scaled(description: Description, name: str, columns: list[NDArray[np.float64] | None]) -> NDArray[np.float64]:
+    """Columns of a stream in SI units, (n, k); an axis that was not measured is 0."""
+    described: PointColumns | OperatingColumns | None = description.points.get(name) or description.operating_point
+    length = next(len(column) for column in columns if column is not None)
+    if isinstance(described, PointColumns):
+        factors = [described.factor] * len(columns)
+    else:
+        factors = [entry.factor for entry in described.entries()] if described else []
+    filled = [np.zeros(length) if column is None else column for column in columns]
+    return np.column_stack([column * factor for column, factor in zip(filled, factors, strict=True)])
+
+
+def _batches(
+    name: str, stamps: NDArray[np.int64], values: NDArray[np.float64], edges: NDArray[np.intp]
+) -> list[_Message]:
+    """Messages of the rows of a piece: single operating points, blocks that end at a gap."""
+    if name == topics.OPERATING_POINT:
+        starts = list(range(len(stamps)))
+    else:
+        starts = [
+            first
+            for begin, end in zip([0, *edges], [*edges, len(stamps)], strict=True)
+            for first in range(int(begin), int(end), BLOCK_SAMPLES)
+        ]
+    ends = [*starts[1:], len(stamps)]
+    return [
+        _Message(int(stamps[first]), name, stamps[first:end], values[first:end])
+        for first, end in zip(starts, ends, strict=True)
+    ]
+
+
+def _write(writer: BagWriter, topic: str, message: _Message) -> None:
+    if message.name == topics.OPERATING_POINT:
+        speed, torque, thrust, *advance = map(float, message.values[0])
+        point = OperatingPoint(speed, torque, thrust, advance=advance[0] if advance else 0.0)
+        writer.write_operating_point(message.stamp_ns, point)
+        return
+    offsets = (message.times_ns - message.stamp_ns) / NANOSECONDS
+    writer.write_block(topic, message.stamp_ns, ACCELERATION, offsets, message.values, frame_id=message.name)

@@ -1,0 +1,171 @@
+"""CSV files, read a piece at a time: every row has the cells of the header, every cell asked for is a number."""
+
+from __future__ import annotations
+
+import csv
+from collections.abc import Callable, Iterator, Sequence
+from datetime import datetime
+from itertools import islice
+from pathlib import Path
+from typing import NoReturn
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tbm_msgs_py.bags.errors import RecordingError
+from tbm_msgs_py.importing.description import CsvLayout, TimeColumn, to_ns
+from tbm_msgs_py.importing.source import PIECE_ROWS, Piece, nanoseconds, no_column, no_time_of_its_own
+
+# Parsed apart: float64 would round them.
+_EXACT: dict[str, Callable[[str], int]] = {"ns": int, "datetime": lambda text: to_ns(_moment(text))}
+
+
+class CsvFile:
+    """A CSV file with a line of column names.
+
+    Parameters
+    ----------
+    path : Path
+        File.
+    layout : CsvLayout
+        Delimiter, decimal sign, lines.
+    """
+
+    shared_rows = True
+    start_ns = None
+    full_scale = False
+
+    def __init__(self, path: Path, layout: CsvLayout) -> None:
+        self.path = path
+        self._layout = layout
+        try:
+            with path.open(encoding=layout.encoding, newline="") as file:
+                line = next(islice(file, layout.header - 1, None), None)
+        except (UnicodeError, LookupError) as error:
+            raise RecordingError(f"{path}: encoding {layout.encoding}: {error}, allowed: that of the file") from error
+        if line is None or not line.strip():
+            raise RecordingError(f"{path}: line {layout.header}: empty, allowed: the column names")
+        self.columns = [name.strip() for name in self._cells(line)]
+
+    def row(self, index: int) -> str:
+        """Name a row for a message."""
+        return f"line {self._layout.first_line + index}"
+
+    def unit(self, column: str) -> str:  # noqa: ARG002
+        """Give no unit: a CSV file states none."""
+        return ""
+
+    def pieces(self, columns: Sequence[str], time: TimeColumn | str | None) -> Iterator[Piece]:
+        """Rows of these columns, see `Source`."""
+        if isinstance(time, str):
+            no_time_of_its_own(self.path, "a CSV file")
+        wanted = [self._index(column) for column in columns]
+        clock = self._index(time.column) if time else None
+        first = 0
+        for lines in self._lines():
+            self._check_width(lines, first)
+            times = None
+            if time and clock is not None:
+                times = self._times(lines, clock, time, first)
+            yield Piece(self._numbers(lines, wanted, first), times)
+            first += len(lines)
+        if first == 0:
+            raise RecordingError(f"{self.path}: no row after line {self._layout.header}, allowed: at least one")
+
+    def _lines(self) -> Iterator[list[str]]:
+        """Lines of rows, some at a time; empty lines may only follow the last row."""
+        layout = self._layout
+        with self.path.open(encoding=layout.encoding, newline="") as file:
+            rows = islice(file, layout.first_line - 1, None)
+            try:
+                while lines := list(islice(rows, PIECE_ROWS)):
+                    ended = len(lines) < PIECE_ROWS
+                    while ended and lines and not lines[-1].strip():
+                        lines.pop()
+                    if lines:
+                        yield lines
+            except UnicodeError as error:
+                raise RecordingError(
+                    f"{self.path}: encoding {layout.encoding}: {error}, allowed: that of the file"
+                ) from error
+
+    def _check_width(self, lines: Sequence[str], first: int) -> None:
+        """Refuse a row whose number of cells is not that of the header: its columns are not where they seem."""
+        expected, delimiter = len(self.columns), self._layout.delimiter
+        for index, line in enumerate(lines):
+            if line.count(delimiter) + 1 != expected or '"' in line:
+                cells = self._cells(line)
+                if len(cells) != expected:
+                    row = self.row(first + index)
+                    raise RecordingError(
+                        f"{self.path}: {row}: {len(cells)} cells, allowed: the {expected} of the header"
+                    )
+
+    def _numbers(self, lines: list[str], wanted: Sequence[int], first: int) -> NDArray[np.float64]:
+        """Columns of some lines, (n, k)."""
+        layout = self._layout
+        text = [line.replace(",", ".") for line in lines] if layout.decimal == "," else lines
+        try:
+            values = np.loadtxt(
+                text, np.float64, comments=None, delimiter=layout.delimiter, quotechar='"', usecols=wanted, ndmin=2
+            )
+        except ValueError:
+            self._refuse(text, wanted, first)
+        if len(values) != len(lines) or not np.isfinite(values).all():
+            self._refuse(text, wanted, first)
+        return values
+
+    def _refuse(self, lines: Sequence[str], wanted: Sequence[int], first: int) -> NoReturn:
+        """Say which cell is no number."""
+        for index, line in enumerate(lines):
+            cells = self._cells(line)
+            for column in wanted:
+                if not _is_number(cells[column]):
+                    raise RecordingError(
+                        f"{self.path}: {self.row(first + index)}, column {self.columns[column]}: "
+                        f"{cells[column].strip()!r}, allowed: a finite number"
+                    )
+        raise RecordingError(f"{self.path}: {self.row(first)} and after: not rows of numbers")
+
+    def _times(self, lines: list[str], column: int, time: TimeColumn, first: int) -> NDArray[np.int64]:
+        exact = _EXACT.get(time.unit)
+        if exact is None:
+            return nanoseconds(self._numbers(lines, [column], first)[:, 0], time.unit)
+        times = np.empty(len(lines), np.int64)
+        for index, line in enumerate(lines):
+            cell = self._cells(line)[column].strip()
+            try:
+                times[index] = exact(cell)
+            except (ValueError, OverflowError) as error:
+                allowed = "a whole number of ns" if time.unit == "ns" else "ISO 8601 with its zone"
+                raise RecordingError(
+                    f"{self.path}: {self.row(first + index)}, column {time.column}: {cell!r}, allowed: {allowed}"
+                ) from error
+        return times
+
+    def _index(self, column: str) -> int:
+        if column not in self.columns:
+            no_column(self.path, column, self.columns)
+        if self.columns.count(column) > 1:
+            raise RecordingError(f"{self.path}: column {column} occurs twice in the header, allowed: once")
+        return self.columns.index(column)
+
+    def _cells(self, line: str) -> list[str]:
+        try:
+            return next(csv.reader([line], delimiter=self._layout.delimiter), [])
+        except csv.Error as error:
+            raise RecordingError(f"{self.path}: {line[:40]!r}: {error}") from error
+
+
+def _is_number(cell: str) -> bool:
+    try:
+        return "_" not in cell and bool(np.isfinite(float(cell)))
+    except ValueError:
+        return False
+
+
+def _moment(text: str) -> datetime:
+    moment = datetime.fromisoformat(text)
+    if moment.tzinfo is None:
+        raise ValueError("no zone")
+    return moment

@@ -1,0 +1,285 @@
+"""What the columns of a file are: test points and axes, units, time. Stated by the user, never guessed."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Mapping
+from datetime import UTC, datetime, timedelta
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+import yaml
+from pydantic import AwareDatetime, BaseModel, ConfigDict, Field, ValidationError, field_validator, model_validator
+
+from tbm_msgs_py import topics
+from tbm_msgs_py.bags.errors import RecordingError
+from tbm_msgs_py.bags.mapping import SensorMapping
+
+Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
+Column = Annotated[str, Field(min_length=1)]
+
+THRUST_UNITS = {"N": 1.0, "kN": 1e3, "MN": 1e6}
+TORQUE_UNITS = {"N.m": 1.0, "kN.m": 1e3, "MN.m": 1e6}
+SPEED_UNITS = {"rad/s": 1.0, "r/min": 2.0 * math.pi / 60.0}
+_POINT_NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]*")
+ADVANCE_UNITS = {"m/s": 1.0, "mm/min": 1e-3 / 60.0}
+
+
+class _Strict(BaseModel):
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+
+class TimeColumn(_Strict):
+    """Column that holds the time of each row.
+
+    Attributes
+    ----------
+    column : str
+        Name.
+    unit : str
+        ``s``, ``ms``, ``us`` or ``ns`` after `start`, or ``datetime`` for ISO 8601 with its zone (CSV only).
+    restart_gap : float or None
+        A time that steps back begins a new run, put this many s after the row before; None: it is an error.
+    """
+
+    column: Column
+    unit: Literal["s", "ms", "us", "ns", "datetime"]
+    restart_gap: Positive | None = None
+
+    @model_validator(mode="after")
+    def _dates_do_not_restart(self) -> TimeColumn:
+        if self.unit == "datetime" and self.restart_gap is not None:
+            raise ValueError("restart_gap goes with a relative time, a datetime has its place")
+        return self
+
+
+class PointColumns(SensorMapping):
+    """A test point: its sensor as in a mapping file, and the columns of the sensor's axes.
+
+    Attributes
+    ----------
+    columns : tuple of str or None
+        Columns of the sensor's x, y and z; None for an axis that was not measured, which is written as 0.
+    full_scale : float or None
+        Value in `units` of a reading of 1; a WAV file, whose readings are shares of full scale, needs it.
+    """
+
+    columns: tuple[Column | None, Column | None, Column | None]
+    full_scale: Annotated[float, Field(gt=0, allow_inf_nan=False)] | None = None
+
+    @field_validator("columns")
+    @classmethod
+    def _each_column_once(cls, columns: tuple[str | None, ...]) -> tuple[str | None, ...]:
+        named = [column for column in columns if column is not None]
+        if not named or len(set(named)) < len(named):
+            raise ValueError("three columns, null for an axis that was not measured, none of them twice")
+        return columns
+
+    @property
+    def factor(self) -> float:
+        """From a reading to m/s²."""
+        return self.scale * (self.full_scale or 1.0)
+
+    def written(self) -> SensorMapping:
+        """How the sensor is read from the recording: still in its own axes, in m/s²."""
+        return SensorMapping(
+            point=self.point,
+            units="m/s2",
+            gravity=self.gravity,
+            frame=self.frame,
+            axes=self.axes,
+            rotation=self.rotation,
+            range=None if self.range is None else self.range * self.scale,
+        )
+
+
+class Thrust(_Strict):
+    """Column of the thrust force."""
+
+    column: Column
+    unit: Literal["N", "kN", "MN"]
+
+    @property
+    def factor(self) -> float:
+        """From a reading to N."""
+        return THRUST_UNITS[self.unit]
+
+
+class Torque(_Strict):
+    """Column of the cutterhead torque."""
+
+    column: Column
+    unit: Literal["N.m", "kN.m", "MN.m"]
+
+    @property
+    def factor(self) -> float:
+        """From a reading to N·m."""
+        return TORQUE_UNITS[self.unit]
+
+
+class Speed(_Strict):
+    """Column of the cutterhead speed."""
+
+    column: Column
+    unit: Literal["rad/s", "r/min"]
+
+    @property
+    def factor(self) -> float:
+        """From a reading to rad/s."""
+        return SPEED_UNITS[self.unit]
+
+
+class Advance(_Strict):
+    """Column of the advance speed."""
+
+    column: Column
+    unit: Literal["m/s", "mm/min"]
+
+    @property
+    def factor(self) -> float:
+        """From a reading to m/s."""
+        return ADVANCE_UNITS[self.unit]
+
+
+class OperatingColumns(_Strict):
+    """Columns of the operating point."""
+
+    speed: Speed
+    torque: Torque
+    thrust: Thrust
+    advance: Advance | None = None
+
+    def entries(self) -> list[Speed | Torque | Thrust | Advance]:
+        """Columns in the order of `OperatingPoint`: speed, torque, thrust and, where stated, advance."""
+        return [self.speed, self.torque, self.thrust, *([self.advance] if self.advance else [])]
+
+
+class CsvLayout(_Strict):
+    """How a CSV file is laid out.
+
+    Attributes
+    ----------
+    delimiter, decimal, encoding : str
+        Between the cells; ``.`` or ``,``; of the text.
+    header, first : int
+        Line of the column names, and of the first row of numbers (default: the one after), counted from 1.
+    """
+
+    delimiter: Annotated[str, Field(min_length=1, max_length=1)] = ","
+    decimal: Literal[".", ","] = "."
+    encoding: str = "utf-8-sig"
+    header: Annotated[int, Field(ge=1)] = 1
+    first: Annotated[int, Field(ge=2)] | None = None
+
+    @model_validator(mode="after")
+    def _consistent(self) -> CsvLayout:
+        if self.delimiter == self.decimal:
+            raise ValueError("delimiter and decimal differ; with a decimal comma the delimiter is often ;")
+        if self.first is not None and self.first <= self.header:
+            raise ValueError("first: a line after the header")
+        return self
+
+    @property
+    def first_line(self) -> int:
+        """Line of the first row of numbers."""
+        return self.header + 1 if self.first is None else self.first
+
+
+class Description(_Strict):
+    """An import description; `docs/importing.md` explains it.
+
+    Attributes
+    ----------
+    points : dict
+        Columns of each test point.
+    operating_point : OperatingColumns or None
+        Columns of the operating point.
+    time : TimeColumn or ``file``
+        Time column, or the time base that the file itself states; instead of it
+    rate : float
+        Sample rate, Hz.
+    start : datetime or ``file``
+        Moment of time 0, or the one that the file states.
+    csv : CsvLayout
+        For CSV files.
+    """
+
+    points: dict[str, PointColumns] = {}
+    operating_point: OperatingColumns | None = None
+    time: TimeColumn | Literal["file"] | None = None
+    rate: Positive | None = None
+    start: AwareDatetime | Literal["file"] | None = None
+    csv: CsvLayout = CsvLayout()
+
+    @model_validator(mode="before")
+    @classmethod
+    def _name_points(cls, content: Any) -> Any:
+        points = content.get("points") if isinstance(content, dict) else None
+        if not isinstance(points, dict):
+            return content
+        named = {key: {"point": key, **value} if isinstance(value, dict) else value for key, value in points.items()}
+        return {**content, "points": named}
+
+    @model_validator(mode="after")
+    def _complete(self) -> Description:
+        if not self.points and self.operating_point is None:
+            raise ValueError("points or operating_point: at least one of them")
+        for key, point in self.points.items():
+            if not _POINT_NAME.fullmatch(key) or point.point != key or key == topics.OPERATING_POINT:
+                raise ValueError(f"point {key!r}: a name of letters, digits and _, such as {topics.TEST_POINTS[0]}")
+        if (self.time is None) == (self.rate is None):
+            raise ValueError("time or rate: one of them says when a sample was taken")
+        dates = isinstance(self.time, TimeColumn) and self.time.unit == "datetime"
+        if dates != (self.start is None):
+            raise ValueError(
+                "start: the moment of time 0 with its zone, such as 2026-03-01T08:00:00+01:00, or `file`; "
+                "left out with a datetime column only"
+            )
+        return self
+
+    @property
+    def start_ns(self) -> int:
+        """Stated moment of time 0, ns since the epoch; 0 when it comes from the file or from dates."""
+        return to_ns(self.start) if isinstance(self.start, datetime) else 0
+
+
+def to_ns(moment: datetime) -> int:
+    """Nanoseconds since the epoch of a moment with its zone."""
+    return (moment - datetime(1970, 1, 1, tzinfo=UTC)) // timedelta(microseconds=1) * 1000
+
+
+def describe(path: str | Path | None, changes: Mapping[str, Any] | None = None) -> Description:
+    """Make a description from a YAML file, or from nothing, and what is stated beside it.
+
+    Parameters
+    ----------
+    path : str or Path, optional
+        YAML file.
+    changes : mapping, optional
+        Goes over the file: keys of a mapping are joined, everything else is replaced.
+    """
+    where = "import description" if path is None else str(path)
+    try:
+        content = {} if path is None else yaml.safe_load(Path(path).read_text(encoding="utf-8"))
+        return Description.model_validate(_joined(content, changes or {}))
+    except OSError as error:
+        raise RecordingError(f"{where}: {error.strerror}, allowed: a readable import description") from error
+    except (yaml.YAMLError, UnicodeDecodeError) as error:
+        raise RecordingError(f"{where}: not YAML: {' '.join(str(error).split())}") from error
+    except ValidationError as error:
+        first = error.errors()[0]
+        place = ".".join(str(key) for key in first["loc"])
+        given = "" if first["type"] == "missing" or isinstance(first["input"], dict) else f"{first['input']!r}: "
+        message = first["msg"].removeprefix("Value error, ")
+        raise RecordingError(f"{where}: {f'{place}: ' if place else ''}{given}{message}") from error
+
+
+def _joined(content: Any, changes: Mapping[str, Any]) -> Any:
+    if not isinstance(content, dict):
+        return content
+    joined = dict(content)
+    for key, value in changes.items():
+        both = isinstance(value, Mapping) and isinstance(joined.get(key), dict)
+        joined[key] = _joined(joined[key], value) if both else value
+    return joined

@@ -1,0 +1,99 @@
+"""Time of the rows of a file: as it was recorded, strictly increasing, never resampled."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tbm_msgs_py.bags.errors import RecordingError
+from tbm_msgs_py.blocks import NANOSECONDS
+
+GAP_FACTOR = 1.5  # a step longer than this many median steps is a gap
+
+
+@dataclass
+class RowTimes:
+    """Turns the times of a file, piece by piece, into stamps, and keeps count of what is uneven.
+
+    Attributes
+    ----------
+    path : Path
+        File, for messages.
+    start_ns : int
+        Moment of time 0.
+    rate : float or None
+        Stated sample rate, Hz: row k is at k / rate; None when the file has times.
+    restart_gap : float or None
+        What a step back means, see `TimeColumn`.
+    row : callable
+        Names a row for a message.
+    rows, gaps, restarts : int
+        Counted so far.
+    step_ns : int
+        Median step of the first piece.
+    jitter_ns : int
+        Largest deviation of a step that is no gap from it.
+    """
+
+    path: Path
+    start_ns: int
+    rate: float | None
+    restart_gap: float | None
+    row: Callable[[int], str]
+    rows: int = 0
+    gaps: int = 0
+    restarts: int = 0
+    step_ns: int = 0
+    jitter_ns: int = 0
+    _shift: int = 0
+    _last: int | None = None
+
+    def stamps(self, times_ns: NDArray[np.int64] | None, count: int) -> NDArray[np.int64]:
+        """Stamps of the next `count` rows, ns since the epoch (n,)."""
+        if self.rate is not None:
+            ticks = np.arange(self.rows, self.rows + count) * (NANOSECONDS / self.rate)
+            stamps: NDArray[np.int64] = np.rint(ticks).astype(np.int64)
+        elif times_ns is None:
+            raise RecordingError(f"{self.path}: no time of the rows, allowed: a time column or a rate")
+        else:
+            stamps = self._increasing(times_ns)
+        self._measure(stamps)
+        self.rows += count
+        self._last = int(stamps[-1])
+        return stamps + self.start_ns
+
+    def gaps_before(self, stamps: NDArray[np.int64]) -> NDArray[np.intp]:
+        """Find the rows that come after a gap, as indices."""
+        return np.flatnonzero(np.diff(stamps) > GAP_FACTOR * self.step_ns) + 1
+
+    def _increasing(self, times: NDArray[np.int64]) -> NDArray[np.int64]:
+        """Put runs that begin again behind the one before; times after the start."""
+        stamps = times + self._shift
+        steps = np.diff(stamps, prepend=self._last if self._last is not None else stamps[0] - 1)
+        for at in np.flatnonzero(steps <= 0):
+            before = int(stamps[at - 1]) if at else self._last
+            if before is None or self.restart_gap is None or steps[at] == 0:
+                kind = "repeats" if steps[at] == 0 else f"steps back by {-steps[at] / NANOSECONDS:g} s"
+                raise RecordingError(
+                    f"{self.path}: {self.row(self.rows + int(at))}: the time {kind}, "
+                    "allowed: increasing times, or a rate, or restart_gap"
+                )
+            shift = before + round(self.restart_gap * NANOSECONDS) - int(stamps[at])
+            stamps[at:] += shift
+            self._shift += shift
+            self.restarts += 1
+        return stamps
+
+    def _measure(self, stamps: NDArray[np.int64]) -> None:
+        steps = np.diff(stamps) if self._last is None else np.diff(stamps, prepend=self._last)
+        if not len(steps):
+            return
+        if not self.step_ns:
+            self.step_ns = int(np.median(steps))
+        gaps = steps > GAP_FACTOR * self.step_ns
+        self.gaps += int(np.count_nonzero(gaps))
+        self.jitter_ns = max(self.jitter_ns, int(np.abs(steps[~gaps] - self.step_ns).max(initial=0)))

@@ -1,0 +1,106 @@
+"""A recording reduced piece by piece: whatever the pieces, the numbers of one pass over the whole."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from hypothesis import example, given, settings
+from hypothesis import strategies as st
+
+from tbm_gsa.comparison.estimates import estimate, field_sample
+from tbm_gsa.comparison.field_side import reduce_field
+from tbm_gsa.comparison.settings import Settings
+from tbm_msgs_py.bags.faults import find_gaps, stuck_axes
+from tbm_msgs_py.recording import AccelerationRecord
+
+RATE, START_NS = 1000.0, 1_700_000_000_000_000_000
+CHOSEN = Settings()
+TIME = np.arange(150_000) / RATE
+KEPT = (TIME < 47.3) | (TIME >= 48.0)
+VALUES = np.random.default_rng(2).standard_normal((150_000, 3)) + np.array([0.0, 0.0, 9.81])
+VALUES[60_000:65_000, 1] = 0.25  # stuck for 5 s
+
+
+class Reader:
+    """Pieces as `open_recording` gives them, cut where the test says."""
+
+    def __init__(self, cuts):
+        self.points = {"shield": SimpleNamespace(frame="fixed")}
+        self._cuts = cuts
+
+    def pieces(self):
+        time, values, before = TIME[KEPT], VALUES[KEPT], None
+        for stamps, rows in zip(np.split(time, self._cuts), np.split(values, self._cuts), strict=True):
+            if not stamps.size:
+                continue
+            start = round(stamps[0] * 1e9)
+            own = stamps - stamps[0]
+            gaps, rate = find_gaps(own, None if before is None else before - stamps[0])
+            stuck = tuple(("xyz"[axis], a, b) for axis, a, b in stuck_axes(own, rows, RATE))
+            before = float(stamps[-1])
+            yield {
+                "shield": AccelerationRecord(
+                    "/t", "shield", START_NS + start, own, rows, gaps, rate, clipped=1, clock_offset=0.5, stuck=stuck
+                )
+            }
+
+
+def reduced(cuts):
+    side = reduce_field(Reader(cuts), ["shield"], CHOSEN)
+    assert side.failed == {}
+    return side
+
+
+@pytest.fixture(scope="module")
+def whole():
+    side = reduced([])
+    return side, estimate(field_sample(side.signals["shield"], {0: 1.0}), side.signals["shield"], CHOSEN)
+
+
+@settings(max_examples=8, deadline=None)
+@example(cuts=[358, 1623])  # a sampling rate from few stamps, a trifle beside that from all
+@given(cuts=st.lists(st.integers(1, 149_000), max_size=6).map(sorted))
+def test_statistics_do_not_depend_on_the_pieces(whole, cuts):
+    expected = whole[1]
+    signal = reduced(cuts).signals["shield"]
+    found = estimate(field_sample(signal, {0: 1.0}), signal, CHOSEN)
+    for axis, statistics in found.items():
+        for name in ("rms", "peak", "crest_factor", "kurtosis"):
+            assert getattr(statistics, name) == pytest.approx(getattr(expected[axis], name), rel=1e-6), (axis, name)
+        assert statistics.velocity_rms == pytest.approx(expected[axis].velocity_rms, rel=1e-5)
+        assert statistics.band_rms == pytest.approx(expected[axis].band_rms, rel=1e-5)
+        assert statistics.intervals["rms"] == pytest.approx(expected[axis].intervals["rms"], rel=1e-6)
+        np.testing.assert_allclose(statistics.spectrum.density, expected[axis].spectrum.density, rtol=1e-5, atol=1e-9)
+        assert statistics.spectrum.segments == expected[axis].spectrum.segments
+
+
+@settings(max_examples=20, deadline=None)
+@given(cuts=st.lists(st.integers(1, 149_000), max_size=4, unique=True).map(sorted))
+def test_gaps_are_found_once_wherever_the_pieces_end(cuts):
+    ledger = reduced(cuts).ledgers["shield"]
+    (gap,) = ledger.gaps
+    assert gap == pytest.approx((47.299, 48.0))
+    assert ledger.samples == KEPT.sum()
+    assert ledger.end == pytest.approx(149.999)
+    assert ledger.counts["clipped"] == len(cuts) + 1
+    assert ledger.clock_offset == pytest.approx(0.5)
+
+
+def test_a_stuck_axis_is_one_stretch_across_pieces():
+    assert reduced([]).ledgers["shield"].stuck == [("y", 60.0, 64.999)]
+    cut = int(KEPT[:62_000].sum())
+    ((axis, begin, end),) = reduced([cut]).ledgers["shield"].stuck
+    assert (axis, begin, end) == ("y", pytest.approx(60.0), pytest.approx(64.999))
+
+
+def test_a_sensor_that_changes_its_rate_is_named_and_the_others_go_on():
+    class Changing(Reader):
+        def pieces(self):
+            first, second = super().pieces()
+            fast = second["shield"]
+            yield first
+            yield {"shield": AccelerationRecord("/t", "shield", fast.start_ns, fast.time / 2, fast.values, [], 2000.0)}
+
+    side = reduce_field(Changing([75_000]), ["shield"], CHOSEN)
+    assert side.signals == {}
+    assert side.failed == {"shield": "sampling rate 1000 Hz does not fit the stamps, which say 2000 Hz"}

@@ -1,0 +1,246 @@
+"""The history file: what goes in comes out, in any order and from several processes; wrong files are one line."""
+
+import math
+import multiprocessing
+import sqlite3
+
+import numpy as np
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from tbm_gsa.comparison import AlarmRule, WindowResult
+from tbm_gsa.history import (
+    Entry,
+    History,
+    HistoryError,
+    Selection,
+    Source,
+    default_history,
+    live_entries,
+    make_baseline,
+    recording_entries,
+)
+
+START = 1_700_000_000_000_000_000
+LENGTH = 2_000_000_000
+LIVE = Source("live", "/tbm/analysis_node", "", "dz101", "ab" * 32)
+BAG = Source("offline", "bags/field", "cd" * 32, "dz101", "ab" * 32)
+
+numbers = st.floats(allow_nan=True, allow_infinity=True).map(lambda value: value + 0.0)  # one zero, as SQLite has
+entries = st.builds(
+    Entry,
+    point=st.sampled_from(["shield", "gripper", "a'b\"; --"]),
+    axis=st.sampled_from(["x", "y", "z", "yz"]),
+    start_ns=st.integers(0, 2**62),
+    length_ns=st.integers(1, 2**40),
+    field_rms=numbers,
+    model_rms=numbers,
+    relative_error=numbers,
+    coverage=st.floats(0.0, 1.0).map(abs),
+)
+
+
+def entry(number, point="shield", axis="x", error=0.2):
+    return Entry(point, axis, START + number * LENGTH, LENGTH, 1.0, 1.2, error, 1.0)
+
+
+@pytest.fixture
+def history(tmp_path):
+    with History(tmp_path / "deep" / "h.sqlite") as opened:
+        yield opened
+
+
+@settings(max_examples=20, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(rows=st.lists(entries, max_size=6, unique_by=lambda e: (e.point, e.axis, e.start_ns, e.length_ns)))
+def test_what_goes_in_comes_out(tmp_path_factory, rows):
+    with History(tmp_path_factory.mktemp("h") / "h.sqlite") as opened:
+        assert opened.add(LIVE, rows) == len(rows)
+        found = opened.windows()
+    assert {repr(window.entry) for window in found} == {repr(row) for row in rows}  # repr: NaN equals NaN
+    assert [w.entry.start_ns for w in found] == sorted(row.start_ns for row in rows)
+    assert all(window.source == LIVE for window in found)
+
+
+def test_the_same_window_again_replaces_the_old_one(history):
+    history.add(BAG, [entry(0), entry(1)])
+    history.add(BAG, [entry(1, error=0.9), entry(2)])
+    assert [window.entry.relative_error for window in history.windows()] == [0.2, 0.9, 0.2]
+    history.add(LIVE, [entry(1)])
+    assert history.count() == 4
+
+
+def test_selections(history):
+    history.add(LIVE, [entry(n, point) for n in range(4) for point in ("shield", "gripper")])
+    history.add(BAG, [entry(n) for n in range(10, 12)])
+    other = Source("offline", "bags/100%_other", "", "open380", "")
+    history.add(other, [entry(20)])
+
+    def chosen(**values):
+        return [(window.entry.start_ns - START) // LENGTH for window in history.windows(Selection(**values))]
+
+    assert chosen(point="gripper") == [0, 1, 2, 3]
+    assert chosen(source="offline") == [10, 11, 20]
+    assert chosen(source="field") == [10, 11]
+    assert chosen(source="100%_") == [20]
+    assert chosen(machine="open380") == [20]
+    assert chosen(since_ns=START + 3 * LENGTH, until_ns=START + 11 * LENGTH, point="shield") == [3, 10]
+    assert chosen(point="nowhere") == []
+    assert [w.entry.start_ns for w in history.windows(newest=2)] == [START + 11 * LENGTH, START + 20 * LENGTH]
+    assert history.count(Selection(point="shield")) == 7
+
+
+def write(path, number):
+    with History(path) as opened:
+        for place in range(50):
+            opened.add(Source("live", f"node {number}", "", "dz101", ""), [entry(place)])
+
+
+def test_several_processes_share_a_file_from_its_creation_on(tmp_path):
+    path = tmp_path / "shared.sqlite"
+    context = multiprocessing.get_context("spawn")
+    writers = [context.Process(target=write, args=(path, number)) for number in range(3)]
+    for writer in writers:
+        writer.start()
+    for writer in writers:
+        writer.join()
+    assert [writer.exitcode for writer in writers] == [0, 0, 0]
+    with History(path) as opened:
+        assert opened.count() == 150
+    assert sqlite3.connect(path).execute("PRAGMA journal_mode").fetchone() == ("wal",)
+
+
+def test_a_reader_does_not_wait_for_a_writer(history):
+    history.add(LIVE, [entry(0)])
+    writer = sqlite3.connect(history.path, isolation_level=None)
+    writer.execute("BEGIN IMMEDIATE")
+    assert history.count() == 1
+    writer.execute("ROLLBACK")
+
+
+@pytest.mark.parametrize(
+    "content", [b"no database at all, but text that is long enough to be one" * 20, b"\x00" * 4096]
+)
+def test_a_file_of_something_else_is_one_line_and_stays_as_it_is(tmp_path, content):
+    path = tmp_path / "h.sqlite"
+    path.write_bytes(content)
+    with pytest.raises(HistoryError, match=r"h\.sqlite: not a history of tbm_monitor") as caught:
+        History(path)
+    assert "\n" not in str(caught.value)
+    assert path.read_bytes() == content
+
+
+def test_another_database_a_damaged_one_and_a_newer_one(tmp_path, history):
+    other = tmp_path / "other.sqlite"
+    with sqlite3.connect(other) as connection:
+        connection.execute("CREATE TABLE mine (a)")
+    with pytest.raises(HistoryError, match="a database of something else"):
+        History(other)
+    history.add(LIVE, [entry(n) for n in range(500)])
+    history._connection.execute("PRAGMA wal_checkpoint(TRUNCATE)")
+    whole = bytearray(history.path.read_bytes())
+    damaged = tmp_path / "damaged.sqlite"
+    damaged.write_bytes(bytes(whole[:2000]))
+    with pytest.raises(HistoryError, match="not a history of tbm_monitor"):
+        History(damaged)
+    newer = tmp_path / "newer.sqlite"
+    newer.write_bytes(bytes(whole))
+    with sqlite3.connect(newer) as connection:
+        connection.execute("PRAGMA user_version = 99")
+    with pytest.raises(HistoryError, match="schema version 99, allowed: 1"):
+        History(newer)
+
+
+def test_a_place_that_cannot_be_is_one_line(tmp_path):
+    (tmp_path / "file").write_text("")
+    for path in (tmp_path / "file" / "h.sqlite", tmp_path):
+        with pytest.raises(HistoryError) as caught:
+            History(path)
+        assert str(path) in str(caught.value)
+    with pytest.raises(HistoryError, match="no such history"):
+        History(tmp_path / "nowhere.sqlite", create=False)
+    assert not (tmp_path / "nowhere.sqlite").exists()
+
+
+def test_where_the_history_is(monkeypatch, tmp_path):
+    monkeypatch.setenv("XDG_DATA_HOME", str(tmp_path))
+    monkeypatch.delenv("TBM_HISTORY", raising=False)
+    assert default_history() == tmp_path / "tbm_monitor" / "history.sqlite"
+    monkeypatch.setenv("TBM_HISTORY", str(tmp_path / "mine.sqlite"))
+    assert default_history() == tmp_path / "mine.sqlite"
+
+
+def test_a_baseline_is_mean_and_scatter_and_alarms_are_set_against_it(history):
+    errors = [0.1, 0.2, 0.3, 0.4, 0.5]
+    history.add(LIVE, [entry(n, error=error) for n, error in enumerate(errors)])
+    history.add(LIVE, [entry(n, axis="yz", error=0.6) for n in range(5)])
+    history.add(LIVE, [entry(9, error=math.inf), entry(10, error=math.nan), entry(11, "girder")])
+    history.store_baseline(make_baseline("first", history.windows(), START))
+    found = history.baseline("first")
+    assert (found.machine, found.since_ns, found.until_ns) == ("dz101", START, START + 12 * LENGTH)
+    assert set(found.usual) == {("shield", "x"), ("shield", "yz")}  # one window of the girder is too few
+    usual = found.usual["shield", "x"]
+    assert (usual.mean, usual.scatter, usual.windows) == (pytest.approx(0.3), pytest.approx(np.std(errors, ddof=1)), 5)
+    ready = found.usual_errors()["shield"]
+    np.testing.assert_allclose(ready.mean, [0.3, 0.6, 0.6])
+
+    def result(error):
+        level = np.ones(3)
+        return WindowResult("shield", 0, LENGTH, level, level, np.array(error), 1.0, 1.0)
+
+    rule = AlarmRule(0.05, 1, found.usual_errors())
+    assert not rule.update(result([0.7, 0.6, 0.6]))  # within three times 0.158
+    assert rule.update(result([0.8, 0.6, 0.6]))
+    with pytest.raises(HistoryError, match="no baseline second, there: first"):
+        history.baseline("second")
+
+
+def test_windows_of_a_dead_sensor_are_no_part_of_a_baseline(history):
+    dead = [Entry("shield", "x", START + n * LENGTH, LENGTH, 1e-6, 1.2, 1.2e6, 1.0) for n in range(90, 94)]
+    history.add(LIVE, [*(entry(n) for n in range(8)), *dead])
+    usual = make_baseline("one", history.windows(), START).usual["shield", "x"]
+    assert (usual.mean, usual.windows) == (pytest.approx(0.2), 8)
+
+
+def test_a_baseline_is_replaced_by_its_namesake(history):
+    for error in (0.2, 0.4):
+        history.add(LIVE, [entry(n, error=error) for n in range(5)])
+        history.store_baseline(make_baseline("one", history.windows(), START))
+    assert [one.usual["shield", "x"].mean for one in history.baselines()] == [pytest.approx(0.4)]
+
+
+def test_baselines_without_sense_are_refused(history):
+    with pytest.raises(ValueError, match="0 windows with a known error at a point and axis, allowed: at least 5"):
+        make_baseline("none", [], START)
+    history.add(LIVE, [entry(n) for n in range(5)])
+    history.add(Source("live", "n", "", "dz101", "ef" * 32), [entry(n) for n in range(5)])
+    with pytest.raises(ValueError, match="windows of several machines: dz101 abababab, dz101 efefefef"):
+        make_baseline("two", history.windows(), START)
+
+
+def test_live_windows_give_an_entry_an_axis():
+    three = np.array([1.0, 2.0, 2.0])
+    result = WindowResult("shield", START, LENGTH, 2 * three, three, np.array([1.0, 1.0, 1.0]), 1.0, 0.75)
+    assert [(one.axis, one.field_rms, one.coverage) for one in live_entries(result, False)] == [
+        ("x", 1.0, 0.75),
+        ("y", 2.0, 0.75),
+        ("z", 2.0, 0.75),
+    ]
+    assert [one.axis for one in live_entries(result, True)] == ["x", "yz"]
+    silent = WindowResult("shield", START, LENGTH, three, three * np.nan, three * np.nan, 1.0, 0.0)
+    assert list(live_entries(silent, False)) == []
+
+
+def test_windows_of_a_recording_without_those_at_no_level_and_without_samples():
+    windows = {
+        "start": [0.0, 2.0, 4.0, 6.0],
+        "level": [0, None, 0, 1],
+        "field_rms": [1.0, 1.0, None, 0.0],
+        "relative_error": [0.5, None, None, None],
+        "coverage": [1.0, 1.0, 0.0, 0.5],
+    }
+    levels = [{"points": {"shield": {"x": {"model_rms": 1.5}}}}] * 2
+    document = {"window_s": 2.0, "points": {"shield": {"x": {"windows": windows}}}, "levels": levels}
+    first, dead = recording_entries(document, {"shield": START})
+    assert first == Entry("shield", "x", START, LENGTH, 1.0, 1.5, 0.5, 1.0)
+    assert (dead.start_ns, dead.relative_error, dead.coverage) == (START + 3 * LENGTH, math.inf, 0.5)

@@ -1,0 +1,137 @@
+"""`tbm-monitor history` and the windows that `compare` puts there."""
+
+import json
+import sys
+from datetime import UTC, datetime
+from pathlib import Path
+
+import pytest
+from compare_bags import START_NS, noise, write_bag
+from matplotlib.image import imread
+
+from tbm_gsa.cli.main import main
+from tbm_gsa.history import Entry, History, Source
+
+
+@pytest.fixture
+def run(monkeypatch, capsys):
+    def call(*arguments):
+        monkeypatch.setattr(sys, "argv", ["tbm-monitor", *map(str, arguments)])
+        with pytest.raises(SystemExit) as left:
+            main()
+        caught = capsys.readouterr()
+        return left.value.code, caught.out, caught.err
+
+    return call
+
+
+@pytest.fixture
+def file(tmp_path):
+    path = tmp_path / "h.sqlite"
+    source = Source("live", "/tbm/<b>node", "", "dz101", "ab")
+    with History(path) as history:
+        for n in range(30):
+            rows = [
+                Entry(
+                    point, axis, START_NS + n * 2_000_000_000, 2_000_000_000, 1.0 + 0.01 * n, 1.2, 0.2 + 0.01 * n, 1.0
+                )
+                for point in ("shield", "<i>$x_{")
+                for axis in "xyz"
+            ]
+            history.add(source, rows)
+    return path
+
+
+def test_compare_puts_its_windows_into_the_history(run, tmp_path):
+    bag = write_bag(tmp_path / "bag", {"shield": noise(6.0)})
+    history = tmp_path / "h.sqlite"
+    for _ in range(2):  # the same recording again is no more windows
+        code, out, err = run("compare", bag, "--model-duration", 2, "--history", history, "--json")
+        assert (code, err) == (0, "")
+    document = json.loads(out)
+    listed = json.loads(run("history", "--history", history, "--json")[1])
+    assert listed["total"] == 9
+    windows = [window for window in listed["windows"] if window["axis"] == "y"]
+    assert [window["relative_error"] for window in windows] == document["points"]["shield"]["y"]["windows"][
+        "relative_error"
+    ]
+    assert [window["start_ns"] - START_NS for window in windows] == [0, 2_000_000_000, 4_000_000_000]
+    assert windows[0]["start"] == datetime.fromtimestamp(START_NS // 10**9, UTC).isoformat().replace("+00:00", ".000Z")
+    assert windows[0]["name"] == str(bag)
+    assert run("compare", bag, "--model-duration", 2, "--no-keep", "--history", tmp_path / "no.sqlite")[0] == 0
+    assert not (tmp_path / "no.sqlite").exists()
+
+
+def test_a_history_that_cannot_be_used(run, tmp_path, monkeypatch):
+    bag, wrong = write_bag(tmp_path / "bag", {"shield": noise(3.0)}), tmp_path / "wrong.sqlite"
+    wrong.write_text("text " * 500)
+    code, out, err = run("compare", bag, "--model-duration", 2, "--history", wrong, "--json")
+    assert (code, out) == (2, "")
+    assert len(err.strip().splitlines()) == 1
+    assert "not a history of tbm_monitor" in err
+    monkeypatch.setenv("TBM_HISTORY", str(wrong))  # the default one spoils no comparison
+    code, out, err = run("compare", bag, "--model-duration", 2, "--json")
+    assert code == 0
+    assert json.loads(out)["points"]
+    assert "not put into the history" in err
+
+
+def test_list_filters_and_summary(run, file):
+    code, out, err = run("history", "--history", file, "--json")
+    document = json.loads(out)
+    assert (code, err, document["total"], len(document["windows"])) == (0, "", 180, 180)
+    row = next(one for one in document["summary"] if (one["point"], one["axis"]) == ("shield", "x"))
+    assert (row["windows"], row["error_mean"], row["error_latest"]) == (30, pytest.approx(0.345), pytest.approx(0.49))
+    since = datetime.fromtimestamp(START_NS // 10**9 + 40, UTC).isoformat()
+    chosen = json.loads(run("history", "--history", file, "--point", "shield", "--since", since, "--json")[1])
+    assert chosen["total"] == 30
+    assert json.loads(run("history", "--history", file, "--until", since[:19], "--json")[1])["total"] == 120
+    assert json.loads(run("history", "--history", file, "--since", "1h", "--json")[1])["total"] == 0
+    assert json.loads(run("history", "--history", file, "--source", "offline", "--json")[1])["total"] == 0
+    limited = json.loads(run("history", "--history", file, "--limit", 6, "--json")[1])
+    assert (limited["total"], len(limited["windows"])) == (180, 6)
+    assert limited["windows"][-1]["start_ns"] == START_NS + 29 * 2_000_000_000
+    code, out, _ = run("history", "--history", file)
+    assert code == 0
+    assert "34% ± 9%" in out
+    assert "2023-11-14" in out
+
+
+def test_a_baseline_and_pictures(run, file, tmp_path):
+    code, out, _ = run("history", "baseline", "spring", "--history", file, "--json")
+    assert code == 0
+    assert json.loads(out)["points"]["shield"]["x"]["mean"] == pytest.approx(0.345)
+    assert json.loads(run("history", "--history", file, "--json")[1])["baselines"][0]["name"] == "spring"
+    page, picture = tmp_path / "h.html", tmp_path / "h.png"
+    code, _, err = run("history", "--history", file, "--html", page, "--png", picture)
+    assert code == 0, err
+    text = page.read_text("utf-8")
+    assert "Baseline spring" in text
+    assert "<script" not in text
+    assert "http" not in text.replace("http://www.w3.org", "")
+    assert "<i>" not in text
+    assert "<b>" not in text
+    assert text.count("<img") == 2
+    assert imread(picture).shape[1] == 1200
+    assert "spring" in run("history", "--history", file)[1]
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (["--history", "nowhere.sqlite"], "nowhere.sqlite: no such history"),
+        (["--history", "{file}", "--since", "soon"], "--since soon: allowed: ISO 8601"),
+        (["--history", "{file}", "--until", "2026-13-01"], "--until 2026-13-01: allowed"),
+        (["--history", "{file}", "--point", "none", "--html", "h.html"], "no window to plot"),
+        (["--history", "{file}", "--html", "no/such/h.html"], "no folder no/such"),
+        (["baseline", "--history", "{file}", "--point", "none"], "0 windows with a known error"),
+        (["baseline", "--history", "nowhere.sqlite"], "no such history"),
+    ],
+)
+def test_bad_input_is_one_line(run, file, tmp_path, monkeypatch, arguments, said):
+    monkeypatch.chdir(tmp_path)
+    code, out, err = run("history", *(argument.replace("{file}", str(file)) for argument in arguments))
+    assert (code, out) == (2, "")
+    assert said in err
+    assert len(err.strip().splitlines()) == 1
+    assert not list(Path().glob("*.html"))

@@ -1,0 +1,239 @@
+"""Bag recorder as a process: killed, on a full disk, under a quota; the commands `bag record` and `bag play`."""
+
+import json
+import os
+import resource
+import signal
+import subprocess
+import sys
+import time
+
+import numpy as np
+import pytest
+import yaml
+
+rclpy = pytest.importorskip("rclpy")
+
+from peer import Peer, alive, children  # noqa: E402
+from processes import wait_for  # noqa: E402
+from rosgraph_msgs.msg import Clock  # noqa: E402
+from sensor_msgs.msg import JointState, PointCloud2  # noqa: E402
+
+from tbm_msgs_py import ACCELERATION, Bag, BagWriter, OperatingPoint, read_recording  # noqa: E402
+from tbm_msgs_py.bags.samples import typestore  # noqa: E402
+from tbm_msgs_py.blocks import from_cloud  # noqa: E402
+from tbm_msgs_py.nodes import messages, qos  # noqa: E402
+
+pytestmark = pytest.mark.ros
+
+RECORDER = "tbm_msgs_py.nodes.bag_recorder"
+COMMAND = [sys.executable, "-m", "tbm_gsa.cli.main", "bag"]
+TOPIC = "/tbm/field/cutterhead/block"
+START_NS = 1_700_000_000_000_000_000
+PERIOD = 50_000_000  # ns, 250 samples at 5 kHz
+
+
+@pytest.fixture
+def peer():
+    with Peer() as made:
+        yield made
+
+
+class Sender:
+    """Publishes numbered blocks in real time."""
+
+    def __init__(self, peer):
+        self.peer = peer
+        self.publisher = peer.publisher(PointCloud2, TOPIC, qos.BLOCK)
+        self.sent = 0
+
+    def send(self, seconds):
+        """Send for a while; wall time at which each block left, by its number."""
+        left = {}
+        for _ in range(round(seconds * 1e9 / PERIOD)):
+            values = np.full((250, 3), float(self.sent))
+            stamp = START_NS + self.sent * PERIOD
+            self.publisher.publish(messages.block(ACCELERATION, stamp, np.arange(250) / 5000, values))
+            left[self.sent] = time.monotonic()
+            self.sent += 1
+            self.peer.spin_for(PERIOD / 1e9)
+        return left
+
+
+def numbers(path):
+    blocks = [from_cloud(typestore().deserialize_cdr(m.data, m.topic.type)) for m in Bag(path).messages([TOPIC])]
+    assert all(block.values.std() == 0 for block in blocks)
+    return [int(block.values[0, 0]) for block in blocks]
+
+
+def test_killed_recorder_leaves_all_but_the_last_second(run_node, peer, tmp_path):
+    output = tmp_path / "bag"
+    recorder = run_node(RECORDER, output=output, topics=f"[{TOPIC}]", split_time=1.0)
+    left = Sender(peer).send(2.8)
+    recorder.send(signal.SIGKILL)
+    killed = time.monotonic()
+    assert recorder.exit_code() == -signal.SIGKILL
+    kept = numbers(output)
+    safe = [number for number, at in left.items() if at < killed - 1.0]
+    assert kept[: len(safe)] == safe
+    assert kept == list(range(len(kept)))
+    info = Bag(output).info()
+    assert info.truncated
+    assert len(list(output.glob("*.mcap"))) == 3
+    (topic,) = info.topics
+    assert topic.type == "sensor_msgs/msg/PointCloud2"
+
+
+def test_full_disk_ends_the_recording_with_what_was_written(run_node, peer, tmp_path):
+    output, summary = tmp_path / "bag", tmp_path / "summary.json"
+    recorder = run_node(RECORDER, output=output, topics=f"[{TOPIC}]", summary=summary)
+    sender = Sender(peer)
+    sender.send(1.0)
+    resource.prlimit(recorder.process.pid, resource.RLIMIT_FSIZE, (150_000, 150_000))
+    sender.send(1.5)
+    assert recorder.exit_code() == 2, recorder.output
+    assert "Traceback" not in recorder.output
+    (line,) = [line for line in recorder.output.splitlines() if "[ERROR]" in line]
+    assert "File too large" in line
+    assert "bag.mcap" in line
+    assert peer.diagnostics["tbm: recorder"].level == 2
+    assert "File too large" in peer.text("tbm: recorder")
+    assert "File too large" in json.loads(summary.read_text())["problem"]
+    kept = numbers(output)
+    assert 10 < len(kept) < 30  # 150 kB of 5.1 kB each, flushed twice a second
+    assert kept == list(range(len(kept)))
+    described = yaml.safe_load((output / "metadata.yaml").read_text())["rosbag2_bagfile_information"]
+    assert described["message_count"] == len(kept)
+
+
+def test_quota_and_splitting_by_size(run_node, peer, tmp_path):
+    output = tmp_path / "bag"
+    recorder = run_node(
+        RECORDER, output=output, topics=f"[{TOPIC}]", split_size=0.05, quota=0.2, flush_period=0.1
+    )  # 10 blocks a file
+    sender = Sender(peer)
+    sender.send(3.2)
+    wait_for(lambda: recorder.says("deleted"), step=peer.spin)
+    sender.send(1.0)
+    recorder.send(signal.SIGTERM)
+    assert recorder.exit_code() == 0, recorder.output
+    deleted = [line.split(" deleted ")[1].split()[0] for line in recorder.output.splitlines() if " deleted " in line]
+    assert deleted[0] == str(output / "bag_0.mcap")
+    described = yaml.safe_load((output / "metadata.yaml").read_text())["rosbag2_bagfile_information"]
+    there = sorted((file.name for file in output.glob("*.mcap")), key=lambda name: (len(name), name))
+    assert described["relative_file_paths"] == there
+    assert not {str(output / name) for name in there} & set(deleted)
+    kept = numbers(output)
+    assert kept == list(range(kept[0], sender.sent))
+    assert described["message_count"] == len(kept)
+
+
+def test_what_comes_before_a_simulated_clock_is_kept(run_node, peer, tmp_path):
+    output = tmp_path / "bag"
+    recorder = run_node(
+        RECORDER, output=output, topics=f"[operating_point,{TOPIC}]", use_sim_time=True, flush_period=0.05
+    )
+    point = peer.publisher(JointState, "/tbm/operating_point", qos.OPERATING_POINT)
+    point.publish(messages.operating_point_message(START_NS, OperatingPoint(0.5, 2e6, 1e7)))
+    Sender(peer).send(0.1)
+    clock = peer.publisher(Clock, "/clock", qos.CLOCK)
+
+    def tick():
+        clock.publish(messages.clock(START_NS))
+        peer.spin()
+
+    wait_for(lambda: Bag(output).info().messages == 3, step=tick)
+    recorder.send(signal.SIGINT)
+    assert recorder.exit_code() == 0, recorder.output
+    assert {message.log_ns for message in Bag(output).messages()} == {START_NS}
+
+
+@pytest.mark.parametrize(
+    ("parameters", "named"),
+    [
+        ({"topics": "[/a]"}, "parameter output"),
+        ({"output": "bag"}, "parameter topics"),
+        ({"output": "bag", "topics": "[/a]", "split_size": 10.0, "quota": 15.0}, "twice the split_size of 10 MB"),
+        ({"output": "bag.mcap", "topics": "[/a]", "split_size": 10.0}, "allowed: a new folder"),
+    ],
+)
+def test_bad_parameters_are_one_line(run_node, parameters, named, tmp_path):
+    if "output" in parameters:
+        parameters = parameters | {"output": tmp_path / parameters["output"]}
+    recorder = run_node(RECORDER, **parameters)
+    assert recorder.exit_code() == 2, recorder.output
+    assert named in recorder.output
+    assert len(recorder.output.strip().splitlines()) == 1
+    assert not (tmp_path / "bag").exists()
+
+
+@pytest.fixture(scope="module")
+def bag(tmp_path_factory):
+    """Two seconds of blocks and an operating point at the beginning."""
+    path = tmp_path_factory.mktemp("bags") / "field"
+    with BagWriter(path) as writer:
+        writer.write_operating_point(START_NS, OperatingPoint(0.586, 3.04e6, 1.2e7))
+        for k in range(40):
+            values = np.full((250, 3), float(k))
+            writer.write_block(TOPIC, START_NS + k * PERIOD, ACCELERATION, np.arange(250) / 5000, values)
+    return path
+
+
+@pytest.fixture
+def started(tmp_path):
+    """Start `tbm-monitor bag …`; what still runs afterwards is killed with the node it started."""
+    processes = []
+
+    def start(*arguments):
+        log = (tmp_path / f"command{len(processes)}.err").open("wb")
+        process = subprocess.Popen([*COMMAND, *map(str, arguments)], stdout=subprocess.PIPE, stderr=log)
+        processes.append(process)
+        return process
+
+    yield start
+    for process in processes:
+        if process.poll() is None:
+            for number in [*children(process.pid), process.pid]:
+                os.kill(number, signal.SIGKILL)
+            process.wait()
+
+
+def test_record_and_play_commands(started, bag, tmp_path):
+    output = tmp_path / "copy"
+    record = started("record", "--topics", f"operating_point,{TOPIC}", "--out", output, "--json")
+    wait_for((output / "metadata.yaml").exists, 60)
+    play = started("play", bag, "--start", 1.0, "--rate", 2.0, "--subscribers", 2, "--json")
+    out, _ = play.communicate(timeout=60)
+    assert play.returncode == 0
+    document = json.loads(out)
+    assert (document["played"], document["lost"], document["ended"]) == (21, 0, True)  # 20 blocks, and the point before
+    wait_for(lambda: Bag(output).info().messages == 21)
+    nodes = children(record.pid)
+    record.send_signal(signal.SIGTERM)
+    out, _ = record.communicate(timeout=60)
+    assert record.returncode == 0
+    assert nodes
+    assert not any(map(alive, nodes))
+    document = json.loads(out)
+    assert {name: topic["messages"] for name, topic in document["topics"].items()} == {
+        TOPIC: 20,
+        "/tbm/operating_point": 1,
+    }
+    assert (document["lost"], document["deleted"], document["files"]) == (0, [], ["copy.mcap"])
+    assert numbers(output) == list(range(20, 40))
+    assert read_recording(output).operating_point.points == (OperatingPoint(0.586, 3.04e6, 1.2e7),)
+
+
+def test_looping_play_ends_cleanly_with_a_signal(started, peer, bag):
+    play = started("play", bag, "--loop", "--rate", 10, "--no-clock", "--json")
+    blocks = peer.listen(PointCloud2, TOPIC, qos.BLOCK)
+    clock = peer.listen(Clock, "/clock", qos.CLOCK)
+    peer.wait_for(lambda: len(blocks) > 60)
+    play.send_signal(signal.SIGINT)
+    out, _ = play.communicate(timeout=60)
+    assert play.returncode == 0
+    document = json.loads(out)
+    assert document["loops"] >= 1
+    assert document["played"] > 60
+    assert document["ended"] is False
+    assert clock == []
