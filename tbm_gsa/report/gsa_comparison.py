@@ -41,7 +41,9 @@ def convergence(analyses: Sequence[OutputAnalysis], inputs: InputSet) -> Figure:
         sizes = np.array([step.samples for step in steps], dtype=float)
         for rank, (k, colour) in enumerate(zip(places, PALETTE, strict=False)):
             values = np.array([step.indices.first[rank] for step in steps])
-            ends = np.array([step.indices.first_interval[rank] for step in steps if step.indices.first_interval is not None])
+            ends = np.array(
+                [step.indices.first_interval[rank] for step in steps if step.indices.first_interval is not None]
+            )
             whiskers(panel, sizes * 1.03**rank, values, ends)
             panel.plot(sizes * 1.03**rank, values, "o-", color=colour, markersize=4, label=inputs.codes[k])
             panel.axhline(analysis.indices.first[k], color=colour, linewidth=0.8, linestyle=":")
@@ -55,7 +57,7 @@ def convergence(analyses: Sequence[OutputAnalysis], inputs: InputSet) -> Figure:
 
 
 def uncertainty_split(analyses: Sequence[OutputAnalysis], inputs: InputSet) -> Figure:
-    """Standard deviations of the strongest first indices: from the surrogate, and from sampling."""
+    """Draw standard deviations of the strongest first indices: from the surrogate, and from sampling."""
     figure, panels = make_panels(len(analyses), columns=4, height=2.6)
     for panel, analysis in zip(panels, analyses, strict=True):
         panel.set_title(analysis.name, loc="left")
@@ -68,7 +70,8 @@ def uncertainty_split(analyses: Sequence[OutputAnalysis], inputs: InputSet) -> F
         panel.bar(place + 0.2, spread.monte_carlo[places], 0.4, color=TOTAL, label="Monte Carlo")
         panel.set_xticks(place, [inputs.codes[k] for k in places])
         panel.set_ylabel("deviation of S")
-    panels[0].legend(frameon=False, fontsize=8)
+    if panels[0].patches:
+        panels[0].legend(frameon=False, fontsize=8)
     return figure
 
 
@@ -83,7 +86,7 @@ def method_comparison(analyses: Sequence[OutputAnalysis], inputs: InputSet) -> F
         series["FAST"] = (analysis.comparison.fast.first, analysis.comparison.fast.first_interval)
         width = 0.8 / len(series)
         for rank, ((name, (values, interval)), colour) in enumerate(zip(series.items(), PALETTE, strict=False)):
-            place = np.arange(len(places)) + (rank - 0.5 * (len(series) - 1)) * width
+            place = np.arange(len(places), dtype=np.float64) + (rank - 0.5 * (len(series) - 1)) * width
             label = f"{name} (chosen)" if name == analysis.chosen else name
             panel.bar(place, values[places], width, color=colour, label=label)
             if interval is not None:

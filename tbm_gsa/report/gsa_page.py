@@ -119,9 +119,13 @@ def _figures(outputs: list[OutputAnalysis], inputs: InputSet) -> dict[str, str]:
         "designs": embed_figure(gsa_figures.design_points(outputs, inputs), "Training and test points"),
         "interactions": embed_figure(gsa_comparison.interaction_bars(outputs, inputs), "Bars of second-order indices"),
         "convergence": embed_figure(gsa_comparison.convergence(outputs, inputs), "First indices over the base size"),
-        "split": embed_figure(gsa_comparison.uncertainty_split(outputs, inputs), "Bars of metamodel and sampling error"),
+        "split": embed_figure(
+            gsa_comparison.uncertainty_split(outputs, inputs), "Bars of metamodel and sampling error"
+        ),
         "methods": embed_figure(gsa_comparison.method_comparison(outputs, inputs), "First indices by other methods"),
-        "morris": embed_figure(gsa_comparison.morris_scatter(outputs, inputs), "Elementary effects, mean and deviation"),
+        "morris": embed_figure(
+            gsa_comparison.morris_scatter(outputs, inputs), "Elementary effects, mean and deviation"
+        ),
         "predictions": embed_figure(gsa_figures.prediction_scatter(outputs), "Simulated against predicted values"),
     }
 

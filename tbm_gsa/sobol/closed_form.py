@@ -111,7 +111,12 @@ def with_jackknife(indices: SobolIndices, folds: Sequence[SobolIndices]) -> Sobo
             return None
         return _jackknife(estimate, np.array([getattr(fold, name) for fold in folds]), before)
 
-    return replace(indices, **{f"{name}_interval": widened(name) for name in ("first", "total", "second")})
+    return replace(
+        indices,
+        first_interval=widened("first"),
+        total_interval=widened("total"),
+        second_interval=widened("second"),
+    )
 
 
 def _scaled(indices: SobolIndices, model: Surrogate) -> SobolIndices:
@@ -139,9 +144,10 @@ def _jackknife(estimate: Array, folds: Array, before: Array | None = None) -> Ar
 
 def expansion_indices(expansion: Expansion, groups: Groups | None = None, *, second: bool = False) -> SobolIndices:
     """Compute the indices of a function on the unit cube, mean and variance on its own scale."""
-    parts = (_polynomial_parts if isinstance(expansion, PolynomialExpansion) else _kernel_parts)(
-        expansion, groups, second=second
-    )
+    if isinstance(expansion, PolynomialExpansion):
+        parts = _polynomial_parts(expansion, groups, second=second)
+    else:
+        parts = _kernel_parts(expansion, groups, second=second)
     # No index is negative; the difference of two nearly equal integrals may be, in its last digits. And a surrogate
     # that does not vary attributes nothing.
     scale = 0.0 if parts.variance < SMALLEST_VARIANCE else 1.0 / parts.variance
@@ -159,7 +165,7 @@ def expansion_indices(expansion: Expansion, groups: Groups | None = None, *, sec
 
 
 def _polynomial_parts(expansion: PolynomialExpansion, groups: Groups | None, *, second: bool) -> _Parts:
-    """Sums of squares, since the basis is orthonormal."""
+    """Add up squares, since the basis is orthonormal."""
     members = checked_groups(groups, expansion.degrees.shape[1])
     inputs = expansion.degrees > 0
     active = np.stack([inputs[:, list(group)].any(axis=1) for group in members], axis=1)
@@ -170,7 +176,9 @@ def _polynomial_parts(expansion: PolynomialExpansion, groups: Groups | None, *, 
     alone = active & (inside == order[:, None])
     interactions = None
     if second:
-        pairs = active[:, :, None] & active[:, None, :] & (inside[:, :, None] + inside[:, None, :] == order[:, None, None])
+        pairs = (
+            active[:, :, None] & active[:, None, :] & (inside[:, :, None] + inside[:, None, :] == order[:, None, None])
+        )
         interactions = np.einsum("j,jik->ik", squares, pairs)
     return _Parts(
         mean=float(expansion.coefficients[order == 0].sum()),

@@ -44,7 +44,7 @@ class SobolIndices:
 
 
 def checked_groups(groups: Groups | None, inputs: int) -> tuple[tuple[int, ...], ...]:
-    """Groups as tuples; each input by itself if there are none.
+    """Give groups as tuples; each input by itself if there are none.
 
     Raises
     ------

@@ -119,7 +119,7 @@ def sobol_convergence(
 
 
 def estimate(values: Values, seed: int) -> SobolIndices:
-    """Indices and bootstrap intervals from values on a pick-freeze design."""
+    """Find indices and bootstrap intervals from values on a pick-freeze design."""
     a, b, mixed = values.a, values.b, values.mixed
     first_interval, total_interval, second_interval = _bootstrap(values, seed)
     return SobolIndices(

@@ -1,4 +1,4 @@
-"""Sobol indices of a surrogate, whatever its output went through: in closed form where there is one, else by sampling."""
+"""Sobol indices of a surrogate whatever its output went through: in closed form where there is one, else sampled."""
 
 from dataclasses import replace
 from typing import Final

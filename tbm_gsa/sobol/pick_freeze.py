@@ -43,7 +43,7 @@ class Design:
         return cls(points[:, 0], points[:, 1], checked_groups(groups, inputs))
 
     def exchanged(self) -> Iterator[Array]:
-        """A with the columns of one group from B, (N, d), group after group."""
+        """Give A with the columns of one group from B, (N, d), group after group."""
         return (_exchange(self.base, self.other, group) for group in self.groups)
 
     def exchanged_back(self) -> Iterator[Array]:

@@ -206,14 +206,14 @@ def _analyse_output(task: _Task) -> OutputAnalysis:
 
 
 def _group_indices(best: Candidate, task: _Task) -> SobolIndices | None:
-    """Indices of the groups of inputs, if there are any."""
+    """Find indices of the groups of inputs, if there are any."""
     codes = task.inputs.codes
     groups = [[codes.index(code) for code in members] for members in task.inputs.groups.values()]
     return sobol_of_surrogate(best.model, best.validation, groups=groups, seed=task.seed) if groups else None
 
 
 def _path_indices(candidates: Mapping[str, Candidate], seed: int) -> PathIndices | None:
-    """Indices over conditional paths of the Kriging surrogate, if there is one."""
+    """Find indices over conditional paths of the Kriging surrogate, if there is one."""
     if Kriging.method not in candidates:
         return None
     model = candidates[Kriging.method].model
@@ -221,9 +221,7 @@ def _path_indices(candidates: Mapping[str, Candidate], seed: int) -> PathIndices
     return sobol_of_paths(model, seed=seed)
 
 
-def _comparison(
-    best: Candidate, indices: SobolIndices, candidates: Mapping[str, Candidate], seed: int
-) -> Comparison:
+def _comparison(best: Candidate, indices: SobolIndices, candidates: Mapping[str, Candidate], seed: int) -> Comparison:
     """Ask in other ways; the chosen surrogate's indices are there already."""
     predict, bounds = best.model.predict, best.model.bounds
     places = tuple(strongest(indices))

@@ -37,7 +37,10 @@ def study_document(
     """
     problem, counts = store.problem, store.counts()
     return {
-        "outputs": {name: _output(analysis, problem.inputs.codes, tuple(problem.inputs.groups)) for name, analysis in analyses.items()},
+        "outputs": {
+            name: _output(analysis, problem.inputs.codes, tuple(problem.inputs.groups))
+            for name, analysis in analyses.items()
+        },
         "seconds": seconds,
         "campaign_seconds": campaign_seconds,
         "simulation_seconds": store.simulation_seconds(),
@@ -112,7 +115,7 @@ def _interactions(indices: SobolIndices, codes: tuple[str, ...]) -> list[dict[st
 
 
 def _paths(paths: PathIndices, codes: tuple[str, ...]) -> dict[str, Any]:
-    """Indices over conditional Kriging paths, and what they scatter by."""
+    """Gather indices over conditional Kriging paths, and what they scatter by."""
     return {
         "samples": paths.samples,
         "paths": paths.paths,

@@ -1,19 +1,16 @@
-"""Statistics of a run's accelerations, conditioned as a comparison with a recording does it."""
+"""Statistics of a run's accelerations, as a comparison with a recording takes them."""
 
-from collections.abc import Callable, Mapping, Sequence
-from functools import cache
-from typing import Final
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
 from tbm_dynamics.response import Response
-from tbm_gsa.arrays import Array
-from tbm_gsa.comparison.conditioning import Band, Conditioned, common_band, compared_axes, condition, sampling_rate
-from tbm_gsa.comparison.statistics import band_rms, kurtosis, peak, rms
+from tbm_gsa.comparison.clock import sampling_rate
+from tbm_gsa.comparison.conditioning import Band, Frame, common_band, compared_axes
+from tbm_gsa.comparison.estimates import SignalStatistics, estimate, model_sample
+from tbm_gsa.comparison.reduction import SignalReducer
+from tbm_gsa.comparison.settings import Settings, band_name
 from tbm_gsa.study.outputs import Vibration
-
-COLUMNS: Final = {**compared_axes("fixed"), **compared_axes("rotating")}
-_STATISTICS: Final[Mapping[str, Callable[[Array], Array]]] = {"rms": rms, "peak": peak, "kurtosis": kurtosis}
 
 
 def vibration_statistics(
@@ -35,20 +32,29 @@ def vibration_statistics(
     -------
     dict of str to float
     """
+    bands = tuple(dict.fromkeys(output.band for output in wanted if output.band is not None))
+    settings = Settings(high_hz=high_hz, bands=bands)
+    sides = dict.fromkeys((output.point, _frame(output.axis)) for output in wanted)
+    found = {(point, frame): _statistics(response, nodes[point], frame, settings) for point, frame in sides}
+    return {output.name: _value(output, found[output.point, _frame(output.axis)][output.axis]) for output in wanted}
+
+
+def _frame(axis: str) -> Frame:
+    return "fixed" if axis in compared_axes("fixed") else "rotating"
+
+
+def _statistics(response: Response, node: int, frame: Frame, settings: Settings) -> dict[str, SignalStatistics]:
     rate = sampling_rate(response.time)
     band = common_band(rate)
-    if high_hz is not None:
-        band = Band(band.low, high_hz)
-
-    @cache
-    def conditioned(point: str) -> Conditioned:
-        return condition(response.time, response.acceleration(nodes[point])[:, :3], rate, band)
-
-    return {output.name: _statistic(output, conditioned(output.point)) for output in wanted}
+    if settings.high_hz is not None:
+        band = Band(band.low, settings.high_hz)
+    reducer = SignalReducer(rate, band, frame, settings)
+    reducer.feed(response.time, np.ascontiguousarray(response.acceleration(node)[:, :3]))
+    signal = reducer.finish()
+    return estimate(model_sample({0: signal}, {0: 1.0}), signal, settings)
 
 
-def _statistic(output: Vibration, signal: Conditioned) -> float:
-    columns = signal.values[:, COLUMNS[output.axis]]
+def _value(output: Vibration, statistics: SignalStatistics) -> float:
     if output.band is not None:
-        return float(np.linalg.norm(band_rms([columns], signal.rate_hz, *output.band)))
-    return float(_STATISTICS[output.statistic](columns[:, 0] if columns.shape[1] == 1 else np.hypot(*columns.T)))
+        return statistics.band_rms[band_name(*output.band)]
+    return float(getattr(statistics, output.statistic))

@@ -31,10 +31,10 @@ def save_surrogate(model: Surrogate, path: str | Path) -> None:
         "settings": dict(model.settings),
         "form": form,
     }
-    arrays = {field.name: getattr(model.expansion, field.name) for field in fields(model.expansion)}
-    samples = {"X": model.samples.X, "y": model.samples.y, "bounds": model.samples.bounds}
+    arrays: dict[str, Any] = {field.name: getattr(model.expansion, field.name) for field in fields(model.expansion)}
+    arrays |= {"X": model.samples.X, "y": model.samples.y, "bounds": model.samples.bounds}
     with Path(path).open("wb") as file:
-        np.savez_compressed(file, header=np.array(json.dumps(header)), **samples, **arrays)
+        np.savez_compressed(file, header=np.array(json.dumps(header)), **arrays)
 
 
 def read_surrogate(path: str | Path, methods: Mapping[str, type[Surrogate]]) -> Surrogate:
@@ -56,7 +56,7 @@ def read_surrogate(path: str | Path, methods: Mapping[str, type[Surrogate]]) -> 
             parts = {name: file[name] for name in file.files} if isinstance(file, np.lib.npyio.NpzFile) else {}
         header = json.loads(str(parts.pop("header")))
         if header["format"] != FORMAT:
-            raise ValueError(f"its format is {header['format']!r}")  # noqa: TRY301
+            raise ValueError(f"its format is {header['format']!r}")
         return _surrogate(header, parts, methods)
     except OSError as error:
         raise ValueError(f"{path}: cannot be read ({error.strerror or error})") from None
@@ -73,7 +73,7 @@ def _surrogate(header: Mapping[str, Any], parts: dict[str, Array], methods: Mapp
     return methods[header["method"]](samples, expansion, settings, int(header["seed"]))
 
 
-def _expansion(form: str, parts: Mapping[str, Array], inputs: int) -> Expansion:
+def _expansion(form: str, parts: Mapping[str, Any], inputs: int) -> Expansion:
     """Build an expansion over a number of inputs, shapes checked."""
     if form == "kernel":
         kernel = KernelExpansion(parts["centres"], parts["theta"], parts["weights"], float(parts["offset"]))
@@ -81,7 +81,9 @@ def _expansion(form: str, parts: Mapping[str, Array], inputs: int) -> Expansion:
         expansion: Expansion = kernel
     elif form == "polynomial":
         polynomial = PolynomialExpansion(parts["degrees"], parts["coefficients"])
-        fits = polynomial.degrees.shape == (len(polynomial.coefficients), inputs) and polynomial.degrees.dtype.kind == "i"
+        fits = (
+            polynomial.degrees.shape == (len(polynomial.coefficients), inputs) and polynomial.degrees.dtype.kind == "i"
+        )
         expansion = polynomial
     else:
         raise ValueError(f"unknown form {form!r}")

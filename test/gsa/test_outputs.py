@@ -4,7 +4,8 @@ import pytest
 
 from tbm_dynamics import load_machine, simulate
 from tbm_dynamics.indicators import INDICATORS
-from tbm_gsa.comparison.offline import Settings, compare_records
+from tbm_gsa.comparison.offline import compare_records
+from tbm_gsa.comparison.settings import Settings
 from tbm_gsa.study.errors import StudyError
 from tbm_gsa.study.evaluate import MachineEvaluation
 from tbm_gsa.study.outputs import parse_outputs
@@ -31,7 +32,7 @@ def compared(response):
         for point, node in load_machine("dz101").description.test_points.items()
     }
     computed = {point: (record.time, record.values) for point, record in records.items()}
-    settings = Settings(window_s=0.5, high_hz=HIGH_HZ)
+    settings = Settings(high_hz=HIGH_HZ)
     return {
         frame: compare_records(records, computed, frames=dict.fromkeys(records, frame), settings=settings).points
         for frame in ("fixed", "rotating")
