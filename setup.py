@@ -22,6 +22,7 @@ REQUIRED = [
     "scikit-learn>=1.4",
     "threadpoolctl>=3.1",
     "SALib>=1.4.7",
+    "emcee>=3.1",
     "typer>=0.12",
     "rich>=13.0",
     "jinja2>=3.1",

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
@@ -13,7 +12,9 @@ from rich.table import Table
 
 from tbm_dynamics import load_machine
 from tbm_dynamics.indicators import INDICATORS
+from tbm_gsa.cli.explain import explain
 from tbm_gsa.cli.output import JSON_OPTION, MACHINE_OPTION, SEED_OPTION, notes, print_json, progress_bar, results
+from tbm_gsa.cli.workers import Scheduler, Workers, anonymous_main, campaign_progress
 from tbm_gsa.study.definition import Definition, read_definition
 from tbm_gsa.study.design import KINDS
 from tbm_gsa.study.evaluate import MachineEvaluation
@@ -27,11 +28,8 @@ Folder = Annotated[Path, typer.Option("--out", help="Folder of the study: store,
 Methods = Annotated[
     list[str] | None, typer.Option("--method", help="Surrogate to choose from: svr, krg, rbf or prs; may be repeated.")
 ]
-Workers = Annotated[int, typer.Option("--workers", min=1, help="Processes.")]
-Scheduler = Annotated[
-    str | None,
-    typer.Option("--scheduler", help="Dask scheduler, as tcp://host:8786: its workers are used instead of processes."),
-]
+
+app.command()(explain)
 
 
 @app.command()
@@ -129,37 +127,12 @@ def _evaluation(problem: Problem) -> MachineEvaluation:
 def _running(out: Path, method: list[str] | None, workers: int, scheduler: str | None) -> Iterator[StudyOptions]:
     """Options of a study under way, with its progress; after Ctrl-C, say how to go on."""
     with progress_bar("simulations") as bar:
-        task = bar.add_task("", total=None)
-
-        def update(done: int, total: int, failed: int) -> None:
-            if bar.tasks[0].total is None:
-                # What an interrupted study had done says nothing about the speed of this one.
-                bar.reset(task, total=total, completed=done)
-            bar.update(
-                task, completed=done, description=f"{done} of {total}" + (f", {failed} failed" if failed else "")
-            )
-
         try:
-            with _anonymous_main():
-                yield StudyOptions(_methods(method), workers, scheduler, update)
+            with anonymous_main():
+                yield StudyOptions(_methods(method), workers, scheduler, campaign_progress(bar))
         except KeyboardInterrupt:
             notes.print(f"interrupted; what finished is stored: tbm-monitor gsa resume --out {out}", highlight=False)
             raise
-
-
-@contextmanager
-def _anonymous_main() -> Iterator[None]:
-    """Keep worker processes from importing the command line, which takes longer than a dozen simulations.
-
-    A process that is spawned imports the main module of its parent unless that has neither a name nor a file.
-    """
-    main = sys.modules["__main__"]
-    hidden = {key: vars(main).get(key) for key in ("__spec__", "__file__")}
-    vars(main).update(dict.fromkeys(hidden))
-    try:
-        yield
-    finally:
-        vars(main).update(hidden)
 
 
 def show(study: StudyResult, json: bool) -> None:
