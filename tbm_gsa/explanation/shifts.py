@@ -37,15 +37,19 @@ class Shifts:
     r2: Array
 
     @classmethod
-    def fit(cls, unit: Array, values: Array, nominal: Array, seed: int) -> Shifts:
-        """Fit to statistics (n, k), all positive, at points (n, d) of the unit cube."""
+    def fit(cls, unit: Array, values: Array, nominal: Array, seed: int, judged: slice = slice(None)) -> Shifts:
+        """Fit to statistics (n, k), all positive, at points (n, d) of the unit cube.
+
+        The error is that of the predictions at the judged points.
+        """
         bounds = np.tile([0.0, 1.0], (unit.shape[1], 1))
         models = tuple(
             fit_surrogate(METHOD, unit, column, bounds=bounds, seed=seed, transform="log") for column in values.T
         )
         checks = [model.cross_validate(FOLDS) for model in models]
         residuals = np.column_stack([np.log(check.predicted / check.actual) for check in checks])
-        return cls(models, nominal, shrunk_covariance(residuals), np.array([check.r2 for check in checks]))
+        r2 = np.array([check.r2 for check in checks])
+        return cls(models, nominal, shrunk_covariance(residuals[judged]), r2)
 
     def __call__(self, points: Array) -> Array:
         """Shifts (m, k) of the logarithms at points (m, d) of the unit cube."""

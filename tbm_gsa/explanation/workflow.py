@@ -21,7 +21,7 @@ from tbm_gsa.explanation.joint import joint_posterior
 from tbm_gsa.explanation.observed import Observed, observed
 from tbm_gsa.explanation.shifts import Shifts, chance
 from tbm_gsa.study.campaign import Progress, run_campaign
-from tbm_gsa.study.distributions import Uniform
+from tbm_gsa.study.distributions import LogUniform, Uniform
 from tbm_gsa.study.errors import StudyError
 from tbm_gsa.study.evaluate import MachineEvaluation
 from tbm_gsa.study.inputs import PAPER_INPUTS, Input, InputSet
@@ -32,6 +32,10 @@ STORE_NAME: Final = "explanation.sqlite"
 RESULT_NAME: Final = "explanation.json"
 OPERATING: Final = ("x1", "x2", "x3")
 """Known from the recording, or the machine's own: no explanation."""
+STIFFNESS: Final = tuple(f"x{number}" for number in range(16, 26))
+FAULT: Final = 3.0
+"""Factor by which a stiffness may be off, more than the uncertainty in Table 4."""
+DECADE: Final = 10.0
 
 
 @dataclass(frozen=True)
@@ -145,7 +149,11 @@ def explaining_inputs(machine: Machine) -> InputSet:
 
 
 def _around(item: Input, value: float) -> Input:
-    law = Uniform(min(item.lower, value), max(item.upper, value))
+    """Widen a range to a fault's: stiffness may fall to a third; what spans decades is as likely in each."""
+    if item.kind == "multiplier" and item.code in STIFFNESS:
+        return replace(item, initial=value, distribution=LogUniform(value / FAULT, value * FAULT))
+    low, high = min(item.lower, value), max(item.upper, value)
+    law = LogUniform(low, high) if high > DECADE * low else Uniform(low, high)
     return replace(item, initial=value, distribution=law)
 
 
