@@ -4,7 +4,9 @@ Reading a file runs nothing that is in it, and a surrogate read back gives the s
 """
 
 import json
+import struct
 import zipfile
+import zlib
 from collections.abc import Mapping
 from dataclasses import fields
 from pathlib import Path
@@ -18,6 +20,22 @@ from tbm_gsa.surrogates.expansion import Expansion, KernelExpansion, PolynomialE
 from tbm_gsa.surrogates.samples import checked_samples
 
 FORMAT: Final = "tbm_monitor surrogate 1"
+
+# What the zip reader, zlib, numpy and json say of bytes that are not what they should be.
+_DAMAGED: Final = (
+    ValueError,
+    KeyError,
+    TypeError,
+    AttributeError,
+    EOFError,
+    OverflowError,
+    MemoryError,
+    SyntaxError,
+    RuntimeError,
+    struct.error,
+    zlib.error,
+    zipfile.BadZipFile,
+)
 
 
 def save_surrogate(model: Surrogate, path: str | Path) -> None:
@@ -60,7 +78,7 @@ def read_surrogate(path: str | Path, methods: Mapping[str, type[Surrogate]]) -> 
         return _surrogate(header, parts, methods)
     except OSError as error:
         raise ValueError(f"{path}: cannot be read ({error.strerror or error})") from None
-    except (ValueError, KeyError, TypeError, AttributeError, EOFError, zipfile.BadZipFile) as error:
+    except _DAMAGED as error:
         reason = f"no {error}" if isinstance(error, KeyError) else " ".join(str(error).split())
         raise ValueError(f"{path}: not a surrogate of this program ({reason})") from None
 
