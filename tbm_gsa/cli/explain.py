@@ -34,7 +34,7 @@ def explain(
     """Find the inputs that explain why a recording and the model part; an unfinished campaign of the folder goes on."""
     # What they import takes a second, and other commands need none of it.
     from tbm_gsa.explanation.workflow import ExplainOptions  # noqa: PLC0415
-    from tbm_gsa.explanation.workflow import explain as find
+    from tbm_gsa.explanation.workflow import explain as find  # noqa: PLC0415
     from tbm_gsa.report.explanation_page import write_explanation_page  # noqa: PLC0415
 
     document = _comparison(comparison)
@@ -91,7 +91,7 @@ def _print(document: dict[str, Any]) -> None:
     results.print(table)
     misfit = document["misfit"]
     results.print(
-        f"{len(document['statistics'])} statistics: the model is off by {misfit['model']:.0%} (RMS), with the first input "
-        f"changed by {misfit['predicted']:.0%} predicted and {misfit['checked']:.0%} in a run of its own",
+        f"{len(document['statistics'])} statistics: the model is off by {misfit['model']:.0%} (RMS), with the first "
+        f"input changed by {misfit['predicted']:.0%} predicted and {misfit['checked']:.0%} in a run of its own",
         highlight=False,
     )

@@ -16,9 +16,9 @@ import numpy as np
 from tbm_gsa.arrays import Array
 from tbm_gsa.explanation.causes import Misfit
 
-WALKERS_AN_INPUT: Final = 4
-STEPS: Final = 1500
-BURNT: Final = 500
+WALKERS_AN_INPUT: Final = 3
+STEPS: Final = 900
+BURNT: Final = 300
 
 
 @dataclass(frozen=True, eq=False)

@@ -37,19 +37,15 @@ class Shifts:
     r2: Array
 
     @classmethod
-    def fit(cls, unit: Array, values: Array, nominal: Array, seed: int, judged: slice = slice(None)) -> Shifts:
-        """Fit to statistics (n, k), all positive, at points (n, d) of the unit cube.
-
-        The error is that of the predictions at the judged points.
-        """
+    def fit(cls, unit: Array, values: Array, nominal: Array, seed: int) -> Shifts:
+        """Fit to statistics (n, k), all positive, at points (n, d) of the unit cube."""
         bounds = np.tile([0.0, 1.0], (unit.shape[1], 1))
         models = tuple(
             fit_surrogate(METHOD, unit, column, bounds=bounds, seed=seed, transform="log") for column in values.T
         )
         checks = [model.cross_validate(FOLDS) for model in models]
         residuals = np.column_stack([np.log(check.predicted / check.actual) for check in checks])
-        r2 = np.array([check.r2 for check in checks])
-        return cls(models, nominal, shrunk_covariance(residuals[judged]), r2)
+        return cls(models, nominal, shrunk_covariance(residuals), np.array([check.r2 for check in checks]))
 
     def __call__(self, points: Array) -> Array:
         """Shifts (m, k) of the logarithms at points (m, d) of the unit cube."""
@@ -58,28 +54,47 @@ class Shifts:
         return np.asarray(logs[1:] - logs[0])
 
 
-def chance(runs: Array, durations: tuple[float, float, float]) -> Array:
-    """Covariance (k, k) of the logarithm of field over model that comes from the loads' chance alone.
+@dataclass(frozen=True)
+class Lengths:
+    """Lengths in s of a run of the campaign, of the recording, and of the model's run in the comparison."""
+
+    run: float
+    field: float
+    model: float
+
+
+def chance(still: Array, moved: Array, lengths: Lengths) -> Array:
+    """Covariance (k, k) of the logarithm of field over model, less its shift, from the loads' chance.
 
     Parameters
     ----------
-    runs : ndarray, shape (r, k)
-        Statistics of runs that differ in the seed of the loads only.
-    durations : tuple of float
-        Length of such a run, of the recording, and of the model's run, s: the variance goes with the inverse.
+    still, moved : ndarray, shape (r, k)
+        Statistics of runs that differ in the seed of the loads only, where the machine stands and where it is thought
+        to have moved to; the same seeds for both. The variance of a statistic goes with the inverse of its length, and
+        the shift is that of the one realisation that all samples of the campaign share.
+    lengths : Lengths
     """
-    run, field, model = durations
-    logs = np.log(runs)
-    found = shrunk_covariance(logs - logs.mean(axis=0)) * (len(runs) / (len(runs) - 1.0))
-    return found * (run / field + run / model)
+    before, after = np.log(still), np.log(moved)
+    return (
+        _scatter(after) * (lengths.run / lengths.field)
+        + _scatter(before) * (lengths.run / lengths.model)
+        + _scatter(after - before)
+    )
+
+
+def _scatter(logs: Array) -> Array:
+    count = len(logs)
+    deviations = logs - logs.mean(axis=0)
+    return shrunk_covariance(deviations) * (count / (count - 1.0))
 
 
 def shrunk_covariance(deviations: Array) -> Array:
     """Covariance (k, k) of deviations (n, k): their own sizes, and correlations shrunk towards none.
 
     Chen, Wiesel, Eldar and Hero, "Shrinkage algorithms for MMSE covariance estimation", IEEE Transactions on Signal
-    Processing 58 (2010) 5016–5029, on standardised columns: the sizes differ by more than the shrinkage would allow for.
+    Processing 58 (2010) 5016–5029, on standardised columns: the sizes differ by more than a shrinkage allows for.
     """
     size = np.sqrt(np.mean(deviations**2, axis=0))
-    correlation = OAS(assume_centered=True).fit(deviations / size).covariance_
+    scale = np.where(size > 0.0, size, 1.0)  # what does not move at all has no correlation
+    correlation = OAS(assume_centered=True).fit(deviations / scale).covariance_
     return np.asarray(correlation * np.outer(size, size))

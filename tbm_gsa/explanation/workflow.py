@@ -4,38 +4,29 @@ from __future__ import annotations
 
 import json
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Final
 
-import numpy as np
-
 from tbm_dynamics import Machine, load_machine
-from tbm_dynamics.machine.inputs import input_values
 from tbm_gsa.arrays import Array
 from tbm_gsa.comparison.document import machine_sha256
-from tbm_gsa.explanation.causes import Misfit, rank_causes
 from tbm_gsa.explanation.document import Explained, explanation_document
 from tbm_gsa.explanation.joint import joint_posterior
-from tbm_gsa.explanation.observed import Observed, observed
-from tbm_gsa.explanation.shifts import Shifts, chance
+from tbm_gsa.explanation.judgement import Judge, first_input, statistics_of
+from tbm_gsa.explanation.observed import observed
+from tbm_gsa.explanation.ranges import explaining_inputs
+from tbm_gsa.explanation.shifts import Lengths, Shifts
 from tbm_gsa.study.campaign import Progress, run_campaign
-from tbm_gsa.study.distributions import LogUniform, Uniform
 from tbm_gsa.study.errors import StudyError
 from tbm_gsa.study.evaluate import MachineEvaluation
-from tbm_gsa.study.inputs import PAPER_INPUTS, Input, InputSet
+from tbm_gsa.study.inputs import InputSet
 from tbm_gsa.study.problem import Problem
 from tbm_gsa.study.store import Store
 
 STORE_NAME: Final = "explanation.sqlite"
 RESULT_NAME: Final = "explanation.json"
-OPERATING: Final = ("x1", "x2", "x3")
-"""Known from the recording, or the machine's own: no explanation."""
-STIFFNESS: Final = tuple(f"x{number}" for number in range(16, 26))
-FAULT: Final = 3.0
-"""Factor by which a stiffness may be off, more than the uncertainty in Table 4."""
-DECADE: Final = 10.0
 
 
 @dataclass(frozen=True)
@@ -61,7 +52,7 @@ class ExplainOptions:
 
     samples: int = 200
     duration: float = 6.0
-    seeds: int = 20
+    seeds: int = 12
     model_error: float = 0.05
     seed: int = 0
     workers: int = 2
@@ -101,15 +92,13 @@ def explain(comparison: Mapping[str, Any], folder: str | Path, options: ExplainO
     unit, values = _campaign(Path(folder), inputs, evaluate, chosen)
     nominal = inputs.to_unit([[item.initial for item in inputs.inputs]])[0]
     shifts = Shifts.fit(unit, values, nominal, chosen.seed)
-    misfit = Misfit(
-        np.array([statistic.log_ratio for statistic in facts.statistics]),
-        shifts.error + _chance(facts, evaluate, comparison, chosen) + chosen.model_error**2 * np.eye(len(names)),
-    )
-    causes = rank_causes(shifts, nominal, misfit)
-    joint = joint_posterior(shifts, nominal, misfit, chosen.seed)
-    best = next(cause for cause in causes if cause.place >= 0)
+    seeds = range(chosen.seed + 1, chosen.seed + 1 + chosen.seeds)
+    judge = Judge(evaluate, inputs, facts, _lengths(comparison, chosen), seeds, chosen.model_error)
+    misfit, causes = judge.causes(shifts, nominal)
+    best = first_input(causes)
     point = nominal.copy()
     point[best.place] = best.quantiles[0]
+    joint = joint_posterior(shifts, nominal, misfit, chosen.seed)
     sample = inputs.sample(inputs.from_unit(point[None])[0])
     longer = replace(evaluate, duration=float(comparison["model_duration"]), seed=int(comparison["seed"]))
     explained = Explained(
@@ -121,7 +110,7 @@ def explain(comparison: Mapping[str, Any], folder: str | Path, options: ExplainO
         tuple(causes),
         joint,
         shifts(point[None])[0],
-        _values(longer, sample, names),
+        statistics_of(longer, sample),
     )
     document = explanation_document(comparison, explained, settings(evaluate, chosen), time.perf_counter() - start)
     (Path(folder) / RESULT_NAME).write_text(json.dumps(document, indent=1, ensure_ascii=False), encoding="utf-8")
@@ -137,24 +126,6 @@ def compared_machine(comparison: Mapping[str, Any]) -> Machine:
     if level["source"] == "machine":
         return machine
     return machine.with_inputs(x1=level["speed_r_min"], x2=level["torque_kn_m"], x3=level["thrust_kn"])
-
-
-def explaining_inputs(machine: Machine) -> InputSet:
-    """Take the inputs of Table 4 that the machine has, but its operating point; each range reaches to its value."""
-    own = input_values(machine.description)
-    items = [
-        _around(item, own[item.code]) for item in PAPER_INPUTS.inputs if item.code in own and item.code not in OPERATING
-    ]
-    return InputSet(tuple(items))
-
-
-def _around(item: Input, value: float) -> Input:
-    """Widen a range to a fault's: stiffness may fall to a third; what spans decades is as likely in each."""
-    if item.kind == "multiplier" and item.code in STIFFNESS:
-        return replace(item, initial=value, distribution=LogUniform(value / FAULT, value * FAULT))
-    low, high = min(item.lower, value), max(item.upper, value)
-    law = LogUniform(low, high) if high > DECADE * low else Uniform(low, high)
-    return replace(item, initial=value, distribution=law)
 
 
 def settings(evaluate: MachineEvaluation, options: ExplainOptions) -> dict[str, str | float | int]:
@@ -174,25 +145,5 @@ def _campaign(
     return inputs.to_unit(points), values
 
 
-def _chance(
-    facts: Observed, evaluate: MachineEvaluation, comparison: Mapping[str, Any], options: ExplainOptions
-) -> Array:
-    """Covariance of what chance does: correlations from runs with other loads, sizes no less than the intervals say."""
-    runs = np.array(
-        [
-            _values(replace(evaluate, seed=options.seed + 1 + number), {}, evaluate.outputs)
-            for number in range(options.seeds)
-        ]
-    )
-    lengths = options.duration, float(comparison["recording"]["duration"]), float(comparison["model_duration"])
-    found = chance(runs, lengths)
-    size = np.sqrt(np.diag(found))
-    widened = np.maximum(size, [statistic.deviation for statistic in facts.statistics]) / size
-    return found * np.outer(widened, widened)
-
-
-def _values(
-    evaluate: Callable[[dict[str, float]], Mapping[str, float]], sample: dict[str, float], names: tuple[str, ...]
-) -> Array:
-    found = evaluate(sample)
-    return np.array([found[name] for name in names])
+def _lengths(comparison: Mapping[str, Any], options: ExplainOptions) -> Lengths:
+    return Lengths(options.duration, float(comparison["recording"]["duration"]), float(comparison["model_duration"]))
