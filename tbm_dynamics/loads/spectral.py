@@ -10,6 +10,7 @@ values depend neither on the order nor on the chunks they are asked in.
 import copy
 import math
 import threading
+from collections.abc import Callable
 from dataclasses import dataclass
 from fractions import Fraction
 from functools import lru_cache
@@ -124,13 +125,17 @@ class _Fluctuation:
     """Noise and lines of all components on the grid, block by block, the last few blocks kept."""
 
     def __init__(self, description: LoadDescription, seed: int) -> None:
-        self._seed = seed
+        self._description, self._seed = description, seed
         window = np.kaiser(TAPS, KAISER_BETA)
         kernels = np.array([_kernel(component, window) for component in description.components])
         self._response = scipy.fft.rfft(kernels, 2 * NOISE_BLOCK, axis=1)
         self._lines = _lines(description, seed)
         self._kept: dict[int, FloatArray] = {}
         self._lock = threading.Lock()
+
+    def __reduce__(self) -> tuple[Callable[..., "_Fluctuation"], tuple[LoadDescription, int]]:
+        # A lock does not pickle, and what was computed need not travel: it is a function of these two.
+        return _fluctuation, (self._description, self._seed)
 
     def block(self, index: int) -> FloatArray:
         """Grid values from BEFORE points before the block to a few after it, (GRID_BLOCK + …, 6), N and N·m."""

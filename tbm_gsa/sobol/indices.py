@@ -4,6 +4,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TypeAlias
 
+import numpy as np
+
 from tbm_gsa.arrays import Array
 
 # Column numbers of the inputs that are taken together; None takes each input by itself.
@@ -41,6 +43,12 @@ class SobolIndices:
     second: Array | None = None
     second_interval: Array | None = None
     evaluations: int = 0
+
+
+def of_a_constant(count: int, mean: float) -> SobolIndices:
+    """Give the indices of what does not vary: nothing explains nothing."""
+    zeros, ends = np.zeros(count), np.zeros((count, 2))
+    return SobolIndices(zeros, zeros, mean, 0.0, ends, ends, np.zeros((count, count)), np.zeros((count, count, 2)))
 
 
 def checked_groups(groups: Groups | None, inputs: int) -> tuple[tuple[int, ...], ...]:

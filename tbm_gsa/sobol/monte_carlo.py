@@ -106,16 +106,16 @@ def sobol_convergence(
     tuple of ConvergenceStep
         One for each power of two, smallest first.
     """
+    sizes = convergence_sizes(samples)
+    values = Values.of(function, Design.draw(bounds, max(sizes), seed, groups))
+    return tuple(ConvergenceStep(asked, size, estimate(values.prefix(size), seed)) for size, asked in sizes.items())
+
+
+def convergence_sizes(samples: Sequence[int] = PAPER_SAMPLES) -> dict[int, tuple[int, ...]]:
+    """Round sample sizes up to powers of two: which were asked for, by base size, smallest first."""
     rounded = {asked: 1 << (asked - 1).bit_length() for asked in sorted(samples)}
-    values = Values.of(function, Design.draw(bounds, max(rounded.values()), seed, groups))
-    return tuple(
-        ConvergenceStep(
-            tuple(asked for asked, size in rounded.items() if size == count),
-            count,
-            estimate(values.prefix(count), seed),
-        )
-        for count in sorted(set(rounded.values()))
-    )
+    sizes = sorted(set(rounded.values()))
+    return {size: tuple(asked for asked, found in rounded.items() if found == size) for size in sizes}
 
 
 def estimate(values: Values, seed: int) -> SobolIndices:

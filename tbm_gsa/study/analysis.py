@@ -13,6 +13,9 @@ from tbm_gsa.sobol import (
     ConvergenceStep,
     PathIndices,
     SobolIndices,
+    convergence_sizes,
+    is_constant,
+    of_a_constant,
     sobol_convergence,
     sobol_of_paths,
     sobol_of_surrogate,
@@ -218,20 +221,25 @@ def _path_indices(candidates: Mapping[str, Candidate], seed: int) -> PathIndices
         return None
     model = candidates[Kriging.method].model
     assert isinstance(model, Kriging)  # noqa: S101 - for the type checker
-    return sobol_of_paths(model, seed=seed)
+    return None if is_constant(model) else sobol_of_paths(model, seed=seed)
 
 
 def _comparison(best: Candidate, indices: SobolIndices, candidates: Mapping[str, Candidate], seed: int) -> Comparison:
     """Ask in other ways; the chosen surrogate's indices are there already."""
     predict, bounds = best.model.predict, best.model.bounds
-    places = tuple(strongest(indices))
+    places, still = tuple(strongest(indices)), is_constant(best.model)
+    if still:
+        nothing = of_a_constant(len(places), indices.mean)
+        steps = tuple(ConvergenceStep(asked, size, nothing) for size, asked in convergence_sizes().items())
+    else:
+        steps = sobol_convergence(predict, bounds, seed=seed, groups=[(k,) for k in places])
     return Comparison(
         surrogates={
             method: indices if candidate is best else sobol_of_surrogate(candidate.model, seed=seed)
             for method, candidate in candidates.items()
         },
-        convergence=sobol_convergence(predict, bounds, seed=seed, groups=[(k,) for k in places]),
+        convergence=steps,
         places=places,
-        fast=fast_indices(predict, bounds, seed=seed),
+        fast=of_a_constant(len(bounds), indices.mean) if still else fast_indices(predict, bounds, seed=seed),
         morris=morris_effects(predict, bounds, seed=seed),
     )

@@ -102,7 +102,9 @@ def test_shrinkage_keeps_the_sizes():
 def compared(tmp_path_factory):
     """Document of a recording of a machine in a rock of half the stiffness."""
     machine = load_machine("dz101").with_inputs(x16=0.5)
-    values = {point: rows for point, rows in model_values(77, 20.0, machine).items() if point in ("cutterhead", "gripper")}
+    values = {
+        point: rows for point, rows in model_values(77, 20.0, machine).items() if point in ("cutterhead", "gripper")
+    }
     bag = write_bag(tmp_path_factory.mktemp("planted") / "bag", values, rate=10_000)
     return compare_recording(bag, "dz101", model_duration=20.0, settings=Settings(bands=((0.5, 20.0),))).document
 
