@@ -30,8 +30,6 @@ from tbm_gsa.surrogates import SURROGATES
 from tbm_gsa.surrogates.krg import Kriging
 
 STRONGEST: Final = 5
-# Below this many numbers (samples² × inputs × outputs) a second process costs more to start than it saves.
-WORTH_PROCESSES: Final = 2_000_000
 
 
 @dataclass(frozen=True, eq=False)
@@ -128,7 +126,7 @@ def analyse(
     seed : int
         Of fits, cross validations and samplings.
     workers : int
-        Processes that share the outputs, where there is enough to do. The result does not depend on it.
+        Processes that share the outputs. The result does not depend on it.
     progress : callable, optional
         Called with the outputs that are done and their number.
 
@@ -150,9 +148,8 @@ def analyse(
         _Task(name, Data(unit, Y[:, column], test_unit, Y_test[:, column]), inputs, tuple(methods), seed)
         for column, name in enumerate(names)
     ]
-    small = len(X) ** 2 * len(inputs) * len(names) < WORTH_PROCESSES
     analyses = {}
-    for analysis in _run(tasks, 1 if small else min(workers, len(tasks))):
+    for analysis in _run(tasks, min(workers, len(tasks))):
         analyses[analysis.name] = analysis
         if progress is not None:
             progress(len(analyses), len(names))
