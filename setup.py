@@ -22,6 +22,7 @@ REQUIRED = [
     "scikit-learn>=1.4",
     "threadpoolctl>=3.1",
     "SALib>=1.4.7",
+    "emcee>=3.1",
     "typer>=0.12",
     "rich>=13.0",
     "jinja2>=3.1",
@@ -29,9 +30,11 @@ REQUIRED = [
 ]
 ROS_WHEELS = [f"ros-jazzy-{name}; {ON_WHEEL_PLATFORM}" for name in ("rclpy", "common-interfaces", "rmw-fastrtps-cpp")]
 NODES = ("load_node", "dynamics_node", "analysis_node", "bag_player", "bag_recorder")
+CLUSTER = ["distributed>=2024.1"]
 # Formats of `tbm-monitor bag import` beside CSV, WAV and MATLAB up to 7.2.
 IMPORT = ["nptdms>=1.9", "asammdf>=8.0", "h5py>=3.10"]
 TEST = [
+    *CLUSTER,
     *IMPORT,
     "pytest>=8",
     "hypothesis>=6.90",
@@ -39,6 +42,7 @@ TEST = [
     "mypy>=1.10",
     "ruff>=0.6",
     "import-linter>=2.0",
+    "smt>=2.6",
     "types-PyYAML",
 ]
 
@@ -76,7 +80,7 @@ setup(
     data_files=data_files(),
     zip_safe=False,
     install_requires=REQUIRED + ROS_WHEELS,
-    extras_require={"test": TEST, "import": IMPORT},
+    extras_require={"cluster": CLUSTER, "import": IMPORT, "test": TEST},
     entry_points={
         "console_scripts": [
             "tbm-monitor = tbm_gsa.cli.main:main",

@@ -9,8 +9,11 @@ values depend neither on the order nor on the chunks they are asked in.
 
 import copy
 import math
+import threading
+from collections.abc import Callable
 from dataclasses import dataclass
 from fractions import Fraction
+from functools import lru_cache
 from typing import Self
 
 import numba
@@ -56,7 +59,7 @@ class SpectralLoads:
         self.description = description
         self.seed = seed
         self.scale = _checked_scale(scale)
-        self._fluctuation = _Fluctuation(description, seed)
+        self._fluctuation = _fluctuation(description, seed)
 
     @property
     def mean(self) -> FloatArray:
@@ -122,22 +125,28 @@ class _Fluctuation:
     """Noise and lines of all components on the grid, block by block, the last few blocks kept."""
 
     def __init__(self, description: LoadDescription, seed: int) -> None:
-        self._seed = seed
+        self._description, self._seed = description, seed
         window = np.kaiser(TAPS, KAISER_BETA)
         kernels = np.array([_kernel(component, window) for component in description.components])
         self._response = scipy.fft.rfft(kernels, 2 * NOISE_BLOCK, axis=1)
         self._lines = _lines(description, seed)
         self._kept: dict[int, FloatArray] = {}
+        self._lock = threading.Lock()
+
+    def __reduce__(self) -> tuple[Callable[..., "_Fluctuation"], tuple[LoadDescription, int]]:
+        # A lock does not pickle, and what was computed need not travel: it is a function of these two.
+        return _fluctuation, (self._description, self._seed)
 
     def block(self, index: int) -> FloatArray:
         """Grid values from BEFORE points before the block to a few after it, (GRID_BLOCK + …, 6), N and N·m."""
-        values = self._kept.pop(index, None)
-        if values is None:
-            values = self._compute(index)
-        self._kept[index] = values  # the most recently used one is last
-        if len(self._kept) > KEPT_BLOCKS:
-            del self._kept[next(iter(self._kept))]
-        return values
+        with self._lock:
+            values = self._kept.pop(index, None)
+            if values is None:
+                values = self._compute(index)
+            self._kept[index] = values  # the most recently used one is last
+            if len(self._kept) > KEPT_BLOCKS:
+                del self._kept[next(iter(self._kept))]
+            return values
 
     def _compute(self, index: int) -> FloatArray:
         noise = np.array(
@@ -155,6 +164,12 @@ class _Fluctuation:
 
     def _white(self, name: str, index: int) -> FloatArray:
         return hashed_generator(self._seed, f"loads/{name}", index).standard_normal(NOISE_BLOCK)
+
+
+@lru_cache(maxsize=2)
+def _fluctuation(description: LoadDescription, seed: int) -> _Fluctuation:
+    """Make a realisation once for all operating points: the simulations of a study share theirs."""
+    return _Fluctuation(description, seed)
 
 
 def _checked_scale(scale: ArrayLike) -> FloatArray:

@@ -20,7 +20,7 @@ Positive = Annotated[PositiveFloat, Field(allow_inf_nan=False)]
 Vector3 = tuple[FiniteFloat, FiniteFloat, FiniteFloat]
 SixPositiveOrZero = tuple[NonNegative, NonNegative, NonNegative, NonNegative, NonNegative, NonNegative]
 Line = Annotated[str, Field(min_length=1), AfterValidator(_printable)]
-Source = Literal["table1", "table4", "table5", "assumed", "calibrated"]
+Source = Literal["table1", "table4", "table5", "assumed", "calibrated", "updated"]
 ConnectionType = Literal["rock", "bolt", "bearing", "spline", "hydraulic", "steel"]
 GROUND: Literal["ground"] = "ground"
 

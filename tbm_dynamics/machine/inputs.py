@@ -115,3 +115,23 @@ def _multiply(data: dict[str, Any], code: str, factor: float) -> None:
         raise MachineError(f"input {code}: machine {data['name']} has no connection named {target}")
     for connection in followers:
         connection["stiffness"] = scaled(connection["stiffness"])
+
+
+def input_values(description: MachineDescription) -> dict[str, float]:
+    """Values of the inputs that a machine has, in Table 4's units; a multiplier is that over the machine as it stands.
+
+    Returns
+    -------
+    dict of str to float
+        Without the connections that its file does not name.
+    """
+    data = description.model_dump()
+    found = {code: _value(data, path) / factor for code, (path, factor) in _VALUES.items()}
+    names = {connection.name for connection in description.all_connections()}
+    return found | {code: 1.0 for code, target in _MULTIPLIED.items() if "." in target or target in names}
+
+
+def _value(data: Any, path: str) -> float:
+    for key in path.split("."):
+        data = data[key]
+    return float(data)

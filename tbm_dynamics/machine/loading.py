@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from importlib import resources
 from pathlib import Path
 from typing import Any, get_args
@@ -11,6 +10,7 @@ import yaml
 from pydantic import ValidationError
 
 from tbm_dynamics.machine.description import MachineDescription
+from tbm_dynamics.machine.strict_yaml import strict_yaml
 
 
 class MachineError(ValueError):
@@ -33,7 +33,7 @@ def read_description(machine: str | Path) -> MachineDescription:
     """
     label, text = _read_text(machine)
     try:
-        data = yaml.load(text, Loader=_Loader)  # noqa: S506 - a SafeLoader that also refuses repeated keys
+        data = strict_yaml(text)
     except yaml.YAMLError as error:
         raise MachineError(f"{label}: not valid YAML: {' '.join(str(error).split())}") from None
     if not isinstance(data, dict):
@@ -80,24 +80,3 @@ def _keys_of(place: tuple[int | str, ...]) -> list[str]:
     for part in place:
         kind = kind.model_fields[part].annotation if isinstance(part, str) else get_args(kind)[0]
     return list(kind.model_fields)
-
-
-# The C parser is five times faster, which a calibration notices; a few builds of PyYAML lack it.
-_SafeLoader: type[yaml.SafeLoader] = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
-
-
-class _Loader(_SafeLoader):  # type: ignore[valid-type, misc]  # chosen at run time
-    """Safe loader that reads `1e9` as a number (YAML 1.1 asks for `1.0e+9`) and refuses a key given twice."""
-
-    def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> dict[object, object]:
-        keys = [self.construct_object(key, deep=True) for key, _ in node.value]
-        for key in keys:
-            if keys.count(key) > 1:
-                raise yaml.constructor.ConstructorError(None, None, f"key {key!r} is given twice", node.start_mark)
-        mapping: dict[object, object] = super().construct_mapping(node, deep)
-        return mapping
-
-
-_Loader.add_implicit_resolver(
-    "tag:yaml.org,2002:float", re.compile(r"^[-+]?[0-9][0-9_]*(\.[0-9]*)?[eE][-+]?[0-9]+$"), list("-+0123456789")
-)

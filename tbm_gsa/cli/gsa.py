@@ -12,12 +12,15 @@ from rich.table import Table
 
 from tbm_dynamics import load_machine
 from tbm_dynamics.indicators import INDICATORS
+from tbm_gsa.cli.explain import explain
 from tbm_gsa.cli.output import JSON_OPTION, MACHINE_OPTION, SEED_OPTION, notes, print_json, progress_bar, results
-from tbm_gsa.study.campaign import Progress
+from tbm_gsa.cli.workers import Scheduler, Workers, anonymous_main, campaign_progress
+from tbm_gsa.study.definition import Definition, read_definition
+from tbm_gsa.study.design import KINDS
 from tbm_gsa.study.evaluate import MachineEvaluation
-from tbm_gsa.study.inputs import PAPER_INPUTS, InputSet
-from tbm_gsa.study.run import StudyOptions, StudyResult, report_study, resume_study, run_study
-from tbm_gsa.study.store import Problem
+from tbm_gsa.study.inputs import PAPER_INPUTS
+from tbm_gsa.study.problem import Problem
+from tbm_gsa.study.run import StudyOptions, StudyResult, extend_study, report_study, resume_study, run_study
 
 app = typer.Typer(help="Surrogate-based global sensitivity analysis.", no_args_is_help=True)
 
@@ -25,7 +28,8 @@ Folder = Annotated[Path, typer.Option("--out", help="Folder of the study: store,
 Methods = Annotated[
     list[str] | None, typer.Option("--method", help="Surrogate to choose from: svr, krg, rbf or prs; may be repeated.")
 ]
-Workers = Annotated[int, typer.Option("--workers", min=1, help="Processes.")]
+
+app.command()(explain)
 
 
 @app.command()
@@ -33,23 +37,39 @@ def run(
     out: Folder = Path("gsa"),
     samples: Annotated[int, typer.Option(min=10, help="Training simulations.")] = 200,
     test: Annotated[int, typer.Option(min=2, help="Test simulations.")] = 20,
+    design: Annotated[str, typer.Option(help=f"Training points: {', '.join(KINDS)}.")] = "lhs",
     machine: Annotated[str, MACHINE_OPTION] = "dz101",
     duration: Annotated[float, typer.Option(min=0.01, max=3600.0, help="Length of a simulation (s).")] = 3.0,
     inputs: Annotated[
-        Path | None, typer.Option(help="YAML file of another input set; default: the paper's Table 4.")
+        Path | None,
+        typer.Option(help="YAML file with inputs, distributions, groups, outputs; default: the paper's Table 4."),
+    ] = None,
+    outputs: Annotated[
+        str | None,
+        typer.Option(
+            help="Names, separated by commas: indicators, or rms_POINT_AXIS, peak_…, kurtosis_…, rms_LOW-HIGH_hz_…; "
+            "default: those of the file, else the eight indicators."
+        ),
+    ] = None,
+    high_hz: Annotated[
+        float | None,
+        typer.Option(help="Upper limit of the band of accelerations (Hz); default: a comparison's, 1000."),
     ] = None,
     method: Methods = None,
     workers: Workers = 2,
+    scheduler: Scheduler = None,
     seed: Annotated[int, SEED_OPTION] = 0,
     json: Annotated[bool, JSON_OPTION] = False,
 ) -> None:
-    """Simulate a Latin hypercube, fit surrogates, print Sobol indices; an unfinished study of the folder goes on."""
-    chosen = PAPER_INPUTS if inputs is None else InputSet.from_yaml(inputs)
+    """Simulate a design, fit surrogates, print Sobol indices; an unfinished study of the folder goes on."""
+    definition = Definition(PAPER_INPUTS) if inputs is None else read_definition(inputs)
+    names = _names(outputs) or definition.outputs or INDICATORS
     load_machine(machine).assemble()  # a bad machine is refused before a folder is made
-    evaluate = MachineEvaluation(machine, duration, seed)
-    problem = Problem(chosen, INDICATORS, samples, test, seed, evaluate.settings)
-    with _progress() as progress:
-        study = run_study(problem, evaluate, out, StudyOptions(_methods(method), workers, progress))
+    evaluate = MachineEvaluation.of(machine, duration, seed, names, high_hz)
+    evaluate.check({item.code: (item.lower, item.upper) for item in definition.inputs.inputs})
+    problem = Problem(definition.inputs, names, samples, test, seed, evaluate.settings, design)
+    with _running(out, method, workers, scheduler) as options:
+        study = run_study(problem, evaluate, out, options)
     show(study, json)
 
 
@@ -58,12 +78,27 @@ def resume(
     out: Folder = Path("gsa"),
     method: Methods = None,
     workers: Workers = 2,
+    scheduler: Scheduler = None,
     json: Annotated[bool, JSON_OPTION] = False,
 ) -> None:
     """Go on with a study that was interrupted; nothing is simulated twice."""
-    with _progress() as progress:
-        options = StudyOptions(_methods(method), workers, progress)
-        study = resume_study(out, lambda problem: MachineEvaluation.from_settings(problem.settings), options)
+    with _running(out, method, workers, scheduler) as options:
+        study = resume_study(out, _evaluation, options)
+    show(study, json)
+
+
+@app.command()
+def extend(
+    samples: Annotated[int, typer.Option(min=1, help="Training simulations to add.")],
+    out: Folder = Path("gsa"),
+    method: Methods = None,
+    workers: Workers = 2,
+    scheduler: Scheduler = None,
+    json: Annotated[bool, JSON_OPTION] = False,
+) -> None:
+    """Add training points to a study; its simulations are kept, the new points fill the gaps between them."""
+    with _running(out, method, workers, scheduler) as options:
+        study = extend_study(out, samples, _evaluation, options)
     show(study, json)
 
 
@@ -74,19 +109,30 @@ def report(out: Folder = Path("gsa"), method: Methods = None, json: Annotated[bo
 
 
 def _methods(given: list[str] | None) -> Sequence[str]:
-    """Surrogates asked for; the paper chose the support vector regression."""
+    """Surrogates to choose from: those asked for, else all."""
     return tuple(given) if given else StudyOptions().methods
 
 
+def _names(given: str | None) -> tuple[str, ...]:
+    """Names separated by commas."""
+    return tuple(name.strip() for name in (given or "").split(",") if name.strip())
+
+
+def _evaluation(problem: Problem) -> MachineEvaluation:
+    """Make the evaluation of a store that is gone on with."""
+    return MachineEvaluation.from_settings(problem.settings, problem.outputs)
+
+
 @contextmanager
-def _progress() -> Iterator[Progress]:
+def _running(out: Path, method: list[str] | None, workers: int, scheduler: str | None) -> Iterator[StudyOptions]:
+    """Options of a study under way, with its progress; after Ctrl-C, say how to go on."""
     with progress_bar("simulations") as bar:
-        task = bar.add_task("", total=None)
-
-        def update(done: int, total: int, failed: int) -> None:
-            bar.update(task, completed=done, total=total, description=f"{failed} failed" if failed else "")
-
-        yield update
+        try:
+            with anonymous_main():
+                yield StudyOptions(_methods(method), workers, scheduler, campaign_progress(bar))
+        except KeyboardInterrupt:
+            notes.print(f"interrupted; what finished is stored: tbm-monitor gsa resume --out {out}", highlight=False)
+            raise
 
 
 def show(study: StudyResult, json: bool) -> None:

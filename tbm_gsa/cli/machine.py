@@ -10,6 +10,7 @@ import typer
 from tbm_dynamics import load_machine
 from tbm_dynamics.levels import LoadLevel
 from tbm_gsa.cli.machine_tables import print_loads, print_tables
+from tbm_gsa.cli.machine_update import update
 from tbm_gsa.cli.output import JSON_OPTION, LOADS_OPTION, SEED_OPTION, notes, print_json, results
 from tbm_gsa.report.load_summary import load_run
 from tbm_gsa.report.machine_summary import machine_summary
@@ -19,6 +20,9 @@ app = typer.Typer(help="Look at machine files.", no_args_is_help=True)
 _SHOWN_MODES = 10
 
 MachineArgument = Annotated[str, typer.Argument(help="Name of a shipped machine, or path of a machine file.")]
+
+
+app.command()(update)
 
 
 @app.callback()

@@ -21,7 +21,7 @@ COLUMNS: Final = 2
 
 def index_bars(analyses: Sequence[OutputAnalysis], inputs: InputSet) -> Figure:
     """First and total indices of all inputs with intervals, one panel per output."""
-    figure, panels = _panels(len(analyses), height=2.6)
+    figure, panels = make_panels(len(analyses), height=2.6)
     place = np.arange(len(inputs), dtype=float)
     for panel, analysis in zip(panels, analyses, strict=True):
         indices = analysis.indices
@@ -31,7 +31,7 @@ def index_bars(analyses: Sequence[OutputAnalysis], inputs: InputSet) -> Figure:
         ):
             panel.bar(place + side, values, 0.4, color=colour, label=label)
             if interval is not None:
-                _whiskers(panel, place + side, values, interval)
+                whiskers(panel, place + side, values, interval)
         panel.set_title(analysis.name, loc="left")
         panel.set_xticks(place, inputs.codes, rotation=90)
         panel.set_xlim(-0.7, len(inputs) - 0.3)
@@ -42,7 +42,7 @@ def index_bars(analyses: Sequence[OutputAnalysis], inputs: InputSet) -> Figure:
     return figure
 
 
-def _whiskers(panel: Axes, place: Array, values: Array, interval: Array) -> None:
+def whiskers(panel: Axes, place: Array, values: Array, interval: Array) -> None:
     """Intervals (d, 2) around values (d,)."""
     reach = np.maximum(np.abs(interval.T - values), 0.0)
     panel.errorbar(place, values, yerr=reach, fmt="none", ecolor="#333333", elinewidth=0.8, capsize=1.5)
@@ -50,7 +50,7 @@ def _whiskers(panel: Axes, place: Array, values: Array, interval: Array) -> None
 
 def response_curves(analyses: Sequence[OutputAnalysis], inputs: InputSet) -> Figure:
     """Mean response along the strongest inputs, one panel per output."""
-    figure, panels = _panels(len(analyses), height=2.6)
+    figure, panels = make_panels(len(analyses), height=2.6)
     for panel, analysis in zip(panels, analyses, strict=True):
         for curve, colour in zip(analysis.curves, PALETTE, strict=False):
             item = inputs[curve.code]
@@ -63,14 +63,32 @@ def response_curves(analyses: Sequence[OutputAnalysis], inputs: InputSet) -> Fig
     return figure
 
 
+def design_points(analyses: Sequence[OutputAnalysis], inputs: InputSet) -> Figure:
+    """Training and test points over the strongest input of every output."""
+    figure, panels = make_panels(len(analyses), columns=4, height=2.8)
+    for panel, analysis in zip(panels, analyses, strict=True):
+        curve, best = analysis.curves[0], analysis.best
+        k = inputs.codes.index(curve.code)
+        item = inputs.inputs[k]
+        values = item.distribution.from_unit(best.model.samples.X[:, k])
+        panel.scatter(values, best.model.samples.y, s=9, color=PALETTE[0], alpha=0.5, label="training")
+        tested = item.distribution.from_unit(best.test_unit[:, k])
+        panel.scatter(tested, best.test_actual, s=16, color=PALETTE[1], marker="D", label="test")
+        panel.set_title(analysis.name, loc="left")
+        panel.set_xlabel(f"{item.code} {item.symbol}" + (f" ({item.unit})" if item.unit else ""))
+        panel.locator_params(nbins=5)
+    panels[0].legend(frameon=False, fontsize=8)
+    return figure
+
+
 def prediction_scatter(analyses: Sequence[OutputAnalysis]) -> Figure:
     """Scatter simulated against predicted values, one panel per output."""
-    figure, panels = _panels(len(analyses), columns=4, height=2.8)
+    figure, panels = make_panels(len(analyses), columns=4, height=2.8)
     for panel, analysis in zip(panels, analyses, strict=True):
         validation = analysis.best.validation
         panel.scatter(validation.actual, validation.predicted, s=9, color=PALETTE[0], alpha=0.5, label="held out")
         panel.scatter(
-            analysis.test_actual, analysis.best.test_predicted, s=16, color=PALETTE[1], marker="D", label="test"
+            analysis.best.test_actual, analysis.best.test_predicted, s=16, color=PALETTE[1], marker="D", label="test"
         )
         panel.axline((validation.actual.mean(),) * 2, slope=1.0, color="#333333", linewidth=0.8)
         panel.set_title(analysis.name, loc="left")
@@ -103,7 +121,7 @@ def score_bars(analyses: Sequence[OutputAnalysis]) -> Figure:
     return figure
 
 
-def _panels(count: int, *, height: float, columns: int = COLUMNS) -> tuple[Figure, list[Axes]]:
+def make_panels(count: int, *, height: float, columns: int = COLUMNS) -> tuple[Figure, list[Axes]]:
     """Make a figure with `count` panels in rows, each `height` inches high."""
     rows = -(-count // columns)
     figure = Figure(figsize=(12.0, height * rows), layout="constrained")

@@ -1,7 +1,23 @@
-"""Sobol indices: in closed form for a surrogate, by sampling for any function."""
+"""Sobol indices: in closed form for a surrogate, by sampling for any function, over conditional Kriging paths."""
 
 from tbm_gsa.sobol.closed_form import sobol_closed_form
-from tbm_gsa.sobol.indices import SobolIndices
-from tbm_gsa.sobol.monte_carlo import sobol_monte_carlo
+from tbm_gsa.sobol.indices import Groups, SobolIndices, of_a_constant
+from tbm_gsa.sobol.monte_carlo import ConvergenceStep, convergence_sizes, sobol_convergence, sobol_monte_carlo
+from tbm_gsa.sobol.of_surrogate import has_closed_form, is_constant, sobol_of_surrogate
+from tbm_gsa.sobol.paths import PathIndices, sobol_of_paths
 
-__all__ = ["SobolIndices", "sobol_closed_form", "sobol_monte_carlo"]
+__all__ = [
+    "ConvergenceStep",
+    "Groups",
+    "PathIndices",
+    "SobolIndices",
+    "convergence_sizes",
+    "has_closed_form",
+    "is_constant",
+    "of_a_constant",
+    "sobol_closed_form",
+    "sobol_convergence",
+    "sobol_monte_carlo",
+    "sobol_of_paths",
+    "sobol_of_surrogate",
+]

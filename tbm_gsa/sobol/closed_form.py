@@ -1,6 +1,7 @@
 """Sobol indices of a surrogate in closed form: no sampling, no sampling error."""
 
-from dataclasses import replace
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
@@ -8,32 +9,67 @@ from scipy.special import erf
 from scipy.stats import t as student
 
 from tbm_gsa.arrays import Array
-from tbm_gsa.sobol.indices import SobolIndices
+from tbm_gsa.sobol.indices import Groups, SobolIndices, checked_groups
 from tbm_gsa.surrogates.base import CrossValidation, Surrogate
 from tbm_gsa.surrogates.expansion import Expansion, KernelExpansion, PolynomialExpansion
 
 CONFIDENCE: Final = 0.95
 # Numbers per block of the pairwise integrals: about what a processor's second-level cache holds.
-BLOCK_NUMBERS: Final = 250_000
+BLOCK_NUMBERS: Final = 100_000
 # A surrogate with less than this share of the output's variance is constant; its indices would be rounding errors.
 SMALLEST_VARIANCE: Final = 1e-9
 
 
-def sobol_closed_form(model: Surrogate, validation: CrossValidation | None = None) -> SobolIndices:
+@dataclass(frozen=True, eq=False)
+class _Parts:
+    """Mean, variance and partial variances of an expansion.
+
+    Parameters
+    ----------
+    mean, variance : float
+    first, total : ndarray, shape (g,)
+    second : ndarray, shape (g, g), or None
+        Of the interaction of two groups, diagonal meaningless.
+    """
+
+    mean: float
+    variance: float
+    first: Array
+    total: Array
+    second: Array | None
+
+
+def sobol_closed_form(
+    model: Surrogate,
+    validation: CrossValidation | None = None,
+    *,
+    groups: Groups | None = None,
+    second: bool = False,
+) -> SobolIndices:
     """Exact Sobol indices of a surrogate under uniform inputs.
 
     Parameters
     ----------
     model : Surrogate
-        A Gaussian kernel expansion (``krg``, ``rbf``, ``svr``) or a polynomial expansion (``prs``).
+        A Gaussian kernel expansion (``krg``, ``rbf``, ``svr``) or a polynomial expansion (``prs``) of an output that
+        was not transformed.
     validation : CrossValidation, optional
         Its cross validation. If given, the indices get intervals by the delete-a-group jackknife [1]_ over the
         surrogates of the folds.
+    groups : sequence of sequences of int, optional
+        Column numbers of inputs that are taken together.
+    second : bool
+        Compute second-order indices too.
 
     Returns
     -------
     SobolIndices
         All zero where the surrogate is constant: what explains nothing attributes nothing.
+
+    Raises
+    ------
+    ValueError
+        The surrogate was fitted to a transformed output; `sobol_of_surrogate` samples such a one.
 
     Notes
     -----
@@ -51,14 +87,35 @@ def sobol_closed_form(model: Surrogate, validation: CrossValidation | None = Non
     .. [1] J. Shao, C. F. J. Wu, "A general theory for jackknife variance estimation", Annals of Statistics 17 (1989)
        1176–1197.
     """
-    indices = _scaled(expansion_indices(model.expansion), model)
+    if model.samples.transform != "none":
+        raise ValueError(
+            f"an output fitted on its {model.samples.transform} has no indices in closed form; sample the surrogate"
+        )
+    indices = _scaled(expansion_indices(model.expansion, groups, second=second), model)
     if validation is None:
         return indices
-    folds = [expansion_indices(fold.expansion) for fold in validation.models]
+    return with_jackknife(
+        indices, [expansion_indices(fold.expansion, groups, second=second) for fold in validation.models]
+    )
+
+
+def with_jackknife(indices: SobolIndices, folds: Sequence[SobolIndices]) -> SobolIndices:
+    """Give indices the intervals of a delete-a-group jackknife over the indices of the folds' surrogates.
+
+    Intervals that they have already, of a sampling, are added in squares.
+    """
+
+    def widened(name: str) -> Array | None:
+        estimate, before = getattr(indices, name), getattr(indices, f"{name}_interval")
+        if estimate is None:
+            return None
+        return _jackknife(estimate, np.array([getattr(fold, name) for fold in folds]), before)
+
     return replace(
         indices,
-        first_interval=_jackknife(indices.first, np.array([fold.first for fold in folds])),
-        total_interval=_jackknife(indices.total, np.array([fold.total for fold in folds])),
+        first_interval=widened("first"),
+        total_interval=widened("total"),
+        second_interval=widened("second"),
     )
 
 
@@ -72,61 +129,121 @@ def _scaled(indices: SobolIndices, model: Surrogate) -> SobolIndices:
     )
 
 
-def _jackknife(estimate: Array, folds: Array) -> Array:
-    """Intervals (d, 2) around an estimate (d,) from the values (g, d) found with one group of samples left out."""
-    groups = len(folds)
-    deviation = np.sqrt((groups - 1) * folds.var(axis=0))
-    reach = student.ppf(0.5 + 0.5 * CONFIDENCE, groups - 1) * deviation
-    intervals: Array = np.clip(np.stack([estimate - reach, estimate + reach], axis=1), 0.0, 1.0)
+def _jackknife(estimate: Array, folds: Array, before: Array | None = None) -> Array:
+    """Intervals (…, 2) around an estimate (…) from the values (g, …) found with one group of samples left out."""
+    count = len(folds)
+    deviation = np.sqrt((count - 1) * folds.var(axis=0))
+    reach = student.ppf(0.5 + 0.5 * CONFIDENCE, count - 1) * deviation
+    if before is not None:
+        reach = np.hypot(reach, 0.5 * np.ptp(before, axis=-1))
+    # An estimate by sampling may lie a little outside [0, 1]; its interval holds it all the same.
+    low, high = np.minimum(estimate, 0.0), np.maximum(estimate, 1.0)
+    intervals: Array = np.clip(np.stack([estimate - reach, estimate + reach], axis=-1), low[..., None], high[..., None])
     return intervals
 
 
-def expansion_indices(expansion: Expansion) -> SobolIndices:
+def expansion_indices(expansion: Expansion, groups: Groups | None = None, *, second: bool = False) -> SobolIndices:
     """Compute the indices of a function on the unit cube, mean and variance on its own scale."""
     if isinstance(expansion, PolynomialExpansion):
-        mean, variance, first, total = _polynomial_parts(expansion)
+        parts = _polynomial_parts(expansion, groups, second=second)
     else:
-        mean, variance, first, total = _kernel_parts(expansion)
-    if variance < SMALLEST_VARIANCE:
-        zeros = np.zeros_like(first)
-        return SobolIndices(zeros, zeros, mean, max(variance, 0.0))
-    # No index is negative; the difference of two nearly equal integrals may be, in its last digits.
-    return SobolIndices(np.maximum(first / variance, 0.0), np.maximum(total / variance, 0.0), mean, variance)
+        parts = _kernel_parts(expansion, groups, second=second)
+    # No index is negative; the difference of two nearly equal integrals may be, in its last digits. And a surrogate
+    # that does not vary attributes nothing.
+    scale = 0.0 if parts.variance < SMALLEST_VARIANCE else 1.0 / parts.variance
+    interactions = None
+    if parts.second is not None:
+        interactions = np.maximum(parts.second * scale, 0.0)
+        np.fill_diagonal(interactions, 0.0)
+    return SobolIndices(
+        np.maximum(parts.first * scale, 0.0),
+        np.maximum(parts.total * scale, 0.0),
+        parts.mean,
+        max(parts.variance, 0.0),
+        second=interactions,
+    )
 
 
-def _polynomial_parts(expansion: PolynomialExpansion) -> tuple[float, float, Array, Array]:
-    """Mean, variance and partial variances (d,), (d,): sums of squares, since the basis is orthonormal."""
-    active = expansion.degrees > 0
-    inputs = active.sum(axis=1)
+def _polynomial_parts(expansion: PolynomialExpansion, groups: Groups | None, *, second: bool) -> _Parts:
+    """Add up squares, since the basis is orthonormal."""
+    members = checked_groups(groups, expansion.degrees.shape[1])
+    inputs = expansion.degrees > 0
+    active = np.stack([inputs[:, list(group)].any(axis=1) for group in members], axis=1)
+    # A term belongs to a group alone if none of its inputs is outside, be it in another group or in none.
+    inside = np.stack([inputs[:, list(group)].sum(axis=1) for group in members], axis=1)
+    order = inputs.sum(axis=1)
     squares = expansion.coefficients**2
-    mean = float(expansion.coefficients[inputs == 0].sum())
-    first = squares[inputs == 1] @ active[inputs == 1]
-    return mean, float(squares[inputs > 0].sum()), first, squares @ active
+    alone = active & (inside == order[:, None])
+    interactions = None
+    if second:
+        pairs = (
+            active[:, :, None] & active[:, None, :] & (inside[:, :, None] + inside[:, None, :] == order[:, None, None])
+        )
+        interactions = np.einsum("j,jik->ik", squares, pairs)
+    return _Parts(
+        mean=float(expansion.coefficients[order == 0].sum()),
+        variance=float(squares[order > 0].sum()),
+        first=squares @ alone,
+        total=squares @ active,
+        second=interactions,
+    )
 
 
-def _kernel_parts(expansion: KernelExpansion) -> tuple[float, float, Array, Array]:
-    """Mean, variance and partial variances (d,), (d,) of a Gaussian kernel expansion.
+def _kernel_parts(expansion: KernelExpansion, groups: Groups | None, *, second: bool) -> _Parts:
+    """Bilinear forms of the weights.
 
     With the integrals I_k(j) of one kernel and J_k(j, l) of a product of two along input k, g = f − offset:
     E[g] = Σ_j w_j Π_k I_k(j), E[g²] = Σ_jl w_j w_l Π_k J_k(j, l), and the variances of the conditional expectations
-    on input i alone, and on all but i, exchange I for J in one factor, or in all others.
+    on input i alone, on all but i, and on i and m, exchange I for J in one factor, in all others, or in two. A group
+    has the product of its members' integrals for its factor.
     """
-    single = _single_integrals(expansion.centres, expansion.theta)
-    others = _products_of_others(single)
-    mean = float(np.prod(single, axis=0) @ expansion.weights)
-    alone = others * expansion.weights
-    without = single * expansion.weights
     count, inputs = expansion.centres.shape
-    square, first, rest = 0.0, np.zeros(inputs), np.zeros(inputs)
-    step = max(1, BLOCK_NUMBERS // max(1, count * inputs))
-    for start in range(0, count, step):
-        rows = slice(start, start + step)
-        pairs = _pair_integrals(expansion.centres[rows], expansion.centres, expansion.theta)
-        first += _bilinear(alone[:, rows], pairs, alone)
-        rest += _bilinear(without[:, rows], _products_of_others(pairs), without)
-        square += float(expansion.weights[rows] @ np.prod(pairs, axis=0) @ expansion.weights)
+    members = checked_groups(groups, inputs)
+    left_over = tuple(sorted(set(range(inputs)).difference(*members)))
+    factors = (*members, left_over) if left_over else members
+    wanted = len(members)
+    single = _products(_single_integrals(expansion.centres, expansion.theta), factors)
+    alone = (_products_of_others(single) * expansion.weights)[:wanted]
+    without = single[:wanted] * expansion.weights
+    everything = np.prod(single, axis=0) * expansion.weights
+    mean = float(everything.sum())
+    square, first, rest, pair = 0.0, np.zeros(wanted), np.zeros(wanted), np.zeros((wanted, wanted))
+    for rows, columns, counted in _blocks(count, max(1, BLOCK_NUMBERS // max(1, count * inputs))):
+        pairs = _products(
+            _pair_integrals(expansion.centres[rows], expansion.centres[columns], expansion.theta), factors
+        )
+        first += _bilinear(alone[:, rows], pairs[:wanted], counted * alone[:, columns])
+        rest += _bilinear(without[:, rows], _products_of_others(pairs)[:wanted], counted * without[:, columns])
+        square += float(expansion.weights[rows] @ np.prod(pairs, axis=0) @ (counted * expansion.weights[columns]))
+        if second:
+            # I is never near zero, a centre being inside the cube, so this exchange may divide by it.
+            ratios = pairs[:wanted] / (single[:wanted, rows, None] * single[:wanted, None, columns])
+            flat = ratios.reshape(wanted, -1)
+            pair += (flat * np.outer(everything[rows], counted * everything[columns]).ravel()) @ flat.T
     variance = square - mean**2
-    return expansion.offset + mean, variance, first - mean**2, variance - (rest - mean**2)
+    main = first - mean**2
+    return _Parts(
+        mean=expansion.offset + mean,
+        variance=variance,
+        first=main,
+        total=variance - (rest - mean**2),
+        second=pair - mean**2 - main[:, None] - main if second else None,
+    )
+
+
+def _blocks(count: int, step: int) -> Iterator[tuple[slice, slice, Array]]:
+    """Cut the pairs (j, l) of a symmetric form into blocks: rows, columns from them on, how often a column counts."""
+    for start in range(0, count, step):
+        counted = np.full(count - start, 2.0)
+        counted[:step] = 1.0  # these are among the rows too
+        yield slice(start, start + step), slice(start, count), counted
+
+
+def _products(factors: Array, groups: Groups) -> Array:
+    """Multiply the factors (d, …) of each group, (g, …)."""
+    if groups == checked_groups(None, len(factors)):
+        return factors
+    return np.stack([np.prod(factors[list(group)], axis=0) for group in groups])
 
 
 def _bilinear(left: Array, middle: Array, right: Array) -> Array:

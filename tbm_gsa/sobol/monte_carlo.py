@@ -1,33 +1,40 @@
 """Sobol indices of any function by Saltelli's sampling scheme, with SALib's estimators."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
 from numpy.typing import ArrayLike
-from SALib.analyze.sobol import first_order, total_order
-from scipy.stats import qmc
+from SALib.analyze.sobol import first_order, second_order, total_order
 
 from tbm_gsa.arrays import Array
-from tbm_gsa.sobol.indices import SobolIndices
-from tbm_gsa.surrogates.samples import checked_bounds
+from tbm_gsa.sobol.indices import Groups, SobolIndices
+from tbm_gsa.sobol.pick_freeze import Design, Values
 
 CONFIDENCE: Final = 0.95
 RESAMPLES: Final = 200
 # Resamples are drawn in groups so that their counts never need more than this many numbers.
 GROUP_NUMBERS: Final = 1_000_000
+# Section 4.2 of the paper; read as the base N of the scheme.
+PAPER_SAMPLES: Final = (20_000, 40_000, 60_000, 80_000, 100_000)
 
 
 def sobol_monte_carlo(
-    function: Callable[[Array], Array], bounds: ArrayLike, samples: int = 2**14, seed: int = 0
+    function: Callable[[Array], Array],
+    bounds: ArrayLike,
+    samples: int = 2**14,
+    seed: int = 0,
+    *,
+    groups: Groups | None = None,
+    second: bool = False,
 ) -> SobolIndices:
-    """Estimate first and total Sobol indices by Saltelli's scheme [1]_.
+    """Estimate Sobol indices by Saltelli's scheme [1]_.
 
-    The design is that of ``SALib.sample.sobol`` (scrambled Sobol' sequence) without second-order blocks, and the
-    estimators are those of ``SALib.analyze.sobol``. Two things are done here instead: the function is evaluated one
-    block of N points at a time, so that memory grows with N and not with N (d + 2); and the bootstrap is a product of
-    resampling counts with the terms of the estimators, which takes any seed (SALib ignores seed 0) and a
-    hundredth of the time.
+    The design is that of ``SALib.sample.sobol`` (scrambled Sobol' sequence), and the estimators are those of
+    ``SALib.analyze.sobol``. Two things are done here instead: the function is evaluated one block of N points at a
+    time, so that memory grows with N and not with N (d + 2); and the bootstrap is a product of resampling counts with
+    the terms of the estimators, which takes any seed (SALib ignores seed 0) and a hundredth of the time.
 
     Parameters
     ----------
@@ -35,84 +42,153 @@ def sobol_monte_carlo(
         Maps points (n, d) in the units of the bounds to values (n,).
     bounds : array_like, shape (d, 2)
     samples : int
-        Base size N, a power of two; the function is evaluated at N (d + 2) points.
+        Base size N, a power of two; the function is evaluated at N (g + 2) points, N (2 g + 2) for second order.
     seed : int
         Seed of the scrambling and of the bootstrap.
+    groups : sequence of sequences of int, optional
+        Column numbers of inputs that are taken together.
+    second : bool
+        Estimate second-order indices too.
 
     Returns
     -------
     SobolIndices
         The intervals hold 95 % of the bootstrap. They contain the error of this sampling and nothing else: if the
-        function is a surrogate, not the surrogate's error.
+        function is a surrogate, not the surrogate's error. The bootstrap does not know how evenly a Sobol' sequence
+        fills the cube, so they are wider than the error is.
 
     References
     ----------
     .. [1] A. Saltelli et al., "Variance based sensitivity analysis of model output", Computer Physics Communications
        181 (2010) 259–270.
     """
-    box = checked_bounds(bounds)
-    if samples < 2 or samples & (samples - 1):
-        raise ValueError(f"samples must be a power of two, as Sobol' sequences need it, got {samples}")
-    inputs = len(box)
-    sequence = qmc.Sobol(d=2 * inputs, scramble=True, seed=seed).random(samples)
-    points = box[:, 0] + sequence.reshape(samples, 2, inputs) * (box[:, 1] - box[:, 0])
-    base, other = points[:, 0], points[:, 1]
-    a, b = _values(function, base), _values(function, other)
-    mixed = np.empty((inputs, samples))
-    for k in range(inputs):
-        exchanged = base.copy()
-        exchanged[:, k] = other[:, k]
-        mixed[k] = _values(function, exchanged)
-    mean, spread = _moments(np.concatenate([a, b, *mixed]))
-    a, b, mixed = (a - mean) / spread, (b - mean) / spread, (mixed - mean) / spread
-    first_interval, total_interval = _bootstrap(a, b, mixed, seed)
+    design = Design.draw(bounds, samples, seed, groups)
+    return estimate(Values.of(function, design, second=second), seed)
+
+
+@dataclass(frozen=True, eq=False)
+class ConvergenceStep:
+    """Indices at one base size.
+
+    Parameters
+    ----------
+    asked : tuple of int
+        Sample sizes that were asked for and rounded up to this base size, a power of two.
+    samples : int
+        Base size N.
+    indices : SobolIndices
+    """
+
+    asked: tuple[int, ...]
+    samples: int
+    indices: SobolIndices
+
+
+def sobol_convergence(
+    function: Callable[[Array], Array],
+    bounds: ArrayLike,
+    samples: Sequence[int] = PAPER_SAMPLES,
+    seed: int = 0,
+    *,
+    groups: Groups | None = None,
+) -> tuple[ConvergenceStep, ...]:
+    """Estimate Sobol indices with more and more samples, the function evaluated once on the largest design.
+
+    Parameters
+    ----------
+    function, bounds, seed, groups
+        As for `sobol_monte_carlo`.
+    samples : sequence of int
+        Base sizes N; each is rounded up to a power of two.
+
+    Returns
+    -------
+    tuple of ConvergenceStep
+        One for each power of two, smallest first.
+    """
+    sizes = convergence_sizes(samples)
+    values = Values.of(function, Design.draw(bounds, max(sizes), seed, groups))
+    return tuple(ConvergenceStep(asked, size, estimate(values.prefix(size), seed)) for size, asked in sizes.items())
+
+
+def convergence_sizes(samples: Sequence[int] = PAPER_SAMPLES) -> dict[int, tuple[int, ...]]:
+    """Round sample sizes up to powers of two: which were asked for, by base size, smallest first."""
+    rounded = {asked: 1 << (asked - 1).bit_length() for asked in sorted(samples)}
+    sizes = sorted(set(rounded.values()))
+    return {size: tuple(asked for asked, found in rounded.items() if found == size) for size in sizes}
+
+
+def estimate(values: Values, seed: int) -> SobolIndices:
+    """Find indices and bootstrap intervals from values on a pick-freeze design."""
+    a, b, mixed = values.a, values.b, values.mixed
+    first_interval, total_interval, second_interval = _bootstrap(values, seed)
     return SobolIndices(
         first=np.array([first_order(a, row, b) for row in mixed]),
         total=np.array([total_order(a, row, b) for row in mixed]),
-        mean=mean,
-        variance=spread**2,
+        mean=values.mean,
+        variance=values.spread**2,
         first_interval=first_interval,
         total_interval=total_interval,
-        evaluations=samples * (inputs + 2),
+        second=_second(values),
+        second_interval=second_interval,
+        evaluations=values.evaluations,
     )
 
 
-def _values(function: Callable[[Array], Array], points: Array) -> Array:
-    """Values (n,) of the function, checked."""
-    values = np.asarray(function(points), dtype=float)
-    if values.shape != (len(points),):
-        raise ValueError(f"the function must map ({len(points)}, d) points to ({len(points)},) values: {values.shape}")
-    if not np.isfinite(values).all():
-        raise ValueError("the function returned a value that is not finite")
-    return values
+def _second(values: Values) -> Array | None:
+    """Second-order indices (g, g), symmetric with a zero diagonal."""
+    if values.back is None:
+        return None
+    count = len(values.mixed)
+    found = np.zeros((count, count))
+    for j in range(count):
+        for k in range(j + 1, count):
+            found[j, k] = second_order(values.a, values.mixed[j], values.mixed[k], values.back[j], values.b)
+    return found + found.T
 
 
-def _moments(values: Array) -> tuple[float, float]:
-    """Mean and standard deviation, by which SALib normalises before it estimates."""
-    mean, spread = float(values.mean()), float(values.std())
-    if spread <= 1e-12 * abs(mean) or spread == 0.0:
-        raise ValueError(f"the function is constant ({mean:g}): there is no variance to explain")
-    return mean, spread
-
-
-def _bootstrap(a: Array, b: Array, mixed: Array, seed: int) -> tuple[Array, Array]:
-    """Intervals (d, 2) of first and total indices from resamples of the N base points.
+def _bootstrap(values: Values, seed: int) -> tuple[Array, Array, Array | None]:
+    """Intervals (g, 2), (g, 2), (g, g, 2) of first, total and second indices from resamples of the N base points.
 
     Every estimator is a ratio of means over the base points, and a resample is a vector of counts: all of them at
     once are a matrix product.
     """
-    count = len(a)
-    terms = np.concatenate([b * (mixed - a), 0.5 * (a - mixed) ** 2, [0.5 * (a + b), 0.5 * (a**2 + b**2)]])
+    a, b, mixed = values.a, values.b, values.mixed
+    count, groups = len(a), len(mixed)
     generator = np.random.default_rng(seed)
-    means = np.empty((RESAMPLES, len(terms)))
-    group = max(1, GROUP_NUMBERS // count)
-    for start in range(0, RESAMPLES, group):
-        size = min(group, RESAMPLES - start)
-        drawn = generator.integers(count, size=(size, count))
-        counts = np.stack([np.bincount(row, minlength=count) for row in drawn]).astype(float)
-        means[start : start + size] = counts @ terms.T / count
-    indices = means[:, :-2] / (means[:, -1] - means[:, -2] ** 2)[:, None]
+    low = np.triu_indices(groups, 1)
+    means, pairs = [], []
+    for size in _sizes(RESAMPLES, max(1, GROUP_NUMBERS // count)):
+        counts = resample(generator, size, count)
+        terms = (b * (mixed - a), 0.5 * (a - mixed) ** 2, np.stack([0.5 * (a + b), 0.5 * (a**2 + b**2)]))
+        means.append(np.concatenate([counts @ term.T for term in terms], axis=1))
+        if values.back is not None:
+            blocks = [counts @ (back * mixed[j + 1 :] - a * b).T for j, back in enumerate(values.back[:-1])]
+            pairs.append(np.concatenate(blocks, axis=1))
+    moments = np.concatenate(means)
+    shares = moments[:, :-2] / (moments[:, -1] - moments[:, -2] ** 2)[:, None]
+    first, total = shares[:, :groups], shares[:, groups:]
+    if values.back is None:
+        return _interval(first), _interval(total), None
+    second = np.zeros((RESAMPLES, groups, groups))
+    scaled = np.concatenate(pairs) / (moments[:, -1] - moments[:, -2] ** 2)[:, None]
+    second[:, low[0], low[1]] = scaled - first[:, low[0]] - first[:, low[1]]
+    return _interval(first), _interval(total), _interval(second + second.transpose(0, 2, 1))
+
+
+def resample(generator: np.random.Generator, resamples: int, count: int) -> Array:
+    """Shares (resamples, count) of each of `count` points in bootstrap resamples."""
+    drawn = generator.integers(count, size=(resamples, count))
+    return np.stack([np.bincount(row, minlength=count) for row in drawn]) / count
+
+
+def _sizes(total: int, largest: int) -> list[int]:
+    """Cut a number into parts of at most `largest`."""
+    return [min(largest, total - start) for start in range(0, total, largest)]
+
+
+def _interval(resampled: Array) -> Array:
+    """95 % intervals (…, 2) of resampled indices (resamples, …)."""
     tail = 0.5 * (1.0 - CONFIDENCE)
-    low, high = np.quantile(indices, [tail, 1.0 - tail], axis=0)
-    intervals = np.stack([low, high], axis=1)
-    return intervals[: len(mixed)], intervals[len(mixed) :]
+    low, high = np.quantile(resampled, [tail, 1.0 - tail], axis=0)
+    return np.stack([low, high], axis=-1)

@@ -1,63 +1,60 @@
 """From a finished store to surrogates, their quality and the Sobol indices of every output."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from concurrent.futures import FIRST_COMPLETED, wait
 from dataclasses import dataclass
+from itertools import islice
 from typing import Final
 
 import numpy as np
 
-from tbm_gsa.arrays import Array
-from tbm_gsa.sobol import SobolIndices, sobol_closed_form
+from tbm_gsa.screening import ElementaryEffects, fast_indices, morris_effects
+from tbm_gsa.sobol import (
+    ConvergenceStep,
+    PathIndices,
+    SobolIndices,
+    convergence_sizes,
+    is_constant,
+    of_a_constant,
+    sobol_convergence,
+    sobol_of_paths,
+    sobol_of_surrogate,
+)
+from tbm_gsa.study.candidates import Candidate, Data, best_by_method, best_of, fit_candidates, nested_r2
+from tbm_gsa.study.curves import Curve, response_curve
 from tbm_gsa.study.errors import StudyError
 from tbm_gsa.study.inputs import InputSet
 from tbm_gsa.study.store import Store
-from tbm_gsa.surrogates import SURROGATES, CrossValidation, Surrogate, fit_surrogate, r_squared
+from tbm_gsa.study.workers import local_processes
+from tbm_gsa.surrogates import SURROGATES
+from tbm_gsa.surrogates.krg import Kriging
 
-FOLDS: Final = 10
-CURVE_POINTS: Final = 21
-
-
-@dataclass(frozen=True, eq=False)
-class Candidate:
-    """One surrogate of one output, with its quality.
-
-    Parameters
-    ----------
-    model : Surrogate
-    validation : CrossValidation
-    test_predicted : ndarray, shape (m,)
-        Predictions at the test points.
-    r2_test : float or None
-        R² on the test points; None where there are fewer than two or they do not vary.
-    """
-
-    model: Surrogate
-    validation: CrossValidation
-    test_predicted: Array
-    r2_test: float | None
-
-    @property
-    def r2_cv(self) -> float:
-        """R² of the cross validation."""
-        return self.validation.r2
+STRONGEST: Final = 5
 
 
 @dataclass(frozen=True, eq=False)
-class Curve:
-    """Mean response along one input, all others averaged over the training design.
+class Comparison:
+    """What other ways of asking say about an output.
 
     Parameters
     ----------
-    code : str
-    values : ndarray, shape (k,)
-        Of the input, in its unit.
-    response : ndarray, shape (k,)
-        Of the output, in its unit.
+    surrogates : mapping of str to SobolIndices
+        Of every method's surrogate: how far the indices depend on which one is chosen.
+    convergence : tuple of ConvergenceStep
+        Saltelli sampling of the chosen surrogate with more and more samples.
+    places : tuple of int
+        Inputs the convergence was followed for: the strongest, strongest first.
+    fast : SobolIndices
+        Of the chosen surrogate.
+    morris : ElementaryEffects
+        Of the chosen surrogate.
     """
 
-    code: str
-    values: Array
-    response: Array
+    surrogates: Mapping[str, SobolIndices]
+    convergence: tuple[ConvergenceStep, ...]
+    places: tuple[int, ...]
+    fast: SobolIndices
+    morris: ElementaryEffects
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,12 +65,18 @@ class OutputAnalysis:
     ----------
     name : str
     candidates : mapping of str to Candidate
-        By method, all that were asked for.
+        By method, all that were asked for, each with the transformation that suits it.
     chosen : str
         The method with the highest R² in cross validation.
+    nested_r2 : float
+        R² of the choice itself, see `tbm_gsa.study.candidates.nested_r2`.
     indices : SobolIndices
-        Of the chosen surrogate, with jackknife intervals.
-    test_actual : ndarray, shape (m,)
+        Of the chosen surrogate, with second order; intervals by the jackknife over its folds.
+    groups : SobolIndices or None
+        Of the groups of inputs, in the order of `InputSet.groups`; None where there are none.
+    paths : PathIndices or None
+        Over conditional paths of the Kriging surrogate; None where it was not asked for.
+    comparison : Comparison
     curves : tuple of Curve
         Along the inputs with the largest total indices, largest first.
     """
@@ -81,8 +84,11 @@ class OutputAnalysis:
     name: str
     candidates: Mapping[str, Candidate]
     chosen: str
+    nested_r2: float
     indices: SobolIndices
-    test_actual: Array
+    groups: SobolIndices | None
+    paths: PathIndices | None
+    comparison: Comparison
     curves: tuple[Curve, ...]
 
     @property
@@ -91,11 +97,23 @@ class OutputAnalysis:
         return self.candidates[self.chosen]
 
 
+@dataclass(frozen=True, eq=False)
+class _Task:
+    """One output to analyse."""
+
+    name: str
+    data: Data
+    inputs: InputSet
+    methods: tuple[str, ...]
+    seed: int
+
+
 def analyse(
     store: Store,
-    methods: Sequence[str] = ("svr",),
+    methods: Sequence[str] = tuple(SURROGATES),
     *,
     seed: int = 0,
+    workers: int = 2,
     progress: Callable[[int, int], None] | None = None,
 ) -> dict[str, OutputAnalysis]:
     """Analyse the simulations of a store that ended well.
@@ -106,7 +124,9 @@ def analyse(
     methods : sequence of str
         Surrogates to choose from, by R² of a ten-fold cross validation; see `fit_surrogate`.
     seed : int
-        Of fits and cross validations.
+        Of fits, cross validations and samplings.
+    workers : int
+        Processes that share the outputs. The result does not depend on it.
     progress : callable, optional
         Called with the outputs that are done and their number.
 
@@ -122,25 +142,18 @@ def analyse(
     """
     check_methods(methods)
     inputs, names = store.problem.inputs, store.problem.outputs
-    X, Y = store.results("train")
-    X_test, Y_test = store.results("test")
+    (X, Y), (X_test, Y_test) = store.results("train"), store.results("test")
+    unit, test_unit = inputs.to_unit(X), inputs.to_unit(X_test)
+    tasks = [
+        _Task(name, Data(unit, Y[:, column], test_unit, Y_test[:, column]), inputs, tuple(methods), seed)
+        for column, name in enumerate(names)
+    ]
     analyses = {}
-    for column, name in enumerate(names):
-        try:
-            candidates = {
-                method: _candidate(method, (X, Y[:, column]), (X_test, Y_test[:, column]), inputs.bounds, seed)
-                for method in methods
-            }
-        except ValueError as error:
-            raise StudyError(f"output {name}: {error}") from error
-        chosen = max(candidates, key=lambda method: candidates[method].r2_cv)
-        best = candidates[chosen]
-        indices = sobol_closed_form(best.model, best.validation)
-        curves = tuple(response_curve(best.model, inputs, k) for k in strongest(indices))
-        analyses[name] = OutputAnalysis(name, candidates, chosen, indices, Y_test[:, column], curves)
+    for analysis in _run(tasks, min(workers, len(tasks))):
+        analyses[analysis.name] = analysis
         if progress is not None:
-            progress(column + 1, len(names))
-    return analyses
+            progress(len(analyses), len(names))
+    return {name: analyses[name] for name in names}
 
 
 def check_methods(methods: Sequence[str]) -> None:
@@ -150,32 +163,80 @@ def check_methods(methods: Sequence[str]) -> None:
         raise StudyError(f"unknown surrogates {', '.join(unknown) or '(none)'}; available: {', '.join(SURROGATES)}")
 
 
-def _candidate(
-    method: str, train: tuple[Array, Array], test: tuple[Array, Array], bounds: Array, seed: int
-) -> Candidate:
-    """Fit one method to training data (X, y) and judge it by cross validation and on test data."""
-    model = fit_surrogate(method, *train, bounds=bounds, seed=seed)
-    X, y = test
-    predicted = model.predict(X)
-    r2 = r_squared(y, predicted) if len(y) > 1 and np.ptp(y) > 0.0 else None
-    return Candidate(model, model.cross_validate(min(FOLDS, len(train[1]))), predicted, r2)
-
-
-def strongest(indices: SobolIndices, count: int = 5) -> list[int]:
+def strongest(indices: SobolIndices, count: int = STRONGEST) -> list[int]:
     """Positions of the inputs with the largest total indices, largest first."""
     return [int(k) for k in np.argsort(-indices.total, kind="stable")[:count]]
 
 
-def response_curve(model: Surrogate, inputs: InputSet, k: int) -> Curve:
-    """Mean prediction over the training design with input k held at values across its range.
+def _run(tasks: Sequence[_Task], workers: int) -> Iterator[OutputAnalysis]:
+    """Analyse outputs, here or in processes, as they get done."""
+    if workers < 2:
+        yield from map(_analyse_output, tasks)
+        return
+    waiting = iter(tasks)
+    with local_processes(workers) as processes:
+        running = {processes.executor.submit(_analyse_output, task) for task in islice(waiting, processes.slots)}
+        while running:
+            finished, running = wait(running, return_when=FIRST_COMPLETED)
+            running |= {processes.executor.submit(_analyse_output, task) for task in islice(waiting, len(finished))}
+            for future in finished:
+                yield future.result()
 
-    This is the conditional mean whose variance is the first-order index, estimated on the design (a partial
-    dependence curve), so a curve is as steep as its input is important.
-    """
-    design = model.samples.X
-    item = inputs.inputs[k]
-    values = np.linspace(item.lower, item.upper, CURVE_POINTS)
-    points = np.tile(design, (CURVE_POINTS, 1))
-    points[:, k] = np.repeat(values, len(design))
-    response = model.predict(points).reshape(CURVE_POINTS, len(design)).mean(axis=1)
-    return Curve(item.code, values, response)
+
+def _analyse_output(task: _Task) -> OutputAnalysis:
+    """Analyse one output."""
+    try:
+        candidates = fit_candidates(task.methods, task.data, task.seed)
+    except ValueError as error:
+        raise StudyError(f"output {task.name}: {error}") from error
+    best = best_of(candidates)
+    indices = sobol_of_surrogate(best.model, best.validation, second=True, seed=task.seed)
+    by_method = best_by_method(candidates)
+    return OutputAnalysis(
+        name=task.name,
+        candidates=by_method,
+        chosen=best.model.method,
+        nested_r2=nested_r2(candidates),
+        indices=indices,
+        groups=_group_indices(best, task),
+        paths=_path_indices(by_method, task.seed),
+        comparison=_comparison(best, indices, by_method, task.seed),
+        curves=tuple(response_curve(best.model, task.inputs, k) for k in strongest(indices)),
+    )
+
+
+def _group_indices(best: Candidate, task: _Task) -> SobolIndices | None:
+    """Find indices of the groups of inputs, if there are any."""
+    codes = task.inputs.codes
+    groups = [[codes.index(code) for code in members] for members in task.inputs.groups.values()]
+    return sobol_of_surrogate(best.model, best.validation, groups=groups, seed=task.seed) if groups else None
+
+
+def _path_indices(candidates: Mapping[str, Candidate], seed: int) -> PathIndices | None:
+    """Find indices over conditional paths of the Kriging surrogate, if there is one."""
+    if Kriging.method not in candidates:
+        return None
+    model = candidates[Kriging.method].model
+    assert isinstance(model, Kriging)  # noqa: S101 - for the type checker
+    return None if is_constant(model) else sobol_of_paths(model, seed=seed)
+
+
+def _comparison(best: Candidate, indices: SobolIndices, candidates: Mapping[str, Candidate], seed: int) -> Comparison:
+    """Ask in other ways; the chosen surrogate's indices are there already."""
+    predict, bounds = best.model.predict, best.model.bounds
+    places, still = tuple(strongest(indices)), is_constant(best.model)
+    if still:
+        nothing = of_a_constant(len(places), indices.mean)
+        steps = tuple(ConvergenceStep(asked, size, nothing) for size, asked in convergence_sizes().items())
+    else:
+        steps = sobol_convergence(predict, bounds, seed=seed, groups=[(k,) for k in places])
+    return Comparison(
+        surrogates={
+            method: indices if candidate is best else sobol_of_surrogate(candidate.model, seed=seed)
+            for method, candidate in candidates.items()
+        },
+        convergence=steps,
+        places=places,
+        fast=of_a_constant(len(bounds), indices.mean) if still else fast_indices(predict, bounds, seed=seed),
+        morris=morris_effects(predict, bounds, seed=seed),
+    )

@@ -1,20 +1,19 @@
-"""Running the simulations of a store in worker processes."""
+"""Running the simulations of a store, in processes here or on a cluster."""
 
-import multiprocessing
+from collections import deque
 from collections.abc import Callable, Iterator
-from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
-from concurrent.futures.process import BrokenProcessPool
-from itertools import islice
+from concurrent.futures import FIRST_COMPLETED, CancelledError, Future, wait
 from typing import Final, Protocol
 
+from tbm_gsa.study.cluster import cluster
 from tbm_gsa.study.errors import StudyCancelled, StudyError
 from tbm_gsa.study.store import Store
-from tbm_gsa.study.worker import Evaluate, Outcome, prepare_worker, simulate_sample
+from tbm_gsa.study.worker import Evaluate, Outcome, simulate_sample
+from tbm_gsa.study.workers import Workers, local_processes
 
-# Simulations handed out per worker: one running, one waiting, so that no worker idles while a result is stored, and
-# a cancelled campaign waits for two rounds at most.
-IN_FLIGHT: Final = 2
 POLL_SECONDS: Final = 0.2
+# Simulations whose worker died before any came back, after which the fault is not theirs.
+HOPELESS: Final = 3
 
 
 class Progress(Protocol):
@@ -29,14 +28,15 @@ def run_campaign(
     evaluate: Evaluate,
     *,
     workers: int = 2,
+    scheduler: str | None = None,
     progress: Progress | None = None,
     cancelled: Callable[[], bool] = lambda: False,
 ) -> None:
     """Run every simulation of the store that has not ended yet.
 
     Each is committed to the store as soon as it ends. A simulation that raises, or returns a value that is missing or
-    not finite, is recorded as failed with the reason; the others go on. The result does not depend on the number of
-    workers nor on the order in which they finish.
+    not finite, is recorded as failed with the reason; so is one whose worker died twice. The others go on. The result
+    does not depend on where the simulations run nor on the order in which they finish.
 
     Parameters
     ----------
@@ -45,7 +45,9 @@ def run_campaign(
         Maps the inputs of one sample to the outputs of the store's problem. Sent to the workers, so it must pickle:
         a module-level function or an instance of a module-level class.
     workers : int
-        Processes, each limited to one thread.
+        Processes on this computer, each limited to one thread.
+    scheduler : str, optional
+        Address of a Dask scheduler whose workers are used instead.
     progress : callable, optional
     cancelled : callable, optional
         Asked several times a second; once it answers True no simulation starts anew.
@@ -55,42 +57,62 @@ def run_campaign(
     StudyCancelled
         After `cancelled` answered True and the running simulations were stored.
     StudyError
-        A worker process died; what had finished is in the store.
+        No worker can run a simulation; what had finished is in the store.
     """
-    if workers < 1:
-        raise StudyError(f"a campaign needs at least one worker, got {workers}")
     _report(store, progress)
-    # spawn, not fork: a fork of a process with threads (ROS, BLAS) may hold a lock that nobody releases.
-    context = multiprocessing.get_context("spawn")
-    with ProcessPoolExecutor(workers, mp_context=context, initializer=prepare_worker) as pool:
-        try:
-            for outcome in _outcomes(pool, store, evaluate, workers * IN_FLIGHT, cancelled):
+    if store.pending():
+        with local_processes(workers) if scheduler is None else cluster(scheduler) as crew:
+            for outcome in _outcomes(crew, store, evaluate, cancelled):
                 store.record(outcome)
                 _report(store, progress)
-        except BrokenProcessPool:
-            raise StudyError("a worker process died (killed, or out of memory); what finished is stored") from None
-        finally:
-            pool.shutdown(wait=False, cancel_futures=True)
     if store.pending():
         raise StudyCancelled(f"cancelled after {store.counts().done} of {store.counts().total} simulations")
 
 
-def _outcomes(
-    pool: ProcessPoolExecutor, store: Store, evaluate: Evaluate, in_flight: int, cancelled: Callable[[], bool]
-) -> Iterator[Outcome]:
+def _outcomes(crew: Workers, store: Store, evaluate: Evaluate, cancelled: Callable[[], bool]) -> Iterator[Outcome]:
     """Outcomes as they come, with a bounded number of simulations handed out."""
-    waiting = iter(store.pending())
     names = store.problem.outputs
-    running: set[Future[Outcome]] = set()
+    waiting = deque((row, sample, 0) for row, sample in store.pending())
+    running: dict[Future[Outcome], tuple[int, dict[str, float], int]] = {}
+    ended: list[Outcome] = []
+    lost: list[Outcome] = []
+    came_back = False
     while True:
-        if not cancelled():
-            for row, sample in islice(waiting, in_flight - len(running)):
-                running.add(pool.submit(simulate_sample, evaluate, row, sample, names))
+        while waiting and len(running) < crew.slots and not cancelled():
+            row, sample, deaths = waiting.popleft()
+            running[crew.executor.submit(simulate_sample, evaluate, row, sample, names)] = row, sample, deaths
+        yield from ended  # after the next are on their way: no worker idles while a result is stored
+        ended = []
         if not running:
-            return
-        finished, running = wait(running, timeout=POLL_SECONDS, return_when=FIRST_COMPLETED)
-        for future in finished:
-            yield future.result()
+            break
+        for future in wait(running, timeout=POLL_SECONDS, return_when=FIRST_COMPLETED).done:
+            row, sample, deaths = running.pop(future)
+            outcome = _outcome(future, crew)
+            if outcome is not None:
+                came_back = True
+                ended.append(outcome)
+            elif deaths < crew.retries:
+                waiting.appendleft((row, sample, deaths + 1))
+            else:
+                lost.append(Outcome(row, None, "its worker process died (killed, or out of memory)", 0.0))
+        if came_back:
+            ended += lost
+            lost = []
+        elif len(lost) >= HOPELESS:
+            raise StudyError(f"no worker process stays alive: {HOPELESS} simulations took theirs along, none came back")
+    yield from lost
+
+
+def _outcome(future: Future[Outcome], crew: Workers) -> Outcome | None:
+    """Outcome of a future that is done; None if its worker died."""
+    try:
+        return future.result()
+    except crew.died:
+        return None
+    except CancelledError:
+        raise StudyError("the scheduler is gone; what finished is stored, and `gsa resume` goes on") from None
+    except Exception as error:  # noqa: BLE001 - simulations return their failures: this is one of the workers
+        raise StudyError(f"the workers cannot run a simulation: {type(error).__name__}: {error}") from None
 
 
 def _report(store: Store, progress: Progress | None) -> None:

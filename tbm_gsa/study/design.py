@@ -1,12 +1,18 @@
-"""Where the simulations of a study are made."""
+"""Where the simulations of a study are made: first designs, and points added to them.
 
+Every design is made on the unit cube and mapped through the distributions of the inputs.
+"""
+
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from typing import Final
 
 import numpy as np
 from scipy.stats import qmc
 
 from tbm_gsa.arrays import Array
 from tbm_gsa.study.errors import StudyError
+from tbm_gsa.study.hypercube import extend_hypercube, spread_out
 from tbm_gsa.study.inputs import InputSet
 
 
@@ -25,10 +31,10 @@ class Design:
     test: Array
 
 
-def latin_hypercube(inputs: InputSet, train: int, test: int, seed: int) -> Design:
-    """Two independent Latin hypercubes.
+def make_design(inputs: InputSet, train: int, test: int, seed: int, kind: str = "lhs") -> Design:
+    """Training points of the kind that is asked for, and test points from a Latin hypercube of its own.
 
-    The seeds of the two are derived from one, so that neither design changes with the size of the other.
+    The seeds of the two are derived from one, so that neither changes with the size of the other.
 
     Parameters
     ----------
@@ -36,6 +42,11 @@ def latin_hypercube(inputs: InputSet, train: int, test: int, seed: int) -> Desig
     train, test : int
         Numbers of points.
     seed : int
+    kind : str
+        ``lhs``: Latin hypercube, random (scipy's `LatinHypercube`), as in the paper. ``lhs-discrepancy``: the same,
+        with scipy's ``optimization="random-cd"``. ``lhs-maximin``: the same, with coordinates swapped until the closest
+        points lie far apart (`spread_out`). ``sobol``: scrambled Sobol' sequence (scipy's `Sobol`), best with a power
+        of two.
 
     Returns
     -------
@@ -43,13 +54,82 @@ def latin_hypercube(inputs: InputSet, train: int, test: int, seed: int) -> Desig
     """
     if train < 1 or test < 0:
         raise StudyError(f"a design needs at least one training point and no negative number, got {train} and {test}")
-    streams = np.random.SeedSequence(seed).spawn(2)
-    return Design(*(_hypercube(inputs, n, stream) for n, stream in zip((train, test), streams, strict=True)))
+    check_kind(kind)
+    points = KINDS[kind](train, len(inputs), _stream(seed, 0))
+    return Design(inputs.from_unit(points), inputs.from_unit(_random(test, len(inputs), _stream(seed, 1))))
 
 
-def _hypercube(inputs: InputSet, count: int, stream: np.random.SeedSequence) -> Array:
-    """Draw a Latin hypercube (count, d) in the units of the inputs."""
-    unit = qmc.LatinHypercube(d=len(inputs), seed=np.random.default_rng(stream)).random(count)
-    lower, upper = inputs.bounds.T
-    points: Array = lower + unit * (upper - lower)
+def add_points(inputs: InputSet, existing: Array, count: int, seed: int, kind: str = "lhs") -> Array:
+    """Training points beside existing ones, which are kept.
+
+    A Sobol' sequence goes on where it stopped, so that the whole is the same as if it had been asked for at once; to a
+    Latin hypercube of any kind come the points of `extend_hypercube`.
+
+    Parameters
+    ----------
+    inputs : InputSet
+    existing : ndarray, shape (n, d)
+        All training points so far, in the units of the inputs.
+    count : int
+        New points.
+    seed, kind
+        Of the first design.
+
+    Returns
+    -------
+    ndarray, shape (count, d)
+    """
+    if count < 1:
+        raise StudyError(f"at least one point can be added, got {count}")
+    check_kind(kind)
+    if kind == "sobol":
+        return inputs.from_unit(_sobol(len(existing) + count, len(inputs), _stream(seed, 0))[len(existing) :])
+    # A stream for each size: additions one after the other never share theirs.
+    rng = np.random.default_rng(_stream(seed, 2 + len(existing)))
+    return inputs.from_unit(extend_hypercube(inputs.to_unit(existing), count, rng))
+
+
+def check_kind(kind: str) -> None:
+    """Raise a StudyError unless there is such a design."""
+    if kind not in KINDS:
+        raise StudyError(f"unknown design {kind!r}; available: {', '.join(KINDS)}")
+
+
+def _stream(seed: int, number: int) -> np.random.SeedSequence:
+    """Return the numbered child of a seed."""
+    return np.random.SeedSequence(seed, spawn_key=(number,))
+
+
+def _random(count: int, axes: int, stream: np.random.SeedSequence) -> Array:
+    return _hypercube(count, axes, stream)
+
+
+def _discrepancy(count: int, axes: int, stream: np.random.SeedSequence) -> Array:
+    return _hypercube(count, axes, stream, optimization="random-cd")
+
+
+def _maximin(count: int, axes: int, stream: np.random.SeedSequence) -> Array:
+    rng = np.random.default_rng(stream.spawn(1)[0])
+    return spread_out(_hypercube(count, axes, stream), np.empty((0, axes)), rng)
+
+
+def _hypercube(count: int, axes: int, stream: np.random.SeedSequence, optimization: str | None = None) -> Array:
+    """Latin hypercube (count, axes) from scipy."""
+    sampler = qmc.LatinHypercube(d=axes, optimization=optimization, seed=np.random.default_rng(stream))
+    points: Array = sampler.random(count)
     return points
+
+
+def _sobol(count: int, axes: int, stream: np.random.SeedSequence) -> Array:
+    """First points (count, axes) of a scrambled sequence; drawn as a power of two, which scipy wants."""
+    sampler = qmc.Sobol(d=axes, scramble=True, seed=np.random.default_rng(stream))
+    points: Array = sampler.random_base2((count - 1).bit_length())[:count]
+    return points
+
+
+KINDS: Final[Mapping[str, Callable[[int, int, np.random.SeedSequence], Array]]] = {
+    "lhs": _random,
+    "lhs-discrepancy": _discrepancy,
+    "lhs-maximin": _maximin,
+    "sobol": _sobol,
+}

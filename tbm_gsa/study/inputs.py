@@ -1,23 +1,23 @@
-"""The uncertain inputs of a study: the paper's Table 4, or a set of the user's own."""
+"""The uncertain inputs of a study, with the paper's Table 4 as data."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass
-from pathlib import Path
-from typing import Final, Literal, Self
+from dataclasses import dataclass, field
+from typing import Any, Final, Literal, Self
 
 import numpy as np
-import yaml
+from numpy.typing import ArrayLike
 
 from tbm_gsa.arrays import Array
+from tbm_gsa.study.distributions import Distribution, Uniform, distribution_from
 from tbm_gsa.study.errors import StudyError
 
 Kind = Literal["absolute", "multiplier"]
-YAML_KEYS: Final = ("lower", "upper", "initial")
+TEXTS: Final = ("code", "name", "symbol", "unit", "kind")
 
 
 @dataclass(frozen=True)
 class Input:
-    """One uncertain input, uniform between its bounds.
+    """One uncertain input.
 
     Parameters
     ----------
@@ -25,30 +25,47 @@ class Input:
         Name in the paper's Table 4 and in ``Machine.with_inputs``.
     name, symbol, unit : str
         For tables and axes; a multiplier has no unit.
-    initial, lower, upper : float
-        In `unit`; for a multiplier, factors on the machine's own value.
     kind : {"absolute", "multiplier"}
+    initial : float
+        In `unit`; for a multiplier, a factor on the machine's own value. So are the values of the distribution.
+    distribution : Distribution
     """
 
     code: str
     name: str
     symbol: str
     unit: str
-    initial: float
-    lower: float
-    upper: float
     kind: Kind
+    initial: float
+    distribution: Distribution
 
     def __post_init__(self) -> None:
-        values = (self.lower, self.initial, self.upper)
-        if not all(np.isfinite(values)):
-            raise StudyError(f"input {self.code}: lower, initial and upper must be finite, got {values}")
-        if self.lower >= self.upper:
-            raise StudyError(f"input {self.code}: lower {self.lower:g} must be below upper {self.upper:g}")
         if not self.lower <= self.initial <= self.upper:
             raise StudyError(
                 f"input {self.code}: initial {self.initial:g} must lie in [{self.lower:g}, {self.upper:g}]"
             )
+
+    @property
+    def lower(self) -> float:
+        """Lower bound."""
+        return self.distribution.lower
+
+    @property
+    def upper(self) -> float:
+        """Upper bound."""
+        return self.distribution.upper
+
+    def to_dict(self) -> dict[str, Any]:
+        """Plain data, for JSON; the parameters of the distribution stand beside the rest."""
+        texts = {key: getattr(self, key) for key in TEXTS}
+        return {**texts, "initial": self.initial, **self.distribution.to_dict()}
+
+    @classmethod
+    def from_dict(cls, given: Mapping[str, Any]) -> Self:
+        """Inverse of `to_dict`."""
+        law = {key: value for key, value in given.items() if key not in {*TEXTS, "initial"}}
+        texts = {key: given[key] for key in TEXTS}
+        return cls(**texts, initial=given["initial"], distribution=distribution_from(law))
 
 
 @dataclass(frozen=True)
@@ -59,9 +76,13 @@ class InputSet:
     ----------
     inputs : tuple of Input
         With distinct codes.
+    groups : mapping of str to tuple of str
+        Codes of the inputs that are ranked as one, by the group's name. No input is in two; one that is in none stands
+        for itself.
     """
 
     inputs: tuple[Input, ...]
+    groups: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         if not self.inputs:
@@ -69,6 +90,7 @@ class InputSet:
         for code in self.codes:
             if self.codes.count(code) > 1:
                 raise StudyError(f"input {code} is given twice")
+        check_groups(self.groups, self.codes)
 
     def __len__(self) -> int:
         return len(self.inputs)
@@ -86,97 +108,101 @@ class InputSet:
 
     @property
     def bounds(self) -> Array:
-        """Lower and upper bounds, (d, 2)."""
+        """Lower and upper bounds, (d, 2); of a normal input, where it is cut off."""
         return np.array([[item.lower, item.upper] for item in self.inputs])
+
+    def to_unit(self, points: ArrayLike) -> Array:
+        """Map points (n, d) to the unit cube, where every input is uniform.
+
+        Raises
+        ------
+        StudyError
+            A value that is missing or outside the range of its input; the message names the first.
+        """
+        values = self._columns(points)
+        for item, column in zip(self.inputs, values.T, strict=True):
+            outside = column[~((column >= item.lower) & (column <= item.upper))]
+            if outside.size:
+                raise StudyError(f"input {item.code}: {outside[0]:g} is outside [{item.lower:g}, {item.upper:g}]")
+        return np.column_stack(
+            [item.distribution.to_unit(column) for item, column in zip(self.inputs, values.T, strict=True)]
+        )
+
+    def from_unit(self, unit: ArrayLike) -> Array:
+        """Map points (n, d) of the unit cube to values; inverse of `to_unit`."""
+        columns = self._columns(unit).T
+        return np.column_stack(
+            [item.distribution.from_unit(column) for item, column in zip(self.inputs, columns, strict=True)]
+        )
 
     def sample(self, row: Sequence[float] | Array) -> dict[str, float]:
         """One point (d,) as the mapping that an evaluation takes."""
         return {code: float(value) for code, value in zip(self.codes, row, strict=True)}
 
-    def to_list(self) -> list[dict[str, object]]:
-        """Plain data, for JSON."""
-        return [asdict(item) for item in self.inputs]
+    def to_list(self) -> list[dict[str, Any]]:
+        """Plain data of the inputs, for JSON."""
+        return [item.to_dict() for item in self.inputs]
 
     @classmethod
-    def from_list(cls, rows: Sequence[Mapping[str, object]]) -> Self:
-        """Inverse of `to_list`."""
-        return cls(tuple(Input(**row) for row in rows))  # type: ignore[arg-type]
+    def from_list(cls, rows: Sequence[Mapping[str, Any]], groups: Mapping[str, Sequence[str]] | None = None) -> Self:
+        """Inverse of `to_list`, with groups."""
+        named = {name: tuple(codes) for name, codes in (groups or {}).items()}
+        return cls(tuple(Input.from_dict(row) for row in rows), named)
 
-    @classmethod
-    def from_yaml(cls, path: str | Path) -> Self:
-        """Read a set from a file.
-
-        The file maps codes of Table 4 to ranges; everything else about an input is known by its code. An initial
-        value that is not given is the paper's if it lies inside the range, else the middle::
-
-            inputs:
-              x2: {lower: 1500, upper: 2000}
-              x16: {lower: 0.8, upper: 1.25, initial: 1.0}
-
-        Parameters
-        ----------
-        path : str or Path
-
-        Raises
-        ------
-        StudyError
-            One line that names the file, the input and what is allowed.
-        """
-        try:
-            document = yaml.safe_load(Path(path).read_text(encoding="utf-8"))
-        except OSError as error:
-            raise StudyError(f"{path}: cannot be read ({error.strerror})") from None
-        except (yaml.YAMLError, UnicodeDecodeError) as error:
-            raise StudyError(f"{path}: not YAML ({' '.join(str(error).split())})") from None
-        try:
-            return cls(_inputs_from(document))
-        except StudyError as error:
-            raise StudyError(f"{path}: {error}") from None
+    def _columns(self, points: ArrayLike) -> Array:
+        """Points as an array (n, d)."""
+        values = np.asarray(points, dtype=np.float64)
+        if values.ndim != 2 or values.shape[1] != len(self):
+            raise StudyError(f"points must have shape (n, {len(self)}), one column per input, not {values.shape}")
+        return values
 
 
-def _inputs_from(document: object) -> tuple[Input, ...]:
-    """Build the inputs of a parsed file."""
-    if not isinstance(document, dict) or set(document) != {"inputs"} or not isinstance(document["inputs"], dict):
-        raise StudyError("expected one key, 'inputs', with a mapping of codes to ranges")
-    return tuple(_ranged(str(code), given) for code, given in document["inputs"].items())
+def check_groups(groups: Mapping[str, Sequence[str]], codes: Sequence[str]) -> None:
+    """Raise a StudyError unless the groups are disjoint, not empty, of known inputs, and not named like one."""
+    seen: dict[str, str] = {}
+    for name, members in groups.items():
+        if name in codes:
+            raise StudyError(f"group {name}: an input has this name")
+        if not members:
+            raise StudyError(f"group {name}: at least one input is needed")
+        for code in members:
+            if code not in codes:
+                raise StudyError(f"group {name}: unknown input {code!r}; available: {', '.join(codes)}")
+            if code in seen:
+                raise StudyError(f"group {name}: input {code} is in group {seen[code]} already")
+            seen[code] = name
 
 
-def _ranged(code: str, given: object) -> Input:
-    """Take an input of Table 4 with another range."""
-    known = PAPER_INPUTS[code]
-    if not isinstance(given, dict) or not {"lower", "upper"} <= set(given) <= set(YAML_KEYS):
-        raise StudyError(f"input {code}: expected the keys lower, upper and optionally initial, got {given!r}")
-    for key, value in given.items():
-        if isinstance(value, bool) or not isinstance(value, int | float):
-            raise StudyError(f"input {code}: {key} must be a number, got {value!r}")
-    lower, upper = float(given["lower"]), float(given["upper"])
-    inside = lower <= known.initial <= upper
-    initial = float(given.get("initial", known.initial if inside else 0.5 * (lower + upper)))
-    return Input(code, known.name, known.symbol, known.unit, initial, lower, upper, known.kind)
+def _absolute(code: str, name: str, symbol: str, unit: str, initial: float, bounds: tuple[float, float]) -> Input:
+    return Input(code, name, symbol, unit, "absolute", initial, Uniform(*bounds))
 
 
 def _damping(code: str, of: str, symbol: str) -> Input:
-    return Input(code, f"Damping ratio of {of}", symbol, "", 1e-3, 2e-4, 5e-3, "absolute")
+    return _absolute(code, f"Damping ratio of {of}", symbol, "", 1e-3, (2e-4, 5e-3))
+
+
+def _multiplier(code: str, name: str, symbol: str, bounds: tuple[float, float]) -> Input:
+    return Input(code, name, symbol, "", "multiplier", 1.0, Uniform(*bounds))
 
 
 def _stiffness(code: str, of: str, symbol: str) -> Input:
-    return Input(code, f"Stiffness of {of}", symbol, "", 1.0, 0.5, 2.0, "multiplier")
+    return _multiplier(code, f"Stiffness of {of}", symbol, (0.5, 2.0))
 
 
 # Table 4 of the paper, in the units of Machine.with_inputs. The text's k_c,cb (x19) and k_c,bc (x22) are k_c,fb and
-# k_b,io of this table.
+# k_b,io of this table. The groups are its first column, whose connection parameters are split in two.
 PAPER_INPUTS: Final = InputSet(
     (
-        Input("x1", "Rotating speed", "ω", "r/min", 5.6, 5.3, 5.9, "absolute"),
-        Input("x2", "Torque", "T_in", "kN·m", 2280.0, 1000.0, 2500.0, "absolute"),
-        Input("x3", "Thrust", "F_a", "kN", 1.4e4, 1.2e4, 1.5e4, "absolute"),
+        _absolute("x1", "Rotating speed", "ω", "r/min", 5.6, (5.3, 5.9)),
+        _absolute("x2", "Torque", "T_in", "kN·m", 2280.0, (1000.0, 2500.0)),
+        _absolute("x3", "Thrust", "F_a", "kN", 1.4e4, (1.2e4, 1.5e4)),
         _damping("x4", "steel", "ζ_g"),
-        Input("x5", "Elasticity modulus", "E", "GPa", 210.0, 200.0, 220.0, "absolute"),
-        Input("x6", "Poisson ratio", "λ", "", 0.3, 0.29, 0.31, "absolute"),
-        Input("x7", "Backlash", "b_gp", "µm", 300.0, 100.0, 500.0, "absolute"),
-        Input("x8", "Meshing error", "e_gp", "", 1.0, 0.8, 1.2, "multiplier"),
-        Input("x9", "Mean meshing stiffness", "k_gp", "N/m", 8.1e9, 7.5e9, 8.5e9, "absolute"),
-        Input("x10", "Damping ratio of gear mesh", "ζ_m", "", 0.05, 0.03, 0.17, "absolute"),
+        _absolute("x5", "Elasticity modulus", "E", "GPa", 210.0, (200.0, 220.0)),
+        _absolute("x6", "Poisson ratio", "λ", "", 0.3, (0.29, 0.31)),
+        _absolute("x7", "Backlash", "b_gp", "µm", 300.0, (100.0, 500.0)),
+        _multiplier("x8", "Meshing error", "e_gp", (0.8, 1.2)),
+        _absolute("x9", "Mean meshing stiffness", "k_gp", "N/m", 8.1e9, (7.5e9, 8.5e9)),
+        _absolute("x10", "Damping ratio of gear mesh", "ζ_m", "", 0.05, (0.03, 0.17)),
         _damping("x11", "rock", "ζ_r"),
         _damping("x12", "bolt", "ζ_bt"),
         _damping("x13", "bearing", "ζ_br"),
@@ -192,5 +218,12 @@ PAPER_INPUTS: Final = InputSet(
         _stiffness("x23", "pinion–bearing", "k_b,pc"),
         _stiffness("x24", "pinion–gearbox", "k_s,pg"),
         _stiffness("x25", "hydraulic", "k_h,gd"),
-    )
+    ),
+    {
+        "external conditions": ("x1", "x2", "x3"),
+        "material": ("x4", "x5", "x6"),
+        "meshing": ("x7", "x8", "x9", "x10"),
+        "connection damping": tuple(f"x{k}" for k in range(11, 16)),
+        "connection stiffness": tuple(f"x{k}" for k in range(16, 26)),
+    },
 )

@@ -8,15 +8,19 @@ from pathlib import Path
 from typing import Any, Final
 
 from tbm_gsa.report.gsa_page import gsa_page
+from tbm_gsa.report.gsa_tables import gsa_tables
 from tbm_gsa.study.analysis import OutputAnalysis, analyse, check_methods
 from tbm_gsa.study.campaign import Progress, run_campaign
 from tbm_gsa.study.document import study_document
-from tbm_gsa.study.store import Problem, Store
+from tbm_gsa.study.problem import Problem
+from tbm_gsa.study.store import Store
 from tbm_gsa.study.worker import Evaluate
+from tbm_gsa.surrogates import SURROGATES
 
 STORE_NAME: Final = "store.sqlite"
 RESULT_NAME: Final = "result.json"
 REPORT_NAME: Final = "report.html"
+TABLES_NAME: Final = "tables"
 
 
 @dataclass(frozen=True, eq=False)
@@ -26,7 +30,7 @@ class StudyResult:
     Parameters
     ----------
     folder : Path
-        Holds ``store.sqlite``, ``result.json`` and ``report.html``.
+        Holds ``store.sqlite``, ``result.json``, ``report.html`` and ``tables/*.csv``.
     document : dict
         What ``result.json`` holds; see `study_document`.
     analyses : mapping of str to OutputAnalysis
@@ -52,14 +56,17 @@ class StudyOptions:
         Surrogates to choose from.
     workers : int
         Processes of the campaign.
+    scheduler : str, optional
+        Address of a Dask scheduler whose workers are used instead.
     progress : callable, optional
         See `Progress`.
     cancelled : callable
         Asked during the campaign; see `run_campaign`.
     """
 
-    methods: Sequence[str] = ("svr",)
+    methods: Sequence[str] = tuple(SURROGATES)
     workers: int = 2
+    scheduler: str | None = None
     progress: Progress | None = None
     cancelled: Callable[[], bool] = lambda: False
 
@@ -111,7 +118,30 @@ def resume_study(
         return _finish(store, make_evaluate(store.problem), options or StudyOptions())
 
 
-def report_study(folder: str | Path, methods: Sequence[str] = ("svr",)) -> StudyResult:
+def extend_study(
+    folder: str | Path,
+    samples: int,
+    make_evaluate: Callable[[Problem], Evaluate],
+    options: StudyOptions | None = None,
+) -> StudyResult:
+    """Add training points to the study of a folder, keep every simulation there is, and go on with it.
+
+    Parameters
+    ----------
+    samples : int
+        Points to add, see `add_points`.
+    folder, make_evaluate, options
+        As in `resume_study`.
+    """
+    options = options or StudyOptions()
+    check_methods(options.methods)
+    with Store.open(Path(folder) / STORE_NAME) as store:
+        evaluate = make_evaluate(store.problem)  # a machine that has changed is refused before anything is planned
+        store.extend(samples)
+        return _finish(store, evaluate, options)
+
+
+def report_study(folder: str | Path, methods: Sequence[str] = tuple(SURROGATES)) -> StudyResult:
     """Analyse what the store of a folder holds and write its result and report anew, without any simulation."""
     with Store.open(Path(folder) / STORE_NAME) as store:
         start = time.perf_counter()
@@ -122,7 +152,14 @@ def _finish(store: Store, evaluate: Evaluate, options: StudyOptions) -> StudyRes
     """Run what is missing, analyse, write."""
     check_methods(options.methods)  # before hours of simulation, not after
     start = time.perf_counter()
-    run_campaign(store, evaluate, workers=options.workers, progress=options.progress, cancelled=options.cancelled)
+    run_campaign(
+        store,
+        evaluate,
+        workers=options.workers,
+        scheduler=options.scheduler,
+        progress=options.progress,
+        cancelled=options.cancelled,
+    )
     return _write(store, options.methods, start, campaign_seconds=time.perf_counter() - start)
 
 
@@ -134,6 +171,9 @@ def _write(store: Store, methods: Sequence[str], start: float, *, campaign_secon
     folder = store.path.parent
     _replace(folder / RESULT_NAME, json.dumps(document, indent=1, ensure_ascii=False, allow_nan=False))
     _replace(folder / REPORT_NAME, gsa_page(document, analyses))
+    (folder / TABLES_NAME).mkdir(exist_ok=True)
+    for name, text in gsa_tables(document).items():
+        _replace(folder / TABLES_NAME / name, text)
     return StudyResult(folder, document, analyses)
 
 

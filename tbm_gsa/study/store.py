@@ -5,85 +5,39 @@ A simulation is committed when it finishes, so a killed campaign loses only what
 
 import json
 import sqlite3
-from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Final, Literal, Self
 
 import numpy as np
 
 from tbm_gsa.arrays import Array
-from tbm_gsa.study.design import latin_hypercube
+from tbm_gsa.study.design import add_points, make_design
 from tbm_gsa.study.errors import StudyError
-from tbm_gsa.study.inputs import InputSet
+from tbm_gsa.study.problem import Problem, difference
 from tbm_gsa.study.worker import Outcome
 
 Part = Literal["train", "test"]
-Setting = str | float | int
-FORMAT: Final = 1
 SCHEMA: Final = """
 CREATE TABLE problem (key TEXT PRIMARY KEY, value TEXT NOT NULL) WITHOUT ROWID;
+CREATE TABLE designs (
+    design INTEGER PRIMARY KEY,
+    part TEXT NOT NULL CHECK (part IN ('train', 'test')),
+    kind TEXT NOT NULL,
+    seed INTEGER NOT NULL
+);
 CREATE TABLE simulations (
     row INTEGER PRIMARY KEY,
-    part TEXT NOT NULL CHECK (part IN ('train', 'test')),
+    design INTEGER NOT NULL REFERENCES designs,
     inputs TEXT NOT NULL,
     status TEXT NOT NULL DEFAULT 'pending' CHECK (status IN ('pending', 'ok', 'failed')),
     outputs TEXT,
     reason TEXT,
     seconds REAL
 );
+CREATE VIEW planned AS SELECT * FROM simulations JOIN designs USING (design);
 """
-
-
-@dataclass(frozen=True)
-class Problem:
-    """What a store answers; two stores with equal problems hold equal numbers.
-
-    Parameters
-    ----------
-    inputs : InputSet
-    outputs : tuple of str
-        Names an evaluation returns.
-    train, test, seed : int
-        Of the design.
-    settings : mapping of str to str, float or int
-        What the evaluation depends on besides its inputs: machine, duration, load seed.
-    """
-
-    inputs: InputSet
-    outputs: tuple[str, ...]
-    train: int
-    test: int
-    seed: int
-    settings: Mapping[str, Setting] = field(default_factory=dict)
-
-    def to_json(self) -> dict[str, str]:
-        """Every part as one JSON text."""
-        parts = {
-            "format": FORMAT,
-            "inputs": self.inputs.to_list(),
-            "outputs": self.outputs,
-            "train": self.train,
-            "test": self.test,
-            "seed": self.seed,
-            "settings": dict(self.settings),
-        }
-        return {key: json.dumps(value, sort_keys=True, ensure_ascii=False) for key, value in parts.items()}
-
-    @classmethod
-    def from_json(cls, texts: Mapping[str, str]) -> Self:
-        """Inverse of `to_json`."""
-        parts = {key: json.loads(text) for key, text in texts.items()}
-        if parts.pop("format", None) != FORMAT:
-            raise StudyError(f"the store was written in another format than {FORMAT}, the one this version reads")
-        return cls(
-            InputSet.from_list(parts["inputs"]),
-            tuple(parts["outputs"]),
-            parts["train"],
-            parts["test"],
-            parts["seed"],
-            parts["settings"],
-        )
+TEST_DESIGN: Final = "lhs"
 
 
 @dataclass(frozen=True)
@@ -100,6 +54,27 @@ class Counts:
         return self.ok + self.failed
 
 
+@dataclass(frozen=True)
+class PlannedDesign:
+    """One design of a store and the rows it made: the first, what was added, the test points.
+
+    Parameters
+    ----------
+    part : {"train", "test"}
+    kind : str
+        See `make_design`; ``added to …`` for points of `add_points`.
+    seed : int
+    first, last : int
+        Rows.
+    """
+
+    part: Part
+    kind: str
+    seed: int
+    first: int
+    last: int
+
+
 class Store:
     """An open store. Use `create_or_open` or `open`, and close it or use it as a context manager."""
 
@@ -112,6 +87,8 @@ class Store:
     def create_or_open(cls, path: Path, problem: Problem) -> Self:
         """Open the store of a problem; write it with its design first if there is none.
 
+        Groups that differ are taken over: they say nothing about simulations.
+
         Raises
         ------
         StudyError
@@ -119,10 +96,11 @@ class Store:
         """
         if path.exists():
             store = cls.open(path)
-            difference = _difference(store.problem, problem)
-            if difference:
+            differs = difference(store.problem, problem)
+            if differs:
                 store.close()
-                raise StudyError(f"{path}: holds another study: {difference}")
+                raise StudyError(f"{path}: holds another study: {differs}")
+            store._take_over(problem)
             return store
         path.parent.mkdir(parents=True, exist_ok=True)
         unfinished = path.with_name(path.name + ".new")
@@ -160,6 +138,39 @@ class Store:
     def __exit__(self, *_: object) -> None:
         self.close()
 
+    def extend(self, count: int) -> None:
+        """Add training points to the design, all of them or, if this is interrupted, none; see `add_points`.
+
+        Raises
+        ------
+        StudyError
+            No positive number of points.
+        """
+        problem = self.problem
+        extended = replace(problem, added=(*problem.added, count))
+        with self._connection:
+            self._connection.execute("BEGIN IMMEDIATE")  # no second extension between reading and writing
+            planned = self._connection.execute("SELECT inputs FROM planned WHERE part = 'train' ORDER BY row")
+            existing = np.array([json.loads(inputs) for (inputs,) in planned])
+            points = add_points(problem.inputs, existing, count, problem.seed, problem.design)
+            _plan(self._connection, points, "train", f"added to {problem.design}", problem.seed)
+            _write_parts(self._connection, extended)
+        self.problem = extended
+
+    def _take_over(self, problem: Problem) -> None:
+        """Replace the problem by one that differs in what has no bearing on simulations."""
+        if problem != self.problem:
+            with self._connection:
+                _write_parts(self._connection, problem)
+            self.problem = problem
+
+    def designs(self) -> list[PlannedDesign]:
+        """Tell what made the rows, in order."""
+        rows = self._connection.execute(
+            "SELECT part, kind, seed, MIN(row), MAX(row) FROM planned GROUP BY design ORDER BY design"
+        )
+        return [PlannedDesign(*row) for row in rows]
+
     def pending(self) -> list[tuple[int, dict[str, float]]]:
         """Row and inputs of every simulation that has not ended, in order."""
         rows = self._connection.execute("SELECT row, inputs FROM simulations WHERE status = 'pending' ORDER BY row")
@@ -185,7 +196,7 @@ class Store:
     def results(self, part: Part) -> tuple[Array, Array]:
         """Read inputs (n, d) and outputs (n, q) of the simulations that ended well, in the order of the design."""
         rows = self._connection.execute(
-            "SELECT inputs, outputs FROM simulations WHERE part = ? AND status = 'ok' ORDER BY row", (part,)
+            "SELECT inputs, outputs FROM planned WHERE part = ? AND status = 'ok' ORDER BY row", (part,)
         ).fetchall()
         X = np.array([json.loads(inputs) for inputs, _ in rows]).reshape(len(rows), len(self.problem.inputs))
         Y = np.array([json.loads(outputs) for _, outputs in rows]).reshape(len(rows), len(self.problem.outputs))
@@ -210,31 +221,24 @@ def _connect(path: Path) -> sqlite3.Connection:
 
 def _write_problem(connection: sqlite3.Connection, problem: Problem) -> None:
     """Write schema, problem and design of a new store."""
-    design = latin_hypercube(problem.inputs, problem.train, problem.test, problem.seed)
+    design = make_design(problem.inputs, problem.train, problem.test, problem.seed, problem.design)
     connection.executescript(SCHEMA)
     with connection:
-        connection.executemany("INSERT INTO problem VALUES (?, ?)", problem.to_json().items())
-        connection.executemany("INSERT INTO simulations (part, inputs) VALUES (?, ?)", _planned(design.train, "train"))
-        connection.executemany("INSERT INTO simulations (part, inputs) VALUES (?, ?)", _planned(design.test, "test"))
+        _write_parts(connection, problem)
+        _plan(connection, design.train, "train", problem.design, problem.seed)
+        if len(design.test):
+            _plan(connection, design.test, "test", TEST_DESIGN, problem.seed)
 
 
-def _planned(points: Array, part: Part) -> Iterator[tuple[str, str]]:
-    """Rows of planned simulations; JSON keeps every bit of a float."""
-    return ((part, json.dumps(point)) for point in points.tolist())
+def _write_parts(connection: sqlite3.Connection, problem: Problem) -> None:
+    """Write the parts of a problem over those that are there."""
+    connection.executemany("REPLACE INTO problem VALUES (?, ?)", problem.to_json().items())
 
 
-def _difference(stored: Problem, wanted: Problem) -> str | None:
-    """Say in words where two problems differ first; None if they are equal."""
-    there, here = stored.to_json(), wanted.to_json()
-    if there["settings"] != here["settings"]:
-        for key in sorted({*stored.settings, *wanted.settings}):
-            old, new = stored.settings.get(key), wanted.settings.get(key)
-            if old != new:
-                return f"{key} is {old!r} there and {new!r} here"
-    for key in ("train", "test", "seed", "outputs"):
-        if there[key] != here[key]:
-            return f"{key} is {there[key]} there and {here[key]} here"
-    for old_input, new_input in zip(stored.inputs.inputs, wanted.inputs.inputs, strict=False):
-        if old_input != new_input:
-            return f"its input {old_input.code} differs from {new_input.code} here in code, range or initial value"
-    return None if there == here else f"it has {len(stored.inputs)} inputs, not {len(wanted.inputs)}"
+def _plan(connection: sqlite3.Connection, points: Array, part: Part, kind: str, seed: int) -> None:
+    """Plan the simulations of a design; JSON keeps every bit of a float."""
+    design = connection.execute("INSERT INTO designs (part, kind, seed) VALUES (?, ?, ?)", (part, kind, seed)).lastrowid
+    connection.executemany(
+        "INSERT INTO simulations (design, inputs) VALUES (?, ?)",
+        ((design, json.dumps(point)) for point in points.tolist()),
+    )

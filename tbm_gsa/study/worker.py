@@ -5,13 +5,13 @@ scipy would take a second each time.
 """
 
 import math
-import multiprocessing
 import os
 import signal
 import threading
 import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from multiprocessing.connection import Connection
 from typing import Final, TypeAlias
 
 from threadpoolctl import threadpool_limits
@@ -53,21 +53,24 @@ def _checked(outputs: Mapping[str, float], names: tuple[str, ...]) -> dict[str, 
     return checked
 
 
-def prepare_worker() -> None:
-    """Make a worker use one thread, leave Ctrl-C to its parent, and end with it."""
+def prepare_worker(life: Connection) -> None:
+    """Make a worker use one thread, leave Ctrl-C to its parent, and end with it.
+
+    Parameters
+    ----------
+    life : Connection
+        Reading end of a pipe whose other end the parent alone holds.
+    """
     os.environ.update(dict.fromkeys(THREAD_VARIABLES, "1"))  # for libraries that are not loaded yet
     threadpool_limits(1)  # for those that are
     signal.signal(signal.SIGINT, signal.SIG_IGN)
-    threading.Thread(target=_end_with_parent, daemon=True).start()
+    threading.Thread(target=_end_with, args=(life,), daemon=True).start()
 
 
-def _end_with_parent() -> None:
-    """Leave when the parent is gone, however it went.
+def _end_with(life: Connection) -> None:
+    """Leave when the parent has closed its end of the pipe or is gone, however it went.
 
-    A worker holds both ends of the pipe it takes work from, so it never sees that pipe close; the sentinel of its
-    parent process does.
+    A worker holds both ends of the pipe it takes work from, so it never sees that one close.
     """
-    parent = multiprocessing.parent_process()
-    if parent is not None:
-        parent.join()
-        os._exit(1)
+    life.poll(None)
+    os._exit(1)

@@ -1,15 +1,26 @@
 """Surrogates: Kriging, support vectors, radial basis functions and a sparse polynomial response surface."""
 
+from pathlib import Path
+
 from numpy.typing import ArrayLike
 
 from tbm_gsa.surrogates.base import CrossValidation, Surrogate, r_squared
+from tbm_gsa.surrogates.files import read_surrogate, save_surrogate
 from tbm_gsa.surrogates.krg import Kriging
 from tbm_gsa.surrogates.prs import PolynomialResponseSurface
 from tbm_gsa.surrogates.rbf import RadialBasisFunctions
-from tbm_gsa.surrogates.samples import checked_samples
+from tbm_gsa.surrogates.samples import Transform, checked_samples
 from tbm_gsa.surrogates.svr import SupportVectorRegression
 
-__all__ = ["SURROGATES", "CrossValidation", "Surrogate", "fit_surrogate", "r_squared"]
+__all__ = [
+    "SURROGATES",
+    "CrossValidation",
+    "Surrogate",
+    "fit_surrogate",
+    "load_surrogate",
+    "r_squared",
+    "save_surrogate",
+]
 
 SURROGATES: dict[str, type[Surrogate]] = {
     surrogate.method: surrogate
@@ -17,7 +28,9 @@ SURROGATES: dict[str, type[Surrogate]] = {
 }
 
 
-def fit_surrogate(method: str, X: ArrayLike, y: ArrayLike, *, bounds: ArrayLike, seed: int = 0) -> Surrogate:
+def fit_surrogate(
+    method: str, X: ArrayLike, y: ArrayLike, *, bounds: ArrayLike, seed: int = 0, transform: Transform = "none"
+) -> Surrogate:
     """Fit a surrogate to samples.
 
     Parameters
@@ -32,6 +45,8 @@ def fit_surrogate(method: str, X: ArrayLike, y: ArrayLike, *, bounds: ArrayLike,
         Bounds of the inputs, the region the surrogate is for.
     seed : int
         Makes fit and cross validation reproducible.
+    transform : {"none", "log"}
+        What the output goes through before the fit. Only an untransformed surrogate has Sobol indices in closed form.
 
     Returns
     -------
@@ -44,4 +59,9 @@ def fit_surrogate(method: str, X: ArrayLike, y: ArrayLike, *, bounds: ArrayLike,
     """
     if method not in SURROGATES:
         raise ValueError(f"unknown surrogate {method!r}; available: {', '.join(SURROGATES)}")
-    return SURROGATES[method].fit(checked_samples(X, y, bounds), seed=seed)
+    return SURROGATES[method].fit(checked_samples(X, y, bounds).under(transform), seed=seed)
+
+
+def load_surrogate(path: str | Path) -> Surrogate:
+    """Read a surrogate that `save_surrogate` wrote; a ValueError of one line for any other file."""
+    return read_surrogate(path, SURROGATES)

@@ -8,7 +8,7 @@ from typing import ClassVar, Self
 import numpy as np
 from numpy.typing import ArrayLike
 
-from tbm_gsa.arrays import Array
+from tbm_gsa.arrays import Array, Integers
 from tbm_gsa.surrogates.expansion import Expansion
 from tbm_gsa.surrogates.samples import Samples, checked_points, to_unit
 
@@ -32,7 +32,7 @@ class Surrogate(ABC):
         5. ``_expand`` is deterministic: equal arrays and equal seed give equal results, to the last bit.
         6. ``_expand`` never checks its arguments: `fit` has refused samples that are not finite, lie outside the
            bounds, do not vary or contradict each other.
-        7. Prediction, scaling and cross validation are written here once and are not overridden.
+        7. Prediction, transformation, scaling and cross validation are written here once and are not overridden.
 
     Parameters
     ----------
@@ -82,7 +82,7 @@ class Surrogate(ABC):
             Values in the unit of the training output.
         """
         unit = to_unit(checked_points(X, self.bounds), self.bounds)
-        return self.samples.mean + self.samples.spread * self.expansion.evaluate(unit)
+        return self.samples.restore(self.expansion.evaluate(unit))
 
     def cross_validate(self, folds: int = 10) -> "CrossValidation":
         """Predict every sample by a surrogate that was trained without it.
@@ -105,12 +105,13 @@ class Surrogate(ABC):
         shuffled = np.random.default_rng(self.seed).permutation(count)
         predicted = np.empty(count)
         models = []
-        for held_out in np.array_split(shuffled, folds):
+        parts = np.array_split(shuffled, folds)
+        for held_out in parts:
             kept = np.setdiff1d(shuffled, held_out)
             model = type(self).fit(self.samples.subset(kept), seed=self.seed)
             predicted[held_out] = model.predict(self.samples.X[held_out])
             models.append(model)
-        return CrossValidation(self.samples.y, predicted, tuple(models))
+        return CrossValidation(self.samples.y, predicted, tuple(parts), tuple(models))
 
 
 @dataclass(frozen=True, eq=False)
@@ -121,12 +122,15 @@ class CrossValidation:
     ----------
     actual, predicted : ndarray, shape (n,)
         Every sample once, in the order of the training set.
+    parts : tuple of ndarray of int
+        Rows that each fold held out.
     models : tuple of Surrogate
         The surrogate of each fold, trained without it.
     """
 
     actual: Array
     predicted: Array
+    parts: tuple[Integers, ...] = field(repr=False)
     models: tuple[Surrogate, ...] = field(repr=False)
 
     @property
@@ -138,6 +142,11 @@ class CrossValidation:
     def rmse(self) -> float:
         """Root mean square error, in the unit of the output."""
         return float(np.sqrt(np.mean((self.actual - self.predicted) ** 2)))
+
+    @property
+    def largest_error(self) -> float:
+        """Largest error of a held-out prediction, in the unit of the output."""
+        return float(np.abs(self.actual - self.predicted).max())
 
 
 def r_squared(actual: Array, predicted: Array) -> float:

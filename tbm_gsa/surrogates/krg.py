@@ -20,6 +20,7 @@ class Kriging(Surrogate):
     The nugget takes what does not vary smoothly, so the mean does not interpolate the samples exactly.
     """
 
+    expansion: KernelExpansion
     method: ClassVar[str] = "krg"
 
     @classmethod

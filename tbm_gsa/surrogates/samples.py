@@ -1,12 +1,15 @@
-"""What a surrogate is trained on: checked, scaled to the unit cube, standardised."""
+"""What a surrogate is trained on: checked, scaled to the unit cube, transformed, standardised."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import Final, Literal, TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from tbm_gsa.arrays import Array, Integers
 
+Transform: TypeAlias = Literal["none", "log"]
+TRANSFORMS: Final[tuple[Transform, ...]] = ("none", "log")
 MINIMUM_SAMPLES = 10
 # Points are called outside only beyond this share of the range: a design written and read back is off by rounding.
 OUTSIDE_TOLERANCE = 1e-9
@@ -26,11 +29,15 @@ class Samples:
         Output in its own unit.
     bounds : ndarray, shape (d, 2)
         Lower and upper bound of every input.
+    transform : {"none", "log"}
+        What the output goes through before anything is fitted to it: a positive output whose inputs act as factors,
+        as peaks do, is a sum on its logarithm, and its largest values no longer rule the fit.
     """
 
     X: Array
     y: Array
     bounds: Array
+    transform: Transform = "none"
 
     @property
     def unit(self) -> Array:
@@ -38,25 +45,44 @@ class Samples:
         return to_unit(self.X, self.bounds)
 
     @property
+    def transformed(self) -> Array:
+        """Transformed output, (n,)."""
+        return np.log(self.y) if self.transform == "log" else self.y
+
+    @property
     def mean(self) -> float:
-        """Mean of the output."""
-        return float(self.y.mean())
+        """Mean of the transformed output."""
+        return float(self.transformed.mean())
 
     @property
     def spread(self) -> float:
-        """Standard deviation of the output."""
-        return float(self.y.std())
+        """Standard deviation of the transformed output."""
+        return float(self.transformed.std())
 
     @property
     def standardised(self) -> Array:
-        """Output with mean 0 and standard deviation 1, (n,)."""
-        standardised: Array = (self.y - self.mean) / self.spread
+        """Transformed output with mean 0 and standard deviation 1, (n,)."""
+        standardised: Array = (self.transformed - self.mean) / self.spread
         return standardised
+
+    def restore(self, standardised: Array) -> Array:
+        """Values in the unit of the output from values on the scale of `standardised`, of any shape."""
+        values: Array = self.mean + self.spread * standardised
+        return np.exp(values) if self.transform == "log" else values
+
+    def under(self, transform: Transform) -> "Samples":
+        """Take the same samples with another transformation; a ValueError where the output has no logarithm."""
+        if transform not in TRANSFORMS:
+            raise ValueError(f"unknown transformation {transform!r}; available: {', '.join(TRANSFORMS)}")
+        if transform == "log" and not (self.y > 0.0).all():
+            row = int(np.flatnonzero(self.y <= 0.0)[0])
+            raise ValueError(f"y[{row}] = {self.y[row]:g} has no logarithm; use transform='none'")
+        return replace(self, transform=transform)
 
     def subset(self, rows: Integers) -> "Samples":
         """Keep the samples of the given rows; they may be fewer than `MINIMUM_SAMPLES`."""
         _refuse_constant(self.y[rows])
-        return Samples(self.X[rows], self.y[rows], self.bounds)
+        return replace(self, X=self.X[rows], y=self.y[rows])
 
 
 def to_unit(X: Array, bounds: Array) -> Array:

@@ -39,9 +39,27 @@ def fails_above(sample):
 
 
 def kills_its_process(sample):
-    if sample["x2"] > 2000.0:
+    if sample["x2"] > 2400.0:
         os._exit(3)
     return analytic(sample)
+
+
+@dataclass(frozen=True)
+class KillsItsProcessOnce:
+    """Takes its process down at the first call in a folder; `analytic` from then on."""
+
+    folder: str
+
+    def __call__(self, sample):
+        try:
+            (Path(self.folder) / "killed").touch(exist_ok=False)
+        except FileExistsError:
+            return analytic(sample)
+        os._exit(3)
+
+
+def always_kills_its_process(sample):
+    os._exit(3)
 
 
 def threads(sample):

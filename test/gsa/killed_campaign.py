@@ -1,16 +1,16 @@
-"""Started by a test and killed by it: a slow campaign in the folder given."""
+"""Started by a test and killed by it: a slow campaign in the folder given, goes on with the one that is there."""
 
 import sys
 from pathlib import Path
 
-from evaluations import OUTPUTS, Traced
-
-from tbm_gsa.study.campaign import run_campaign
-from tbm_gsa.study.inputs import PAPER_INPUTS, InputSet
-from tbm_gsa.study.store import Problem, Store
-
 if __name__ == "__main__":
+    # Imported here, because worker processes import this module too and need none of it.
+    from campaign_problem import PROBLEM
+    from evaluations import Traced
+
+    from tbm_gsa.study.campaign import run_campaign
+    from tbm_gsa.study.store import Store
+
     folder = Path(sys.argv[1])
-    three = InputSet(tuple(PAPER_INPUTS[code] for code in ("x2", "x4", "x16")))
-    with Store.create_or_open(folder / "store.sqlite", Problem(three, OUTPUTS, 30, 6, 0)) as store:
-        run_campaign(store, Traced(str(folder / "calls"), seconds=0.15), workers=2)
+    with Store.create_or_open(folder / "store.sqlite", PROBLEM) as store:
+        run_campaign(store, Traced(str(folder / "calls"), seconds=0.1), workers=2)

@@ -9,7 +9,7 @@ import pytest
 
 from tbm_dynamics import Simulator, load_machine
 from tbm_dynamics.indicators import indicators
-from tbm_gsa.study.design import latin_hypercube
+from tbm_gsa.study.design import make_design
 from tbm_gsa.study.inputs import PAPER_INPUTS
 
 MACHINES = 6
@@ -17,7 +17,7 @@ MACHINES = 6
 
 @pytest.fixture(scope="module")
 def samples():
-    design = latin_hypercube(PAPER_INPUTS, MACHINES, 1, seed=5)
+    design = make_design(PAPER_INPUTS, MACHINES, 1, seed=5)
     return [PAPER_INPUTS.sample(row) for row in design.train]
 
 

@@ -1,22 +1,19 @@
-"""Campaigns: resumed, killed, cancelled, with failing samples; and the store they write."""
+"""Campaigns: resumed, cancelled, with failing samples; and the store they write."""
 
-import os
-import signal
 import sqlite3
-import subprocess
-import sys
-import time
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
-from evaluations import OUTPUTS, Traced, analytic, fails_above, kills_its_process, threads
+from evaluations import OUTPUTS, Traced, analytic, fails_above, threads
 
 from tbm_gsa.study.campaign import run_campaign
+from tbm_gsa.study.design import make_design
+from tbm_gsa.study.distributions import Uniform
 from tbm_gsa.study.errors import StudyCancelled, StudyError
 from tbm_gsa.study.inputs import PAPER_INPUTS, InputSet
-from tbm_gsa.study.store import Counts, Problem, Store
+from tbm_gsa.study.problem import Problem
+from tbm_gsa.study.store import Counts, PlannedDesign, Store
 from tbm_gsa.study.worker import Outcome
 
 THREE = InputSet(tuple(PAPER_INPUTS[code] for code in ("x2", "x4", "x16")))
@@ -85,12 +82,6 @@ def test_failing_samples_are_recorded_with_their_reason(store):
     assert not store.pending()
 
 
-def test_a_dead_worker_ends_the_campaign_with_one_line(store):
-    with pytest.raises(StudyError, match="a worker process died"):
-        run_campaign(store, kills_its_process)
-    assert store.counts().failed == 0
-
-
 def test_workers_use_one_thread(store):
     run_campaign(store, threads)
     _, Y = store.results("train")
@@ -102,54 +93,6 @@ def test_at_least_one_worker(store):
         run_campaign(store, analytic, workers=0)
 
 
-def _start_slow_campaign(folder):
-    (folder / "calls").mkdir()
-    script = Path(__file__).with_name("killed_campaign.py")
-    environment = {**os.environ, "PYTHONPATH": os.pathsep.join(filter(None, [*sys.path, str(script.parent)]))}
-    return subprocess.Popen([sys.executable, str(script), str(folder)], env=environment, start_new_session=True)
-
-
-def _wait_until(condition, seconds=60.0):
-    end = time.monotonic() + seconds
-    while not condition():
-        assert time.monotonic() < end, "timed out"
-        time.sleep(0.02)
-
-
-def _alive(pid):
-    try:
-        state = Path(f"/proc/{pid}/stat").read_text().rsplit(")", 1)[1].split()[0]
-    except FileNotFoundError:
-        return False
-    return state != "Z"
-
-
-@pytest.mark.parametrize("sent", [signal.SIGKILL, signal.SIGINT])
-def test_a_killed_campaign_leaves_no_worker_and_resumes_to_the_same_result(tmp_path, sent):
-    process = _start_slow_campaign(tmp_path)
-    calls = tmp_path / "calls"
-    _wait_until(lambda: len(list(calls.iterdir())) >= 8)
-    workers = {int(path.name.rsplit("-", 1)[1]) for path in calls.iterdir()}
-    assert len(workers) == 2
-    process.send_signal(sent)
-    process.wait(timeout=30)
-    _wait_until(lambda: not any(_alive(pid) for pid in workers), seconds=15.0)
-
-    problem = Problem(THREE, OUTPUTS, 30, 6, 0)
-    with Store.create_or_open(tmp_path / "store.sqlite", problem) as store:
-        stored = store.counts().ok
-        before = len(list(calls.iterdir()))
-        assert 0 < stored < 36
-        assert before - stored <= 4  # what was running, and nothing more, is lost
-        run_campaign(store, Traced(str(calls)))
-        assert len(list(calls.iterdir())) - before == 36 - stored
-        X, Y = store.results("train")
-    with Store.create_or_open(tmp_path / "straight.sqlite", problem) as store:
-        run_campaign(store, analytic)
-        np.testing.assert_array_equal(store.results("train")[0], X)
-        np.testing.assert_array_equal(store.results("train")[1], Y)
-
-
 @pytest.mark.parametrize(
     ("change", "message"),
     [
@@ -157,11 +100,12 @@ def test_a_killed_campaign_leaves_no_worker_and_resumes_to_the_same_result(tmp_p
         ({"settings": {"machine": "none"}}, "duration is 3.0 there and None here"),
         ({"train": 13}, "train is 12 there and 13 here"),
         ({"seed": 1}, "seed is 0 there and 1 here"),
-        ({"outputs": ("force",)}, "outputs is"),
+        ({"outputs": ("force",)}, "its outputs are force, peak, here force"),
+        ({"design": "sobol"}, "design is lhs there and sobol here"),
         ({"inputs": InputSet(THREE.inputs[:2])}, "it has 3 inputs, not 2"),
         (
-            {"inputs": InputSet((replace(THREE.inputs[0], lower=1500.0), *THREE.inputs[1:]))},
-            "its input x2 differs",
+            {"inputs": InputSet((replace(THREE.inputs[0], distribution=Uniform(1500.0, 2500.0)), *THREE.inputs[1:]))},
+            "its input x2 is not the x2 of here",
         ),
     ],
 )
@@ -186,7 +130,7 @@ def test_what_is_no_store_is_refused(tmp_path):
     sqlite3.connect(tmp_path / "old.sqlite").executescript(
         "CREATE TABLE problem (key TEXT, value TEXT); INSERT INTO problem VALUES ('format', '99')"
     )
-    with pytest.raises(StudyError, match="another format"):
+    with pytest.raises(StudyError, match=r"old.sqlite: written in format 99; this version reads 2 only"):
         Store.open(tmp_path / "old.sqlite")
 
 
@@ -206,3 +150,63 @@ def test_a_store_can_be_read_while_it_is_written(store):
         assert reader.counts().done == 0
         store.record(Outcome(1, None, "why", 0.1))
         assert reader.failures() == [(1, "why")]
+
+
+def test_a_store_knows_which_design_made_each_row(store):
+    store.extend(6)
+    store.extend(2)
+    assert store.designs() == [
+        PlannedDesign("train", "lhs", 0, 1, 12),
+        PlannedDesign("test", "lhs", 0, 13, 15),
+        PlannedDesign("train", "added to lhs", 0, 16, 21),
+        PlannedDesign("train", "added to lhs", 0, 22, 23),
+    ]
+    assert store.problem.added == (6, 2)
+    with Store.open(store.path) as reader:
+        assert reader.problem == store.problem
+
+
+def test_an_extended_store_keeps_its_simulations(store, tmp_path):
+    run_campaign(store, analytic)
+    X, Y = store.results("train")
+    store.extend(12)
+    assert len(store.pending()) == 12
+    calls = tmp_path / "calls"
+    calls.mkdir()
+    run_campaign(store, Traced(str(calls)))
+    assert len(list(calls.iterdir())) == 12
+    extended, outputs = store.results("train")
+    np.testing.assert_array_equal(extended[:12], X)
+    np.testing.assert_array_equal(outputs[:12], Y)
+    slices = np.floor(THREE.to_unit(extended) * 24).astype(int)
+    for column in slices.T:
+        assert sorted(column) == list(range(24))  # twice as many points are a Latin hypercube again
+    np.testing.assert_array_equal(store.results("test")[0], make_design(THREE, 12, 3, 0).test)
+
+
+def test_an_extended_store_is_not_that_of_its_first_design(store):
+    store.extend(6)
+    with pytest.raises(StudyError, match="6 points were added to its design; `gsa resume` goes on with it"):
+        Store.create_or_open(store.path, PROBLEM)
+
+
+def test_no_points_cannot_be_added(store):
+    with pytest.raises(StudyError, match="at least one point can be added, got 0"):
+        store.extend(0)
+    assert store.problem == PROBLEM
+
+
+def test_a_changed_grouping_is_taken_over(store):
+    grouped = replace(PROBLEM, inputs=InputSet(THREE.inputs, {"loads": ("x2",), "rest": ("x4", "x16")}))
+    Store.create_or_open(store.path, grouped).close()
+    with Store.open(store.path) as reader:
+        assert reader.problem == grouped
+        assert reader.problem != PROBLEM
+
+
+@pytest.mark.parametrize(
+    ("outputs", "message"), [((), "at least one output"), (("force", "force"), "output force is given twice")]
+)
+def test_outputs_are_named_once(outputs, message):
+    with pytest.raises(StudyError, match=message):
+        replace(PROBLEM, outputs=outputs)

@@ -1,13 +1,18 @@
-"""The input set of the paper, sets of the user, and Latin hypercubes."""
+"""The input set of the paper, and designs: how they are stratified, spread out and extended."""
 
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from scipy.spatial.distance import cdist, pdist
+from scipy.stats import qmc
 
-from tbm_gsa.study.design import latin_hypercube
+from tbm_gsa.study.design import KINDS, add_points, make_design
+from tbm_gsa.study.distributions import LogUniform, Normal, Triangular, Uniform
 from tbm_gsa.study.errors import StudyError
 from tbm_gsa.study.inputs import PAPER_INPUTS, Input, InputSet
+
+HYPERCUBES = [kind for kind in KINDS if kind != "sobol"]
 
 
 def test_table_4_of_the_paper():
@@ -28,58 +33,10 @@ def test_table_4_of_the_paper():
     for code, numbers in expected.items():
         item = PAPER_INPUTS[code]
         assert (item.unit, item.initial, item.lower, item.upper) == numbers
+    assert {type(item.distribution) for item in PAPER_INPUTS.inputs} == {Uniform}
     multipliers = [item.code for item in PAPER_INPUTS.inputs if item.kind == "multiplier"]
     assert multipliers == ["x8", *(f"x{k}" for k in range(16, 26))]
-
-
-def test_a_set_from_yaml(tmp_path):
-    path = tmp_path / "inputs.yaml"
-    path.write_text(
-        "inputs:\n"
-        "  x16: {lower: 1.5, upper: 2.5}\n"
-        "  x2: {lower: 1500, upper: 2500, initial: 1600}\n"
-        "  x4: {lower: 0.0, upper: 0.01}\n"
-    )
-    inputs = InputSet.from_yaml(path)
-    assert inputs.codes == ("x16", "x2", "x4")
-    assert inputs["x16"].initial == 2.0
-    assert inputs["x16"].kind == "multiplier"
-    assert inputs["x2"].initial == 1600.0
-    assert inputs["x4"].initial == 1e-3
-    assert InputSet.from_list(inputs.to_list()) == inputs
-
-
-@pytest.mark.parametrize(
-    ("text", "message"),
-    [
-        ("inputs: {x26: {lower: 0, upper: 1}}", "unknown input 'x26'; available: x1, x2"),
-        ("inputs: {x2: {lower: 2000, upper: 1000}}", "input x2: lower 2000 must be below upper 1000"),
-        ("inputs: {x2: {lower: 1000, upper: 1000}}", "input x2: lower 1000 must be below upper 1000"),
-        ("inputs: {x2: {lower: 1000}}", "input x2: expected the keys lower, upper"),
-        ("inputs: {x2: {lower: 1, upper: 2, mean: 3}}", "input x2: expected the keys lower, upper"),
-        ("inputs: {x2: [1, 2]}", "input x2: expected the keys lower, upper"),
-        ("inputs: {x2: {lower: low, upper: 2}}", "input x2: lower must be a number, got 'low'"),
-        ("inputs: {x2: {lower: .nan, upper: 2}}", "input x2: lower, initial and upper must be finite"),
-        ("inputs: {x2: {lower: 1, upper: 2, initial: 3}}", "input x2: initial 3 must lie in"),
-        ("inputs: {}", "at least one input"),
-        ("x2: {lower: 1, upper: 2}", "expected one key, 'inputs'"),
-        ("inputs: {x2: {lower: 1", "not YAML"),
-        ("", "expected one key, 'inputs'"),
-    ],
-)
-def test_bad_sets_are_refused_in_one_line(tmp_path, text, message):
-    path = tmp_path / "inputs.yaml"
-    path.write_text(text)
-    with pytest.raises(StudyError) as caught:
-        InputSet.from_yaml(path)
-    assert message in str(caught.value)
-    assert str(path) in str(caught.value)
-    assert "\n" not in str(caught.value)
-
-
-def test_a_missing_file_is_named(tmp_path):
-    with pytest.raises(StudyError, match=r"none\.yaml: cannot be read"):
-        InputSet.from_yaml(tmp_path / "none.yaml")
+    assert [code for members in PAPER_INPUTS.groups.values() for code in members] == list(PAPER_INPUTS.codes)
 
 
 def test_inputs_given_twice_are_refused():
@@ -87,25 +44,103 @@ def test_inputs_given_twice_are_refused():
         InputSet((PAPER_INPUTS["x2"], PAPER_INPUTS["x2"]))
 
 
+LAWS = (Uniform(-1.0, 2.0), Normal(0.0, 3.0, 1.0, 0.5), LogUniform(1e-3, 1.0), Triangular(0.0, 2.0, 0.5))
+
+
+def _set(count):
+    laws = (LAWS[k % len(LAWS)] for k in range(count))
+    return InputSet(tuple(Input(f"x{k}", "", "", "", "absolute", law.lower, law) for k, law in enumerate(laws)))
+
+
+def _filled(inputs, points, slices):
+    """Slices of equal probability that hold a point, by input."""
+    places = np.floor(inputs.to_unit(points) * slices + 1e-9).clip(0, slices - 1)
+    return [len(np.unique(column)) for column in places.T]
+
+
 @settings(max_examples=30, deadline=None)
-@given(seed=st.integers(0, 2**32), train=st.integers(1, 60), inputs=st.integers(1, 6))
-def test_a_latin_hypercube_has_one_point_in_every_slice(seed, train, inputs):
-    items = tuple(Input(f"x{k}", "", "", "", 0.0, -1.0 - k, 2.0 + k, "absolute") for k in range(inputs))
-    design = latin_hypercube(InputSet(items), train, 3, seed)
-    lower, upper = InputSet(items).bounds.T
-    slices = np.floor((design.train - lower) / (upper - lower) * train).clip(0, train - 1)
-    for column in slices.T:
-        assert sorted(column) == list(range(train))
+@given(seed=st.integers(0, 2**32), train=st.integers(1, 60), inputs=st.integers(1, 6), kind=st.sampled_from(HYPERCUBES))
+def test_a_latin_hypercube_has_one_point_in_every_slice(seed, train, inputs, kind):
+    items = _set(inputs)
+    assert _filled(items, make_design(items, train, 3, seed, kind).train, train) == [train] * inputs
 
 
-def test_designs_depend_on_the_seed_and_nothing_else():
-    one, two = latin_hypercube(PAPER_INPUTS, 200, 20, 0), latin_hypercube(PAPER_INPUTS, 200, 40, 0)
+@pytest.mark.parametrize("kind", KINDS)
+def test_designs_depend_on_the_seed_and_nothing_else(kind):
+    four = InputSet(PAPER_INPUTS.inputs[:4])
+    one, two = make_design(four, 50, 20, 0, kind), make_design(four, 50, 40, 0, kind)
     np.testing.assert_array_equal(one.train, two.train)
-    assert (one.train != latin_hypercube(PAPER_INPUTS, 200, 20, 1).train).any()
-    assert (latin_hypercube(PAPER_INPUTS, 20, 20, 0).train != one.test).all()
+    assert (one.train != make_design(four, 50, 20, 1, kind).train).any()
+    assert (make_design(four, 20, 20, 0, kind).train != one.test).all()
+    assert ((one.train >= four.bounds[:, 0]) & (one.train <= four.bounds[:, 1])).all()
+
+
+def test_the_paper_s_design_is_scipy_s_random_hypercube():
+    lower, upper = PAPER_INPUTS.bounds.T
+    streams = np.random.SeedSequence(7).spawn(2)
+    design = make_design(PAPER_INPUTS, 200, 20, 7)
+    for points, stream in zip((design.train, design.test), streams, strict=True):
+        unit = qmc.LatinHypercube(d=25, seed=np.random.default_rng(stream)).random(len(points))
+        np.testing.assert_allclose(points, lower + unit * (upper - lower), rtol=1e-15)
+
+
+def test_what_the_variants_are_better_at():
+    unit = {kind: PAPER_INPUTS.to_unit(make_design(PAPER_INPUTS, 60, 1, 3, kind).train) for kind in KINDS}
+    assert pdist(unit["lhs-maximin"]).min() > 1.2 * pdist(unit["lhs"]).min()
+    assert qmc.discrepancy(unit["lhs-discrepancy"]) < 0.9 * qmc.discrepancy(unit["lhs"])
+
+
+def test_a_sobol_design_is_scipy_s_sequence_and_goes_on_with_it():
+    inputs = _set(4)
+    long = make_design(inputs, 64, 1, 5, "sobol").train
+    stream = np.random.SeedSequence(5).spawn(1)[0]
+    expected = qmc.Sobol(d=4, seed=np.random.default_rng(stream)).random_base2(6)
+    np.testing.assert_allclose(inputs.to_unit(long), expected, atol=1e-9)
+    short = make_design(inputs, 20, 1, 5, "sobol").train
+    np.testing.assert_array_equal(short, long[:20])
+    np.testing.assert_array_equal(add_points(inputs, short, 44, 5, "sobol"), long[20:])
+
+
+@settings(max_examples=30, deadline=None)
+@given(
+    seed=st.integers(0, 2**32),
+    first=st.integers(1, 30),
+    added=st.integers(1, 40),
+    kind=st.sampled_from(["lhs", "lhs-maximin"]),
+)
+def test_added_points_fill_as_many_slices_as_can_be(seed, first, added, kind):
+    inputs = _set(4)
+    existing = make_design(inputs, first, 1, seed, kind).train
+    new = add_points(inputs, existing, added, seed, kind)
+    assert new.shape == (added, 4)
+    total = first + added
+    before = _filled(inputs, existing, total)
+    assert _filled(inputs, np.vstack([existing, new]), total) == [held + added for held in before]
+    if added % first == 0:
+        assert before == [first] * 4  # so that the whole is a Latin hypercube again
+
+
+def test_added_points_keep_away_from_the_others():
+    inputs = InputSet(PAPER_INPUTS.inputs[:6])
+    existing = make_design(inputs, 40, 1, 0).train
+    new = add_points(inputs, existing, 40, 0)
+    unit, kept = inputs.to_unit(new), inputs.to_unit(existing)
+    rng = np.random.default_rng(1)
+    shuffled = np.column_stack([rng.permutation(column) for column in unit.T])  # the same slices, paired by chance
+
+    def nearest(points):
+        return min(pdist(points).min(), cdist(points, kept).min())
+
+    assert nearest(unit) > 1.5 * nearest(shuffled)
+    assert (add_points(inputs, np.vstack([existing, new]), 40, 0) != new).all()
 
 
 @pytest.mark.parametrize(("train", "test"), [(0, 5), (5, -1)])
 def test_impossible_sizes_are_refused(train, test):
     with pytest.raises(StudyError, match="a design needs"):
-        latin_hypercube(PAPER_INPUTS, train, test, 0)
+        make_design(PAPER_INPUTS, train, test, 0)
+
+
+def test_unknown_designs_are_refused():
+    with pytest.raises(StudyError, match="unknown design 'grid'; available: lhs, lhs-discrepancy, lhs-maximin, sobol"):
+        make_design(PAPER_INPUTS, 10, 2, 0, "grid")

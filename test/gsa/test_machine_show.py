@@ -27,7 +27,7 @@ STRUCTURES = ("cutterhead_bearing_gear", "carrier_girder")
 KEYS = "machine title origin operating_point operating_limits nodes places shafts bodies connections drives cutters "
 KEYS += "masses degrees_of_freedom"
 DRIVE_KEYS = "count source ring_node mount_node radius placement members parts connections gear mesh gearbox"
-SOURCES = ("table1", "table4", "table5", "assumed", "calibrated")
+SOURCES = ("table1", "table4", "table5", "assumed", "calibrated", "updated")
 NODE_NUMBERS = r"(.*_)?node|.*_nodes(_from)?|between|test_points"  # keys
 BAD = {
     "show dz102": "dz102: no such machine; shipped are dz101, open380, or give the path of a YAML file",

@@ -98,7 +98,7 @@ class Study:
     def text(self):
         return self.messages[-1].status[0].message
 
-    def wait_for(self, state, deadline=40.0):
+    def wait_for(self, state, deadline=120.0):
         self._peer.wait_for(lambda: self.states and self.states[-1] == state, deadline)
 
 

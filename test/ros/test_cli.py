@@ -46,7 +46,7 @@ def test_simulate(command):
 
 
 def test_study_resume_and_report(command, tmp_path):
-    code, out, err = command("gsa", "run", *TINY_STUDY, "--out", "study", "--json")
+    code, out, err = command("gsa", "run", *TINY_STUDY, "--out", "study", "--json", deadline=240.0)
     assert code == 0, err
     document = json.loads(out)
     assert set(document["outputs"]) == INDICATORS
@@ -61,7 +61,7 @@ def test_study_resume_and_report(command, tmp_path):
     assert {"store.sqlite", "result.json", "report.html"} <= {path.name for path in store.parent.iterdir()}
 
     before = store.read_bytes()
-    code, out, err = command("gsa", "resume", "--out", "study", "--json")
+    code, out, err = command("gsa", "resume", "--out", "study", "--json", deadline=240.0)
     assert code == 0, err
     again = json.loads(out)
     assert again["outputs"] == document["outputs"]

@@ -1,0 +1,36 @@
+"""What may have changed, and how far: the inputs of an explanation."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Final
+
+from tbm_dynamics import Machine
+from tbm_dynamics.machine.inputs import input_values
+from tbm_gsa.study.distributions import LogUniform, Uniform
+from tbm_gsa.study.inputs import PAPER_INPUTS, Input, InputSet
+
+OPERATING: Final = ("x1", "x2", "x3")
+"""Known from the recording, or the machine's own: no explanation."""
+STIFFNESS: Final = tuple(f"x{number}" for number in range(16, 26))
+FAULT: Final = 3.0
+"""Factor by which a stiffness may be off, more than the uncertainty in Table 4."""
+DECADE: Final = 10.0
+
+
+def explaining_inputs(machine: Machine) -> InputSet:
+    """Take the inputs of Table 4 that the machine has, but its operating point; each range reaches to its value."""
+    own = input_values(machine.description)
+    items = [
+        _around(item, own[item.code]) for item in PAPER_INPUTS.inputs if item.code in own and item.code not in OPERATING
+    ]
+    return InputSet(tuple(items))
+
+
+def _around(item: Input, value: float) -> Input:
+    """Widen a range to a fault's: stiffness may fall to a third; what spans decades is as likely in each."""
+    if item.kind == "multiplier" and item.code in STIFFNESS:
+        return replace(item, initial=value, distribution=LogUniform(value / FAULT, value * FAULT))
+    low, high = min(item.lower, value), max(item.upper, value)
+    law = LogUniform(low, high) if high > DECADE * low else Uniform(low, high)
+    return replace(item, initial=value, distribution=law)

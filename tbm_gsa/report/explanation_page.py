@@ -1,0 +1,97 @@
+"""The page of an explanation: its document → one HTML file."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from tbm_gsa.report.page import embed_figure, render_page
+from tbm_gsa.study.inputs import PAPER_INPUTS
+
+BEFORE, AFTER, RANGE = "#D55E00", "#0072B2", "#d8dee6"
+UNLIKELY: Final = 0.15
+"""Misfit above which a page warns."""
+
+
+def write_explanation_page(document: Mapping[str, Any], path: Path) -> None:
+    """Write the page of an explanation."""
+    path.write_text(explanation_page(document), encoding="utf-8")
+
+
+def explanation_page(document: Mapping[str, Any]) -> str:
+    """Render the page of an explanation; everything in it is escaped."""
+    context = {
+        "title": "What explains the recording",
+        "subtitle": f"{document['recording']['path']} against {document['machine']}",
+        "causes": document["causes"],
+        "statistics": len(document["statistics"]),
+        "model_error": document["settings"]["model_error"],
+        "misfit": document["misfit"],
+        "unlikely": document["misfit"]["checked"] > UNLIKELY,
+        "before_after": embed_figure(before_after(document), "Field over model before and after, every statistic"),
+        "joint": embed_figure(joint_intervals(document), "Intervals of all inputs"),
+        "provenance": _provenance(document),
+    }
+    return render_page("explanation.html", context)
+
+
+def before_after(document: Mapping[str, Any]) -> Figure:
+    """Field over model of every statistic, as compared and after the first cause, with what may be expected."""
+    rows = document["statistics"]
+    figure = Figure(figsize=(12.0, 1.0 + 0.16 * len(rows)), layout="constrained")
+    panel: Axes = figure.subplots()
+    place = np.arange(len(rows), dtype=np.float64)
+    deviation = np.array([row["deviation"] for row in rows])
+    panel.barh(place, 4.0 * deviation, left=-2.0 * deviation, height=0.8, color=RANGE, label="±2 standard deviations")
+    for key, colour, label in (("model", BEFORE, "as compared"), ("checked", AFTER, "first cause, run of the model")):
+        ratio = np.log([row["field"] / row[key] for row in rows])
+        panel.plot(ratio, place, "o", color=colour, markersize=4, label=label)
+    panel.axvline(0.0, color="#555555", linewidth=0.8)
+    panel.set_yticks(place, [row["name"] for row in rows], fontsize=7)
+    panel.invert_yaxis()
+    panel.margins(y=0.01)
+    panel.set_xlabel("logarithm of field over model")
+    panel.legend(frameon=False, loc="lower right", fontsize=8)
+    return figure
+
+
+def joint_intervals(document: Mapping[str, Any]) -> Figure:
+    """90 % intervals of all inputs over their ranges in Table 4."""
+    inputs = document["joint"]["inputs"]
+    figure = Figure(figsize=(12.0, 0.8 + 0.24 * len(inputs)), layout="constrained")
+    panel: Axes = figure.subplots()
+    for place, (code, row) in enumerate(inputs.items()):
+        item = PAPER_INPUTS[code]
+        low, high = min(item.lower, row["machine_value"]), max(item.upper, row["machine_value"])
+
+        def share(value: float, low: float = low, high: float = high) -> float:
+            return (value - low) / (high - low)
+
+        panel.barh(place, 1.0, height=0.75, color=RANGE)
+        begin, end = map(share, row["interval"])
+        panel.barh(place, end - begin, left=begin, height=0.45, color=AFTER)
+        panel.plot([share(row["machine_value"])] * 2, [place - 0.38, place + 0.38], color=BEFORE, linewidth=1.5)
+    panel.set_yticks(range(len(inputs)), [f"{code} {PAPER_INPUTS[code].symbol}" for code in inputs], fontsize=8)
+    panel.invert_yaxis()
+    panel.set_xlim(0.0, 1.0)
+    panel.set_xlabel("lower to upper bound")
+    return figure
+
+
+def _provenance(document: Mapping[str, Any]) -> dict[str, object]:
+    chosen = document["settings"]
+    return {
+        "recording": f"{document['recording']['path']}, sha256 {document['recording']['sha256']}",
+        "machine": f"{document['machine_file']['origin']}, sha256 {document['machine_file']['sha256']}",
+        "operating point": ", ".join(f"{key} {value}" for key, value in document["operating_point"].items()),
+        "campaign": f"{chosen['samples']} runs of {chosen['duration']:g} s, {chosen['seeds']} with other loads, "
+        f"seed {chosen['seed']}",
+        "joint posterior": f"{document['joint']['effective_samples']:.0f} effective samples, "
+        f"{document['joint']['accepted']:.0%} of the steps accepted",
+        "versions": ", ".join(f"{name} {number}" for name, number in document["versions"].items()),
+    }

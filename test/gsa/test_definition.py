@@ -1,0 +1,110 @@
+"""The file that defines a study: what it may say, and one line for everything else."""
+
+import pytest
+
+from tbm_gsa.study.definition import read_definition
+from tbm_gsa.study.distributions import LogUniform, Normal, Triangular, Uniform
+from tbm_gsa.study.errors import StudyError
+from tbm_gsa.study.inputs import PAPER_INPUTS, InputSet
+
+TEXT = """
+inputs:
+  x2:
+  x7: {lower: 200, upper: 400}
+  x9: {distribution: normal, mean: 8.1e9, std: 2e8, lower: 7.5e9, upper: 8.5e9}
+  x11: {distribution: log-uniform, lower: 2e-3, upper: 5e-3}
+  x16: {distribution: triangular, lower: 0.5, mode: 1, upper: 2, initial: 1.25}
+groups:
+  meshing: [x7, x9]
+outputs: [MF_M, rms_cutterhead_x]
+"""
+
+
+def _read(tmp_path, text):
+    path = tmp_path / "study.yaml"
+    path.write_text(text)
+    return read_definition(path)
+
+
+def test_a_file_with_everything(tmp_path):
+    definition = _read(tmp_path, TEXT)
+    inputs = definition.inputs
+    assert inputs.codes == ("x2", "x7", "x9", "x11", "x16")
+    assert inputs["x2"] == PAPER_INPUTS["x2"]
+    assert inputs["x7"].distribution == Uniform(200.0, 400.0)
+    assert inputs["x9"].distribution == Normal(7.5e9, 8.5e9, mean=8.1e9, std=2e8)
+    assert inputs["x11"].distribution == LogUniform(2e-3, 5e-3)
+    assert inputs["x16"].distribution == Triangular(0.5, 2.0, mode=1.0)
+    # given; the paper's where it is inside; else the median, here √(lower · upper)
+    assert [inputs[code].initial for code in ("x16", "x7", "x9")] == [1.25, 300.0, 8.1e9]
+    assert inputs["x11"].initial == pytest.approx((2e-3 * 5e-3) ** 0.5)
+    assert (inputs["x16"].kind, inputs["x16"].symbol) == ("multiplier", "k_r,ct")
+    assert inputs.groups == {"meshing": ("x7", "x9")}
+    assert definition.outputs == ("MF_M", "rms_cutterhead_x")
+    assert InputSet.from_list(inputs.to_list(), inputs.groups) == inputs
+
+
+def test_the_paper_s_ranges_by_their_codes_alone(tmp_path):
+    definition = _read(tmp_path, "inputs: {x2, x16}")
+    assert definition.inputs == InputSet((PAPER_INPUTS["x2"], PAPER_INPUTS["x16"]))
+    assert definition.outputs == ()
+
+
+NORMAL = "inputs: {{x2: {{distribution: normal, {}}}}}"
+GROUPS = "inputs: {{x2, x3, x4}}\ngroups: {{{}}}"
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("inputs: {x26: {lower: 0, upper: 1}}", "unknown input 'x26'; available: x1, x2"),
+        ("inputs: {x2: {lower: 2000, upper: 1000}}", "input x2: lower 2000 must be below upper 1000"),
+        ("inputs: {x2: {lower: 1000, upper: 1000}}", "input x2: lower 1000 must be below upper 1000"),
+        ("inputs: {x2: {lower: 1000}}", "input x2: a uniform distribution needs lower, upper; missing: upper"),
+        ("inputs: {x2: {lower: 1, upper: 2, mean: 3}}", "input x2: unknown key 'mean'; a uniform distribution takes"),
+        ("inputs: {x2: [1, 2]}", "input x2: expected a mapping such as"),
+        ("inputs: {x2: {lower: low, upper: 2}}", "input x2: lower must be a number, got 'low'"),
+        ("inputs: {x2: {lower: true, upper: 2}}", "input x2: lower must be a number, got True"),
+        ("inputs: {x2: {lower: .nan, upper: 2}}", "input x2: lower must be finite"),
+        ("inputs: {x2: {lower: 1, upper: .inf}}", "input x2: upper must be finite"),
+        ("inputs: {x2: {lower: 1, upper: 2, initial: 3}}", "input x2: initial 3 must lie in [1, 2]"),
+        ("inputs: {x2: {lower: 1, upper: 2}, x2: {lower: 1, upper: 3}}", "key 'x2' is given twice"),
+        ("inputs: {x2: {distribution: beta, lower: 1, upper: 2}}", "input x2: unknown distribution 'beta'; available:"),
+        (
+            NORMAL.format("mean: 1, std: 1"),
+            "a normal distribution needs lower, upper, mean, std; missing: lower, upper",
+        ),
+        (NORMAL.format("mean: 1, std: 0, lower: 0, upper: 2"), "input x2: std must be positive, got 0"),
+        (NORMAL.format("mean: 3, std: 1, lower: 0, upper: 2"), "input x2: mean 3 must lie in [0, 2]"),
+        (NORMAL.format("mean: 1, sigma: 1, lower: 0, upper: 2"), "input x2: unknown key 'sigma'"),
+        (
+            "inputs: {x2: {distribution: triangular, lower: 0, upper: 2, mode: 3}}",
+            "input x2: mode 3 must lie in [0, 2]",
+        ),
+        ("inputs: {x2: {distribution: log-uniform, lower: 0, upper: 2}}", "input x2: lower must be positive"),
+        (GROUPS.format("a: [x2, x3], b: [x3, x4]"), "group b: input x3 is in group a already"),
+        (GROUPS.format("a: [x2, x2]"), "group a: input x2 is in group a already"),
+        (GROUPS.format("a: [x5]"), "group a: unknown input 'x5'; available: x2, x3, x4"),
+        (GROUPS.format("a: []"), "group a: at least one input"),
+        (GROUPS.format("x2: [x3]"), "group x2: an input has this name"),
+        (GROUPS.format("a: x2"), "group a: expected a list of names"),
+        ("inputs: {x2}\ngroups: [x2]", "groups: expected a mapping"),
+        ("inputs: {x2}\noutputs: MF_M", "outputs: expected a list of names"),
+        ("inputs: {x2}\noutput: [MF_M]", "unknown key 'output'; allowed: inputs, groups, outputs"),
+        ("inputs: {}", "at least one input"),
+        ("x2: {lower: 1, upper: 2}", "expected the key 'inputs'"),
+        ("inputs: {x2: {lower: 1", "not YAML"),
+        ("", "expected the key 'inputs'"),
+    ],
+)
+def test_bad_files_are_refused_in_one_line(tmp_path, text, message):
+    with pytest.raises(StudyError) as caught:
+        _read(tmp_path, text)
+    assert message in str(caught.value)
+    assert str(tmp_path / "study.yaml") in str(caught.value)
+    assert "\n" not in str(caught.value)
+
+
+def test_a_missing_file_is_named(tmp_path):
+    with pytest.raises(StudyError, match=r"none\.yaml: cannot be read"):
+        read_definition(tmp_path / "none.yaml")

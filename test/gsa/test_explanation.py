@@ -1,0 +1,221 @@
+"""Explanation of a recording: causes and joint posterior against exact ones, planted changes, the file written after.
+
+Sources: a linear Gaussian model, whose evidence and posterior are known in closed form (scipy's normal and truncated
+normal distributions); recordings simulated with one stiffness halved (the planted truth); PyYAML on the written file.
+"""
+
+import json
+import signal
+import sys
+
+import numpy as np
+import pytest
+import scipy.integrate
+import yaml
+from compare_bags import model_values, write_bag
+from scipy.stats import multivariate_normal, truncnorm
+
+from tbm_dynamics import MachineError, load_machine, simulate
+from tbm_dynamics.machine.inputs import input_values
+from tbm_dynamics.machine.writing import machine_text, write_machine
+from tbm_gsa.cli.main import main
+from tbm_gsa.comparison.settings import Settings
+from tbm_gsa.comparison.workflow import compare_recording
+from tbm_gsa.explanation.causes import Misfit, rank_causes
+from tbm_gsa.explanation.joint import joint_posterior
+from tbm_gsa.explanation.observed import observed
+from tbm_gsa.explanation.shifts import Lengths, chance, shrunk_covariance
+from tbm_gsa.explanation.workflow import ExplainOptions, explain
+from tbm_gsa.study.errors import StudyError
+
+SLOPES = np.array([[1.0, 0.2, 0.0], [0.5, -1.0, 0.3]])  # of two statistics along three inputs
+NOMINAL = np.array([0.5, 0.5, 0.5])
+COVARIANCE = np.array([[4e-3, 1e-3], [1e-3, 9e-3]])
+
+
+def linear(points):
+    return (points - NOMINAL) @ SLOPES.T
+
+
+@pytest.fixture(scope="module")
+def misfit():
+    return Misfit(linear(np.array([[0.85, 0.5, 0.5]]))[0] + [0.01, -0.02], COVARIANCE)
+
+
+def test_evidence_and_interval_of_single_causes(misfit):
+    causes = {cause.place: cause for cause in rank_causes(linear, NOMINAL, misfit)}
+    for place in range(3):
+
+        def likelihood(u, place=place):
+            point = NOMINAL.copy()
+            point[place] = u
+            return multivariate_normal.pdf(misfit.observed, linear(point[None])[0], COVARIANCE)
+
+        assert np.exp(causes[place].log_evidence) == pytest.approx(scipy.integrate.quad(likelihood, 0, 1)[0], rel=1e-3)
+    nothing = multivariate_normal.logpdf(misfit.observed, np.zeros(2), COVARIANCE)
+    assert causes[-1].log_evidence == pytest.approx(nothing)
+    assert sum(cause.probability for cause in causes.values()) == pytest.approx(1.0)
+    first = rank_causes(linear, NOMINAL, misfit)[0]
+    assert first.place == 0
+    # Along one input the posterior is a normal distribution cut off at the range.
+    slope, precision = SLOPES[:, 0], np.linalg.inv(COVARIANCE)
+    deviation = (slope @ precision @ slope) ** -0.5
+    centre = 0.5 + deviation**2 * slope @ precision @ misfit.observed
+    law = truncnorm(-centre / deviation, (1.0 - centre) / deviation, centre, deviation)
+    np.testing.assert_allclose(first.quantiles, law.ppf([0.5, 0.05, 0.95]), atol=3e-3)
+
+
+def test_joint_posterior_of_a_linear_model(misfit):
+    found = joint_posterior(linear, NOMINAL, misfit, seed=1)
+    # The third input moves the second statistic alone: by quadrature over the cube.
+    grid = (np.arange(60) + 0.5) / 60
+    points = np.stack(np.meshgrid(grid, grid, grid, indexing="ij"), axis=-1).reshape(-1, 3)
+    weight = np.exp(misfit.log_likelihood(linear(points)))
+    mean = weight @ points / weight.sum()
+    deviation = np.sqrt(weight @ (points - mean) ** 2 / weight.sum())
+    error = deviation / np.sqrt(found.effective)
+    assert np.all(np.abs(found.samples.mean(axis=0) - mean) < 5.0 * error + 0.005)
+    np.testing.assert_allclose(found.samples.std(axis=0), deviation, rtol=0.15)
+    assert found.effective > 100
+
+
+def test_chance_is_that_of_independent_runs():
+    rng = np.random.default_rng(3)
+    common = rng.standard_normal((4000, 1))
+    still = np.exp(0.1 * (common + rng.standard_normal((4000, 2))))
+    moved = still * np.exp(0.05 * rng.standard_normal((4000, 2)))
+    found = chance(still, moved, Lengths(run=6.0, field=60.0, model=30.0))
+    # 0.02 in each run, half of it in common; after the move 0.0025 more, and that in the shift.
+    np.testing.assert_allclose(np.diag(found), 0.0225 / 10 + 0.02 / 5 + 0.0025, rtol=0.1)
+    assert found[0, 1] == pytest.approx(0.01 / 10 + 0.01 / 5, rel=0.15)
+
+
+def test_shrinkage_keeps_the_sizes():
+    rng = np.random.default_rng(0)
+    deviations = rng.standard_normal((20, 8)) * np.logspace(-3, 0, 8)
+    found = shrunk_covariance(deviations)
+    np.testing.assert_allclose(np.sqrt(np.diag(found)), np.sqrt(np.mean(deviations**2, axis=0)), rtol=1e-9)
+    assert np.linalg.eigvalsh(found / np.sqrt(np.outer(np.diag(found), np.diag(found)))).min() > 0.05
+
+
+@pytest.fixture(scope="module")
+def compared(tmp_path_factory):
+    """Document of a recording of a machine in a rock of half the stiffness."""
+    machine = load_machine("dz101").with_inputs(x16=0.5)
+    values = {
+        point: rows for point, rows in model_values(77, 20.0, machine).items() if point in ("cutterhead", "gripper")
+    }
+    bag = write_bag(tmp_path_factory.mktemp("planted") / "bag", values, rate=10_000)
+    return compare_recording(bag, "dz101", model_duration=20.0, settings=Settings(bands=((0.5, 20.0),))).document
+
+
+def test_the_statistics_of_a_comparison(compared):
+    facts = observed(compared)
+    names = [statistic.name for statistic in facts.statistics]
+    assert len(names) == 2 * 3 * 2
+    (one,) = [statistic for statistic in facts.statistics if statistic.name == "rms_0.5-20_hz_gripper_x"]
+    axis = compared["points"]["gripper"]["x"]
+    assert (one.field, one.model) == (axis["field_band_rms"]["0.5-20_hz"], axis["model_band_rms"]["0.5-20_hz"])
+    assert 0.0 < one.deviation < 0.5
+
+
+def test_explained_and_written_as_a_machine(compared, tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(signal, "signal", lambda *_: None)
+    (tmp_path / "compared.json").write_text(json.dumps(compared), "utf-8")
+
+    def command(line):
+        monkeypatch.setattr(sys, "argv", ["tbm-monitor", *line.split()])
+        with pytest.raises(SystemExit) as end:
+            main()
+        return end.value.code, *capsys.readouterr()
+
+    code, out, err = command("gsa explain compared.json --out found --samples 60 --duration 2 --json")
+    assert (code, err) == (0, "page: found/explanation.html\n")
+    document = json.loads(out)
+    first = document["causes"][0]
+    assert first["input"] == "x16"
+    assert first["interval"][0] <= 0.5 <= first["interval"][1]
+    assert document["misfit"]["checked"] < document["misfit"]["model"]
+    assert "x16" in (tmp_path / "found" / "explanation.html").read_text("utf-8")
+    code, out, err = command("machine update dz101 --from found --out mine.yaml")
+    assert (code, err) == (0, "")
+    assert out.startswith("mine.yaml: x16 (Stiffness of cutterhead–rock) 1 to 0.")
+    mine = load_machine(tmp_path / "mine.yaml")
+    before, after = (one.assemble().natural_frequencies(40) for one in (load_machine("dz101"), mine))
+    assert np.abs(after / before - 1.0).max() > 0.01
+    for line, message in (
+        ("gsa explain nowhere.json", "nowhere.json: No such file or directory, allowed: what `tbm-monitor compare"),
+        ("gsa explain mine.yaml", "mine.yaml: not JSON"),
+        ("machine update dz101 --from found --out mine.yaml", "mine.yaml: exists already, allowed: a new file"),
+        ("machine update open380 --from found --out new.yaml", "found: explains another machine than open380"),
+        ("machine update dz101 --from found --out new.yaml --input x2", "--input x2: not among the causes"),
+        ("machine update dz101 --from mine.yaml --out new.yaml", "mine.yaml: not the explanation.json"),
+    ):
+        code, out, err = command(line)
+        assert (code, out, len(err.splitlines())) == (2, "", 1), err
+        assert err.startswith(f"tbm-monitor: {message}")
+
+
+@pytest.mark.parametrize(
+    "change", [lambda d: d.pop("bands"), lambda d: d["points"].clear(), lambda d: d.update(points=3)]
+)
+def test_documents_that_are_none(compared, change):
+    broken = json.loads(json.dumps(compared))
+    change(broken)
+    with pytest.raises(StudyError, match=r"not the JSON document|statistics with an interval"):
+        observed(broken)
+
+
+def test_a_machine_that_has_changed_since(compared, tmp_path):
+    other = {**compared, "machine_file": {**compared["machine_file"], "sha256": "0"}}
+    with pytest.raises(StudyError, match="machine dz101 has changed since the comparison: compare again"):
+        explain(other, tmp_path)
+
+
+def test_a_written_machine_is_the_variant(tmp_path):
+    machine = load_machine("dz101")
+    changes = {"x4": 2e-3, "x16": 0.7, "x24": 1.5}
+    write_machine(tmp_path / "new.yaml", machine_text(machine, changes, "dz101_new", ["why\nit was"]))
+    text = (tmp_path / "new.yaml").read_text("utf-8")
+    assert text.startswith("# why it was\n")
+    data = yaml.safe_load(text)
+    assert data["steel"]["source"] == "updated"
+    assert [c["source"] for c in data["cutterhead_bearing_gear"]["connections"]] == ["updated", "table5", "table5"]
+    assert data["driveshaft"]["spline"]["stiffness"][0] == pytest.approx(1.5e10)
+    written, variant = load_machine(tmp_path / "new.yaml"), machine.with_inputs(**changes)
+    a, b = (simulate(one, 0.05, seed=1).mesh_force for one in (written, variant))
+    np.testing.assert_array_equal(a, b)
+    assert written.cutter_loads().mean == pytest.approx(machine.cutter_loads().mean)
+    with pytest.raises(MachineError, match=r"nowhere/new\.yaml: No such file or directory"):
+        write_machine(tmp_path / "nowhere" / "new.yaml", text)
+
+
+def test_values_of_a_machine_are_its_inputs():
+    values = input_values(load_machine("dz101").description)
+    # Table 4's initial values but the operating point, which is Table 1's.
+    expected = {"x1": 5.6, "x2": 3040.0, "x3": 12000.0, "x4": 1e-3, "x5": 210.0, "x6": 0.3, "x7": 300.0, "x8": 1.0}
+    assert values == pytest.approx(
+        {
+            **expected,
+            "x9": 8.1e9,
+            "x10": 0.05,
+            **{f"x{i}": 1e-3 for i in range(11, 16)},
+            **{f"x{i}": 1.0 for i in range(16, 26)},
+        }
+    )
+    assert "x19" not in input_values(load_machine("open380").description)
+
+
+@pytest.mark.verify
+@pytest.mark.parametrize("planted", ["x16", "x17", "x18", "x21", "x22", "x25"])
+def test_a_halved_stiffness_is_found(tmp_path_factory, planted):
+    folder = tmp_path_factory.getbasetemp() / "explained"  # one campaign for all
+    folder.mkdir(exist_ok=True)
+    machine = load_machine("dz101").with_inputs(**{planted: 0.5})
+    bag = write_bag(folder / f"{planted}.bag", model_values(77, 60.0, machine), rate=10_000)
+    document = explain(compare_recording(bag, "dz101").document, folder, ExplainOptions(samples=250))
+    first = document["causes"][0]
+    assert first["input"] == planted
+    assert first["interval"][0] <= 0.5 <= first["interval"][1]
+    assert document["misfit"]["checked"] < document["misfit"]["model"]

@@ -1,0 +1,138 @@
+"""`tbm-monitor gsa` as a user types it: runs, growing studies, interruption, bad input."""
+
+import json
+import os
+import signal
+import sqlite3
+import subprocess
+import sys
+import time
+
+import numpy as np
+import pytest
+
+from tbm_gsa.cli.main import main
+from tbm_gsa.study.store import Store
+
+QUICK = ("--samples", "12", "--test", "2", "--duration", "0.02", "--method", "prs")
+
+
+def _start(*arguments):
+    command = [sys.executable, "-m", "tbm_gsa.cli.main", "gsa", *arguments]
+    environment = {**os.environ, "PYTHONPATH": os.pathsep.join(filter(None, sys.path))}
+    return subprocess.Popen(command, env=environment, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+
+
+@pytest.fixture
+def typed(monkeypatch, capsys):
+    """typed(*arguments) → exit code, stdout, stderr of the command, in this process."""
+    handlers = {number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)}
+
+    def call(*arguments):
+        monkeypatch.setattr(sys, "argv", ["tbm-monitor", "gsa", *arguments])
+        with pytest.raises(SystemExit) as leave:
+            main()
+        return leave.value.code, *capsys.readouterr()
+
+    yield call
+    for number, handler in handlers.items():
+        signal.signal(number, handler)
+
+
+@pytest.fixture
+def definition(tmp_path):
+    path = tmp_path / "study.yaml"
+    path.write_text("inputs: {x2, x16}\ngroups: {both: [x2, x16]}\noutputs: [MF_M, RDef_A]\n")
+    return str(path)
+
+
+def test_a_study_grows(tmp_path, typed, definition):
+    out = str(tmp_path / "study")
+    code, first, _ = typed("run", *QUICK, "--inputs", definition, "--out", out, "--design", "lhs-maximin", "--json")
+    assert code == 0
+    document = json.loads(first)
+    assert list(document["outputs"]) == ["MF_M", "RDef_A"]
+    assert list(document["outputs"]["MF_M"]["first"]) == ["x2", "x16"]
+    with Store.open(tmp_path / "study/store.sqlite") as store:
+        X, Y = store.results("train")
+        assert store.designs()[0].kind == "lhs-maximin"
+
+    code, second, _ = typed("extend", "--samples", "5", "--out", out, "--method", "prs", "--json")
+    assert code == 0
+    json.loads(second)
+    with Store.open(tmp_path / "study/store.sqlite") as store:
+        grown = store.results("train")
+        assert store.counts().ok == 19
+    np.testing.assert_array_equal(grown[0][:12], X)
+    np.testing.assert_array_equal(grown[1][:12], Y)
+
+    code, _, err = typed("run", *QUICK, "--inputs", definition, "--out", out, "--design", "lhs-maximin")
+    assert code == 2
+    assert "5 points were added to its design; `gsa resume` goes on with it" in err
+
+
+def test_ctrl_c_ends_a_study_and_says_how_to_go_on(tmp_path, definition):
+    out = tmp_path / "study"
+    process = _start(
+        *("run", "--samples", "400", "--test", "2", "--duration", "0.5", "--inputs", definition),
+        *("--method", "prs", "--out", str(out)),
+    )
+    end = time.monotonic() + 120.0
+    while True:
+        assert time.monotonic() < end
+        assert process.poll() is None
+        time.sleep(0.05)
+        if (out / "store.sqlite").is_file():
+            with Store.open(out / "store.sqlite") as store:
+                if store.counts().done >= 2:
+                    break
+    process.send_signal(signal.SIGINT)
+    stdout, err = process.communicate(timeout=60)
+    assert process.returncode == 130
+    assert stdout == ""
+    assert err.split("\n") == [f"interrupted; what finished is stored: tbm-monitor gsa resume --out {out}", ""]
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (("--outputs", "MF_M,rms_nose_x"), "unknown output 'rms_nose_x'"),
+        (("--outputs", "MF_M,MF_M"), "output MF_M is given twice"),
+        (("--outputs", "rms_shield_x"), "duration 0.02 s: statistics of accelerations need at least 1 s"),
+        (("--design", "grid"), "unknown design 'grid'; available: lhs, lhs-discrepancy, lhs-maximin, sobol"),
+        (("--inputs", "none.yaml"), "none.yaml: cannot be read"),
+        (("--samples", "5"), "10"),
+        (("--high-hz", "6000"), "upper limit of the band 6000 Hz, allowed: 1 to below 5000 Hz"),
+        (("--machine", "none"), "no such machine"),
+    ],
+)
+def test_bad_input_is_one_line_and_leaves_no_folder(tmp_path, typed, arguments, message):
+    code, out, err = typed("run", *QUICK, *arguments, "--out", str(tmp_path / "study"))
+    assert (code, out) == (2, "")
+    assert message in err
+    assert err.count("\n") == 1
+    assert not (tmp_path / "study").exists()
+
+
+def test_a_range_that_no_machine_allows_is_refused_before_the_campaign(tmp_path, typed):
+    path = tmp_path / "study.yaml"
+    path.write_text("inputs: {x6: {lower: 0.2, upper: 0.6}}")
+    code, _, err = typed("run", *QUICK, "--inputs", str(path), "--out", str(tmp_path / "study"))
+    assert code == 2
+    assert "input x6 at 0.6" in err
+
+
+def test_there_is_nothing_to_extend(tmp_path, typed):
+    code, _, err = typed("extend", "--samples", "5", "--out", str(tmp_path))
+    assert code == 2
+    assert "store.sqlite: no such store" in err
+
+
+def test_a_store_of_an_earlier_format_is_refused(tmp_path, typed):
+    connection = sqlite3.connect(tmp_path / "store.sqlite")
+    connection.executescript("CREATE TABLE problem (key, value); INSERT INTO problem VALUES ('format', '1')")
+    connection.close()
+    code, _, err = typed("resume", "--out", str(tmp_path))
+    assert code == 2
+    assert "store.sqlite: written in format 1; this version reads 2 only: run the study again" in err
+    assert err.count("\n") == 1
