@@ -29,13 +29,15 @@ REQUIRED = [
     "matplotlib>=3.8",
 ]
 ROS_WHEELS = [f"ros-jazzy-{name}; {ON_WHEEL_PLATFORM}" for name in ("rclpy", "common-interfaces", "rmw-fastrtps-cpp")]
-NODES = ("load_node", "dynamics_node", "analysis_node", "bag_player", "bag_recorder")
+NODES = ("load_node", "dynamics_node", "analysis_node", "live_view", "bag_player", "bag_recorder")
 CLUSTER = ["distributed>=2024.1"]
 # Formats of `tbm-monitor bag import` beside CSV, WAV and MATLAB up to 7.2.
 IMPORT = ["nptdms>=1.9", "asammdf>=8.0", "h5py>=3.10"]
+LIVE = ["foxglove-sdk>=0.14"]
 TEST = [
     *CLUSTER,
     *IMPORT,
+    *LIVE,
     "pytest>=8",
     "hypothesis>=6.90",
     "mcap-ros2-support>=0.5",
@@ -43,6 +45,9 @@ TEST = [
     "ruff>=0.6",
     "import-linter>=2.0",
     "smt>=2.6",
+    "colcon-ros>=0.5",
+    "psutil>=5.9",
+    "websockets>=13",
     "types-PyYAML",
 ]
 
@@ -54,7 +59,8 @@ def data_files() -> list[tuple[str, list[str]]]:
         ("share/ament_index/resource_index/packages", [f"resource/{PACKAGE}"]),
         (share, ["package.xml"]),
     ]
-    for folder in ("launch", "config", "config/layouts", *(str(p.relative_to(HERE)) for p in (HERE / "bags").glob("*") if p.is_dir())):
+    bags = sorted(str(path.relative_to(HERE)) for path in (HERE / "bags").glob("*") if path.is_dir())
+    for folder in ("launch", "config", "config/layouts", *bags):
         files = sorted(str(p.relative_to(HERE)) for p in (HERE / folder).glob("*") if p.is_file())
         groups.append((f"{share}/{folder}", files))
     return groups
@@ -80,7 +86,7 @@ setup(
     data_files=data_files(),
     zip_safe=False,
     install_requires=REQUIRED + ROS_WHEELS,
-    extras_require={"cluster": CLUSTER, "import": IMPORT, "test": TEST},
+    extras_require={"cluster": CLUSTER, "import": IMPORT, "live": LIVE, "test": TEST},
     entry_points={
         "console_scripts": [
             "tbm-monitor = tbm_gsa.cli.main:main",

@@ -14,6 +14,8 @@ from pathlib import Path
 from types import TracebackType
 from typing import Self
 
+from tbm_gsa.nodes.start import WITH_PARENT
+
 _GRACE_S = 5.0
 _ENDING = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 _START = "tbm_gsa.nodes.start"
@@ -39,24 +41,26 @@ class NodeCommand:
         Python module that runs it.
     parameters : mapping
         ROS parameters.
+    file : Path, optional
+        Parameter file; where both name a parameter, `parameters` hold.
     """
 
     name: str
     module: str
     parameters: Mapping[str, ParameterValue] = field(default_factory=dict)
+    file: Path | None = None
 
     def arguments(self) -> list[str]:
-        """Command line of the process."""
-        given = [part for key, value in self.parameters.items() for part in ("-p", f"{key}:={_literal(value)}")]
-        return [sys.executable, "-m", _START, self.module, *(["--ros-args", *given] if given else [])]
+        """Command line of the process, which ends with the one that starts it."""
+        given = ["--params-file", str(self.file)] if self.file else []
+        given += [part for key, value in self.parameters.items() for part in ("-p", f"{key}:={_literal(value)}")]
+        return [sys.executable, "-m", _START, WITH_PARENT, self.module, *(["--ros-args", *given] if given else [])]
 
 
 def _literal(value: ParameterValue) -> str:
     """YAML of a parameter value; strings are quoted so that a name like `1e3` or a path stays a string."""
     if isinstance(value, bool):
         return str(value).lower()
-    if isinstance(value, list):
-        return f"[{','.join(map(_literal, value))}]"
     if isinstance(value, str):
         return "'" + value.replace("'", "''") + "'"
     if isinstance(value, list):
@@ -100,9 +104,10 @@ class NodeProcesses:
     def start(self, command: NodeCommand) -> None:
         """Start a node; its output goes to its log file."""
         with self._log(command.name).open("wb") as log:
-            # A session of its own: Ctrl-C reaches the command line only, which then ends the nodes in order.
+            # A session of its own: Ctrl-C reaches the command line only, which then ends the nodes in order. Its end
+            # of the pipe closes with it, and tells them when it is killed.
             self._running[command.name] = subprocess.Popen(  # noqa: S603 - our own command line
-                command.arguments(), stdin=subprocess.DEVNULL, stdout=log, stderr=log, start_new_session=True
+                command.arguments(), stdin=subprocess.PIPE, stdout=log, stderr=log, start_new_session=True
             )
 
     def running(self, name: str) -> bool:
@@ -140,6 +145,8 @@ class NodeProcesses:
             except subprocess.TimeoutExpired:
                 process.kill()
                 process.wait()
+            if process.stdin:
+                process.stdin.close()
 
     def _log(self, name: str) -> Path:
         return self._folder / f"{name}.log"

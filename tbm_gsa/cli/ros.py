@@ -13,6 +13,7 @@ if TYPE_CHECKING:
 LOAD_NODE = "tbm_dynamics.nodes.load_node"
 DYNAMICS_NODE = "tbm_dynamics.nodes.dynamics_node"
 ANALYSIS_NODE = "tbm_gsa.nodes.analysis_node"
+LIVE_VIEW = "tbm_gsa.nodes.live_view"
 BAG_PLAYER = "tbm_msgs_py.nodes.bag_player"
 BAG_RECORDER = "tbm_msgs_py.nodes.bag_recorder"
 

@@ -28,7 +28,7 @@ from tbm_gsa.cli.output import (
     results,
 )
 from tbm_gsa.cli.processes import NodeCommand, NodeProcesses, ParameterValue, keep_discovery_local
-from tbm_gsa.cli.ros import ANALYSIS_NODE, DYNAMICS_NODE, LOAD_NODE, watch
+from tbm_gsa.cli.ros import ANALYSIS_NODE, DYNAMICS_NODE, LIVE_VIEW, LOAD_NODE, watch
 from tbm_gsa.cli.simulate import schedule_of
 from tbm_msgs_py import topics
 
@@ -50,6 +50,17 @@ def run(
     schedule: Annotated[Path | None, SCHEDULE_OPTION] = None,
     schedule_column: Annotated[list[str] | None, COLUMN_OPTION] = None,
     schedule_where: Annotated[list[str] | None, WHERE_OPTION] = None,
+    params: Annotated[
+        Path | None,
+        typer.Option(
+            exists=True,
+            dir_okay=False,
+            help="ROS parameter file of the nodes; --machine, --seed, --loads and --out hold whatever it says.",
+        ),
+    ] = None,
+    foxglove: Annotated[
+        int | None, typer.Option(min=1, max=65535, help="Show all to Foxglove at this port of this computer.")
+    ] = None,
     out: Annotated[Path, typer.Option(help="Folder for logs and studies.")] = Path("tbm_run"),
     json: Annotated[bool, JSON_OPTION] = False,
 ) -> None:
@@ -65,8 +76,10 @@ def run(
         driven |= {"schedule_where": schedule_where or [""]}
     start = time.monotonic()
     with watch(described.description.test_points) as watching, NodeProcesses(out / "logs") as nodes:
-        for command in node_commands(machine, seed, out, driven):
+        for command in node_commands(machine, seed, out, driven, params):
             nodes.start(command)
+        if foxglove:
+            nodes.start(NodeCommand("live_view", LIVE_VIEW, {"port": foxglove}))
         first_block = _wait_for_blocks(watching, nodes, start)
         stopped = _follow(watching, nodes, duration)
     document = run_document(watching, first_block)
@@ -79,17 +92,20 @@ def run(
 
 
 def node_commands(
-    machine: str, seed: int, out: Path, driven: Mapping[str, ParameterValue] = MappingProxyType({})
+    machine: str,
+    seed: int,
+    out: Path,
+    driven: Mapping[str, ParameterValue] = MappingProxyType({}),
+    params: Path | None = None,
 ) -> list[NodeCommand]:
-    """Give the three nodes on the computer's clock; `driven` are parameters of the load node."""
+    """Give the three nodes on the computer's clock; `driven` are parameters of the load node, `params` a file."""
     common: dict[str, ParameterValue] = {"machine": machine, "seed": seed, "loads": driven.get("loads", "spectral")}
+    analysis: dict[str, ParameterValue] = {"machine": machine, "gsa.seed": seed, "gsa.folder": str(out / "studies")}
     return [
-        NodeCommand(
-            "analysis_node", ANALYSIS_NODE, {"machine": machine, "gsa.seed": seed, "gsa.folder": str(out / "studies")}
-        ),
-        NodeCommand("dynamics_node", DYNAMICS_NODE, common),
+        NodeCommand("analysis_node", ANALYSIS_NODE, analysis, params),
+        NodeCommand("dynamics_node", DYNAMICS_NODE, common, params),
         # Dynamics and this process: both see the stream from its first block.
-        NodeCommand("load_node", LOAD_NODE, {**common, **driven, "wait_for_subscribers": 2}),
+        NodeCommand("load_node", LOAD_NODE, {**common, **driven, "wait_for_subscribers": 2}, params),
     ]
 
 

@@ -12,6 +12,7 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any, Literal
 
+from tbm_gsa.nodes.start import WITH_PARENT
 from tbm_gsa.study.errors import StudyError
 from tbm_gsa.study.run import REPORT_NAME, RESULT_NAME, STORE_NAME
 from tbm_gsa.study.store import Store
@@ -80,14 +81,16 @@ class GsaProcess:
             return False
         options = self.options
         folder = _new_folder(options.folder)
-        command = [sys.executable, "-m", "tbm_gsa.cli.main", "gsa", "run", "--machine", options.machine]
+        command = [sys.executable, "-m", "tbm_gsa.nodes.start", WITH_PARENT, "tbm_gsa.cli.main"]
+        command += ["gsa", "run", "--machine", options.machine]
         command += ["--samples", str(options.samples), "--test", str(options.test), "--out", str(folder)]
         command += ["--duration", str(options.duration), "--seed", str(options.seed), "--workers", str(options.workers)]
         with (folder / _LOG_NAME).open("wb") as log:
-            # A group of its own: Ctrl-C at the terminal reaches the node, which then ends this one in order.
+            # A group of its own: Ctrl-C at the terminal reaches the node, which then ends this one in order. The pipe
+            # closes with the node, so that a node that was killed leaves nothing running behind.
             self._process = subprocess.Popen(  # noqa: S603 - our own command line
                 [*command, "--json"],
-                stdin=subprocess.DEVNULL,
+                stdin=subprocess.PIPE,
                 stdout=subprocess.DEVNULL,
                 stderr=log,
                 start_new_session=True,
@@ -101,8 +104,10 @@ class GsaProcess:
             return self.status
         done, failed = _counts(self.status.folder / STORE_NAME)
         code = self._process.poll()
-        state: State = "running" if code is None else "finished" if code == 0 else "failed"
-        reason = self.status.reason if code is None or code == 0 else f"{_end(code)}: {_last_line(self.status.folder)}"
+        # A signal while it still imports ends it with code 0, too.
+        finished = code == 0 and (self.status.folder / RESULT_NAME).is_file()
+        state: State = "running" if code is None else "finished" if finished else "failed"
+        reason = f"{_end(code)}: {_last_line(self.status.folder)}" if state == "failed" else self.status.reason
         self.status = GsaStatus(state, reason, done, self.status.total, failed, self.status.folder)
         return self.status
 
@@ -152,9 +157,9 @@ def _counts(store: Path) -> tuple[int, int]:
     return counts.done, counts.failed
 
 
-def _end(code: int) -> str:
+def _end(code: int | None) -> str:
     """How a process ended that did not end well."""
-    return f"killed by {signal.Signals(-code).name}" if code < 0 else f"exit code {code}"
+    return f"killed by {signal.Signals(-code).name}" if code and code < 0 else f"exit code {code}"
 
 
 def _last_line(folder: Path) -> str:

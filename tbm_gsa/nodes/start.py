@@ -1,7 +1,8 @@
-"""Start of a node's process: SIGINT and SIGTERM end it cleanly from the first moment, while it still imports.
+"""Start of a process of the monitor: SIGINT and SIGTERM end it cleanly from the first moment, while it still imports.
 
-`python -m tbm_gsa.nodes.start <module> …`, or an executable of the name of a node. Nothing here may import anything
-that takes time: with it the process would die of a signal, or show a traceback, until the node has taken over.
+`python -m tbm_gsa.nodes.start [--with-parent] <module> …`, or an executable of the name of a node. Nothing here may
+import anything that takes time: with it the process would die of a signal, or show a traceback, until the module has
+taken over.
 """
 
 from __future__ import annotations
@@ -9,6 +10,7 @@ from __future__ import annotations
 import os
 import signal
 import sys
+import threading
 from importlib import import_module
 from pathlib import Path
 from types import FrameType
@@ -19,15 +21,23 @@ NODES = {
     "load_node": "tbm_dynamics.nodes.load_node",
     "dynamics_node": "tbm_dynamics.nodes.dynamics_node",
     "analysis_node": "tbm_gsa.nodes.analysis_node",
+    "live_view": "tbm_gsa.nodes.live_view",
     "bag_player": "tbm_msgs_py.nodes.bag_player",
     "bag_recorder": "tbm_msgs_py.nodes.bag_recorder",
 }
+WITH_PARENT = "--with-parent"
 
 
 def main() -> NoReturn:
-    """Start the node that the executable is named after, or the module that the first argument names."""
+    """Start the node that the executable is named after, or the module that the first argument names.
+
+    With ``--with-parent`` before the module, stdin is a pipe that the parent holds open, and the process ends with it.
+    """
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, _end)
+    if sys.argv[1:2] == [WITH_PARENT]:
+        del sys.argv[1]
+        threading.Thread(target=_end_with_parent, daemon=True).start()
     module = NODES.get(Path(sys.argv[0]).name) or sys.argv.pop(1)
     sys.exit(import_module(module).main())
 
@@ -35,6 +45,13 @@ def main() -> NoReturn:
 def _end(_number: int, _frame: FrameType | None) -> NoReturn:
     """End at once: there is nothing to release yet, and threads of a half-imported library would be waited for."""
     os._exit(0)
+
+
+def _end_with_parent() -> None:
+    """Ask for an end in order when the parent is gone, however it went."""
+    while os.read(0, 1024):
+        pass
+    os.kill(os.getpid(), signal.SIGTERM)
 
 
 if __name__ == "__main__":

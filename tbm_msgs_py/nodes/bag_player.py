@@ -27,7 +27,8 @@ DELIVERY = 2.0  # s that subscribers get to acknowledge the last messages
 
 PARAMETERS = (
     Parameter("bag", "", "rosbag2 folder or bare .mcap file"),
-    Parameter("rate", 1.0, "playing speed, times real time", 0.1, 10.0),
+    Parameter("rate", 1.0, "playing speed, times real time", 0.1, 10.0, changes="running"),
+    Parameter("paused", False, "stand still, the clock too", changes="running"),
     Parameter("loop", False, "start again at the end"),
     Parameter("start", 0.0, "offset of the first message played, s", minimum=0.0),
     Parameter("duration", 0.0, "recorded time played, s; 0 for all", minimum=0.0),
@@ -76,7 +77,7 @@ class BagPlayer(ManagedNode):
         self._loops = 0
         self._rewind()
         self._waiting_until = time.monotonic() + self.value("wait_timeout")
-        self._zero: int | None = None  # monotonic ns at which the playing began
+        self._playing = False
         self._count = 0
         # The wall timer must not follow the clock that this node publishes.
         self._timer = self.create_timer(TICK, self._tick, clock=Clock(clock_type=ClockType.STEADY_TIME))
@@ -99,10 +100,7 @@ class BagPlayer(ManagedNode):
             self._timer = None
 
     def cleanup(self) -> None:
-        """Destroy the publishers."""
-        for publisher in (*self._publishers_by_topic.values(), self._clock_publisher):
-            if publisher is not None:
-                self.destroy_publisher(publisher)
+        """Forget the publishers."""
         self._publishers_by_topic, self._clock_publisher = {}, None
 
     def _create_publishers(self, recorded: dict[Topic, int]) -> None:
@@ -127,21 +125,25 @@ class BagPlayer(ManagedNode):
             raise RecordingError(f"{self._bag.path}: no topic can be played")
 
     def _tick(self) -> None:
-        if self._zero is None and not self._ready():
+        if not self._playing and not self._ready():
             self._publish_clock(self._start_ns)
             return
-        zero = self._begin() if self._zero is None else self._zero
-        now = self._start_ns + round((time.monotonic_ns() - zero) * self.value("rate"))
-        self._publish_until(min(now, self._end_ns))
-        self._publish_clock(min(now, self._end_ns))
+        if not self._playing:
+            self._begin()
+        before, self._ticked = self._ticked, time.monotonic_ns()
+        if not self.value("paused"):
+            self._now_ns += round((self._ticked - before) * self.value("rate"))
+        now = min(self._now_ns, self._end_ns)
+        self._publish_until(now)
+        self._publish_clock(now)
         if self._next is None:
             self._finished()
 
-    def _begin(self) -> int:
+    def _begin(self) -> None:
         for message in self._before_start:
             self._publish(message)
-        self._zero = time.monotonic_ns()
-        return self._zero
+        self._now_ns, self._ticked = self._start_ns, time.monotonic_ns()
+        self._playing = True
 
     def _ready(self) -> bool:
         wanted = self.value("wait_for_subscribers")

@@ -8,7 +8,9 @@ import rclpy
 from diagnostic_msgs.msg import DiagnosticArray
 from lifecycle_msgs.srv import ChangeState, GetState
 from processes import DEADLINE, wait_for
+from rcl_interfaces.srv import SetParameters
 from rclpy.executors import SingleThreadedExecutor
+from rclpy.parameter import Parameter
 
 from tbm_msgs_py.nodes import messages, qos
 
@@ -23,7 +25,7 @@ class Peer:
         self.node = rclpy.create_node("peer", namespace="/tbm")
         self.executor = SingleThreadedExecutor()
         self.executor.add_node(self.node)
-        self.diagnostics = {}
+        self.diagnostics, self.said = {}, {}  # by status name: the latest, and every text
         self.node.create_subscription(DiagnosticArray, "/diagnostics", self._on_diagnostics, qos.DIAGNOSTICS)
         self._clients = {}
         return self
@@ -36,6 +38,7 @@ class Peer:
     def _on_diagnostics(self, message):
         for status in message.status:
             self.diagnostics[status.name] = Status(status)
+            self.said.setdefault(status.name, []).append(status.message)
 
     def spin(self):
         self.executor.spin_once(timeout_sec=0.02)
@@ -75,6 +78,14 @@ class Peer:
 
     def text(self, status):
         return self.diagnostics[status].message if status in self.diagnostics else ""
+
+    def set_parameters(self, node, **values):
+        """Reasons why parameters were not set; dots of a name are double underscores."""
+        request = SetParameters.Request()
+        for name, value in values.items():
+            request.parameters.append(Parameter(name.replace("__", "."), value=value).to_parameter_msg())
+        results = self.call(SetParameters, f"{node}/set_parameters", request).results
+        return [result.reason for result in results if not result.successful]
 
     def transition(self, node, name):
         request = ChangeState.Request()

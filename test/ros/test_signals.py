@@ -8,7 +8,7 @@ import pytest
 
 pytest.importorskip("rclpy")
 
-from processes import NodeProcess, wait_for  # noqa: E402
+from processes import NodeProcess, wait_for
 
 pytestmark = pytest.mark.ros
 

@@ -1,0 +1,234 @@
+"""The system under faults: each is on `/diagnostics` within two windows and gone when it is over; no state jumps."""
+
+import signal
+from functools import partial
+
+import numpy as np
+import pytest
+
+rclpy = pytest.importorskip("rclpy")
+
+from conftest import node_runner  # noqa: E402
+from peer import Peer, alive, children, stamps  # noqa: E402
+from processes import wait_for  # noqa: E402
+from sensor_msgs.msg import PointCloud2  # noqa: E402
+from std_srvs.srv import Trigger  # noqa: E402
+
+from tbm_dynamics import load_machine, simulate  # noqa: E402
+from tbm_msgs_py import ACCELERATION, LOADS  # noqa: E402
+from tbm_msgs_py.nodes import messages, qos  # noqa: E402
+from tbm_msgs_py.topics import TEST_POINTS, WINDOW  # noqa: E402
+
+pytestmark = pytest.mark.ros
+
+LOAD_NODE, DYNAMICS_NODE = "tbm_dynamics.nodes.load_node", "tbm_dynamics.nodes.dynamics_node"
+ANALYSIS_NODE = "tbm_gsa.nodes.analysis_node"
+DYNAMICS = "tbm: dynamics"
+OK, WARN, ERROR, STALE = range(4)
+SEED = 7
+STATUS_S = 1.0  # between messages on /diagnostics
+
+
+class Field:
+    """Sensors that measure what the model says, 10 % less; each can be spoilt."""
+
+    def __init__(self, peer):
+        self._peer = peer
+        self._send = {p: self._publisher(peer.node, p) for p in TEST_POINTS}
+        self.spoilt = {}
+        for point in TEST_POINTS:
+            callback = partial(self._measure, point)
+            peer.node.create_subscription(PointCloud2, f"/tbm/model/{point}/block", callback, qos.BLOCK)
+
+    def _publisher(self, node, point):
+        return node.create_publisher(PointCloud2, f"/tbm/field/{point}/block", qos.BLOCK)
+
+    def _measure(self, point, message):
+        block = messages.block_from(message)
+        self.spoilt.get(point, sound)(self._send[point], point, block.stamp_ns, block.offsets, 0.9 * block.values)
+
+    def second(self, node, point):
+        """Fault: another node sends the same."""
+        other = self._publisher(node, point)
+        return lambda send, *block: (sound(send, *block), sound(other, *block))
+
+
+def sound(send, point, stamp, offsets, values, layout=ACCELERATION):
+    send.publish(messages.block(layout, stamp, offsets, values, point))
+
+
+def in_g(send, point, stamp, offsets, values):
+    sound(send, point, stamp, offsets, values / 9.80665)
+
+
+def not_finite(send, point, stamp, offsets, values):
+    sound(send, point, stamp, offsets, np.where(np.arange(len(values))[:, None] == 7, np.nan, values))
+
+
+def wrong_frame(send, point, stamp, offsets, values):
+    sound(send, "shield", stamp, offsets, values)
+
+
+def wrong_fields(send, point, stamp, offsets, values):
+    sound(send, point, stamp, offsets, np.tile(values, 2), LOADS)
+
+
+def wrong_rate(send, point, stamp, offsets, values):
+    sound(send, point, stamp, 2.0 * offsets, values)
+
+
+def silent(*_):
+    """Nothing comes."""
+
+
+@pytest.fixture(scope="module")
+def system(tmp_path_factory):
+    """Loads, dynamics and analysis with a field; the tests share them and leave them sound."""
+    with Peer() as peer, node_runner(tmp_path_factory.mktemp("nodes")) as run_node:
+        yield System(peer, run_node, tmp_path_factory.mktemp("studies"))
+
+
+class System:
+    def __init__(self, peer, run_node, studies):
+        self.peer, self._run, self._studies = peer, run_node, studies
+        self.meshes = peer.listen(PointCloud2, "/tbm/model/mesh_forces", qos.BLOCK)
+        self.loads = peer.listen(PointCloud2, "/tbm/loads/block", qos.BLOCK)
+        self.field = Field(peer)
+        self.nodes = {}
+        for name in ("analysis", "dynamics", "loads"):
+            self.start(name)
+        self.wait_until_sound()
+
+    def start(self, name):
+        parameters = {
+            "analysis": {"gsa.on_threshold": False, "gsa.samples": 2000, "gsa.folder": self._studies},
+            "dynamics": {"seed": SEED},
+            "loads": {"seed": SEED, "wait_for_subscribers": 2},  # the dynamics and this process
+        }
+        module = {"analysis": ANALYSIS_NODE, "dynamics": DYNAMICS_NODE, "loads": LOAD_NODE}
+        self.nodes[name] = self._run(module[name], **parameters[name])
+
+    def kill(self, name):
+        self.nodes[name].send(signal.SIGKILL)
+        assert self.nodes[name].exit_code() == -signal.SIGKILL
+
+    def level(self, status):
+        return self.peer.diagnostics[status].level if status in self.peer.diagnostics else None
+
+    def shows(self, faults):
+        """Whether `/diagnostics` shows the faults (level, text) by status, and all else as sound."""
+        for name in (DYNAMICS, "tbm: loads", *map(comparison, TEST_POINTS)):
+            level, text = faults.get(name, (OK, ""))
+            if self.level(name) != level or text not in self.peer.text(name):
+                return False
+        return True
+
+    def wait_until_sound(self):
+        self.peer.wait_for(lambda: self.shows({}))
+
+    def has_fault_for(self, spoilt, faults):
+        """Let sensors err: faults are shown, and gone afterwards, within two windows of the stream's time."""
+        for change, expected in ((spoilt, faults), ({}, {})):
+            self.field.spoilt = change
+            since = stamps(self.meshes)[-1]
+            self.peer.wait_for(lambda expected=expected: self.shows(expected))
+            # The first window in which something is wrong from its beginning, two of them, and the next message.
+            assert (stamps(self.meshes)[-1] - since) * 1e-9 < WINDOW + 2.0 * WINDOW + 2.0 * STATUS_S
+
+
+def comparison(point):
+    return f"tbm: comparison {point}"
+
+
+def test_sensors_that_err(system):
+    spoilt = {
+        "cutterhead": wrong_rate,
+        "shield": in_g,
+        "walkway": wrong_fields,
+        "girder": not_finite,
+        "gripper": wrong_frame,
+    }
+    faults = {
+        "cutterhead": (WARN, "samples of the field late or twice: another rate than declared"),
+        "shield": (WARN, "0.102 times the model on all axes: values in g?"),
+        "walkway": (ERROR, "block channels fx fy fz mx my mz, allowed: ax ay az; not used"),
+        "girder": (WARN, "samples of the field that are not finite"),
+        "gripper": (ERROR, "frame_id shield, allowed: gripper"),
+    }
+    system.has_fault_for(spoilt, {comparison(point): fault for point, fault in faults.items()})
+
+
+def test_two_publishers_and_none(system):
+    other = rclpy.create_node("other_rig")
+    spoilt = {"shield": system.field.second(other, "shield"), "girder": silent}
+    faults = {
+        comparison("shield"): (WARN, "2 publishers on field/shield/block, other_rig, peer"),
+        comparison("girder"): (STALE, "no signal of the field for"),
+    }
+    system.has_fault_for(spoilt, faults)
+    other.destroy_node()
+
+
+def test_loads_of_others_change_no_bit_of_the_run(system):
+    peer = system.peer
+    machine = load_machine("dz101")
+    publisher = peer.publisher(PointCloud2, "/tbm/loads/block", qos.BLOCK)
+    values, steps = np.ones((500, 6)), np.arange(500) * 1e-4
+    for wrong, reason in (
+        ({"values": np.full((500, 6), np.nan)}, "not finite"),
+        ({"values": values[:, :3], "layout": ACCELERATION}, "block channels ax ay az"),
+        ({"values": values, "frame": "girder"}, "block frame_id girder, allowed: cutterhead"),
+        ({"values": values, "spacing": 2.0}, "load_rate 10000 Hz needs 0.0001 s"),
+        ({"values": values, "late": 70_000_000}, "blocks behind the stream dropped: 2 publishers, load_node, peer"),
+    ):
+        before = len(peer.said[DYNAMICS])
+
+        def send(wrong=wrong):
+            stamp = stamps(system.meshes)[-1] - wrong.get("late", 0)
+            offsets = steps * wrong.get("spacing", 1.0)
+            layout = wrong.get("layout", LOADS)
+            publisher.publish(messages.block(layout, stamp, offsets, wrong["values"], wrong.get("frame", "")))
+            peer.spin_for(0.05)
+
+        wait_for(lambda before=before, reason=reason: any(reason in t for t in peer.said[DYNAMICS][before:]), step=send)
+        assert system.level(DYNAMICS) == WARN
+    peer.node.destroy_publisher(publisher)
+    system.wait_until_sound()
+    assert (peer.value(DYNAMICS, "restarts"), peer.value(DYNAMICS, "lost_steps")) == ("0", "0")
+    epoch = stamps(system.loads)[0]
+    response = simulate(machine, duration=(stamps(system.meshes)[-1] - epoch) / 1e9 + 0.05, seed=SEED)
+    for message in system.meshes:
+        block = messages.block_from(message)
+        first = (block.stamp_ns - epoch) // 200_000
+        assert np.array_equal(block.values, response.mesh_force[::2][first : first + 250]), f"at sample {first}"
+
+
+def test_nodes_killed_and_started_again(system):
+    peer = system.peer
+    signals = {comparison(point): (STALE, "no signal of the") for point in TEST_POINTS}
+    for name, shown in (
+        ("dynamics", signals),
+        ("loads", {DYNAMICS: (ERROR, "no block on loads/block for"), **signals}),
+    ):
+        system.kill(name)
+        own = {"dynamics": DYNAMICS, "loads": "tbm: loads"}[name]
+        peer.diagnostics.pop(own)  # what is dead says nothing more
+        peer.wait_for(
+            lambda shown=shown: all(
+                system.level(status) == level and text in peer.text(status) for status, (level, text) in shown.items()
+            )
+        )
+        system.start(name)
+        system.wait_until_sound()
+    assert peer.value(DYNAMICS, "restarts") == "1"
+
+    assert peer.call(Trigger, "/tbm/analysis/run_gsa").success
+    analysis = system.nodes["analysis"]
+    peer.wait_for(lambda: len(children(analysis.process.pid)) >= 3)  # the study and its workers
+    study = children(analysis.process.pid)
+    system.kill("analysis")
+    wait_for(lambda: not any(map(alive, study)))
+    for point in TEST_POINTS:
+        peer.diagnostics.pop(comparison(point))
+    system.start("analysis")
+    system.wait_until_sound()

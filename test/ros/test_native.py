@@ -1,0 +1,158 @@
+"""What a native install gets: `colcon build`, launch files, parameters, layouts, the systemd unit."""
+
+import ast
+import configparser
+import json
+import os
+import re
+import shutil
+import signal
+import subprocess
+import sys
+from importlib import import_module
+from pathlib import Path
+from xml.etree import ElementTree
+
+import pytest
+import yaml
+
+rclpy = pytest.importorskip("rclpy")
+
+from processes import wait_for  # noqa: E402
+
+from tbm_gsa.cli.main import app  # noqa: E402
+from tbm_gsa.nodes.start import NODES  # noqa: E402
+from tbm_msgs_py import topics  # noqa: E402
+from tbm_msgs_py.nodes.parameters import AUTOSTART  # noqa: E402
+
+SOURCE = Path(__file__).parents[2]
+LAUNCH, CONFIG = SOURCE / "launch", SOURCE / "config"
+PARAMETERS = {
+    node: {parameter.name: parameter for parameter in (AUTOSTART, *import_module(module).PARAMETERS)}
+    for node, module in NODES.items()
+}
+LIVE = (topics.LOADS_WRENCH, topics.MODEL_DRIVES, topics.GSA_STATUS, topics.DIAGNOSTICS)
+POINTS = [topics.model_accel(point) for point in topics.TEST_POINTS]
+ANALYSIS = [topics.analysis(point, q) for point in topics.TEST_POINTS for q in topics.ANALYSIS_QUANTITIES]
+SHOWN = {topics.absolute(name) for name in (*LIVE, *POINTS, *ANALYSIS)}
+
+
+@pytest.fixture(scope="module")
+def built(tmp_path_factory):
+    """Prefix that `colcon build` installs into, from a copy of the sources."""
+    folder = tmp_path_factory.mktemp("workspace")
+    leave = shutil.ignore_patterns(".*", "build", "dist", "*.egg-info", "__pycache__", "docs", "test", "benchmarks")
+    shutil.copytree(SOURCE, folder / "src" / "tbm_monitor", ignore=leave)
+    command = [sys.executable, "-m", "colcon", "--log-base", "log", "build", "--paths", "src/tbm_monitor"]
+    done = subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stdout + done.stderr
+    return folder / "install" / "tbm_monitor"
+
+
+def test_colcon_installs_what_ros2_run_and_launch_look_for(built):
+    executables = built / "lib" / "tbm_monitor"
+    assert {*NODES, "tbm-monitor"} == {file.name for file in executables.iterdir()}
+    share = built / "share" / "tbm_monitor"
+    assert (built / "share/ament_index/resource_index/packages/tbm_monitor").is_file()
+    for name in ("package.xml", "launch/tbm_monitor.launch.py", "config/nodes.yaml", "config/layouts/foxglove.json"):
+        assert (share / name).is_file(), name
+    assert (share / "bags" / "field_dz101" / "metadata.yaml").is_file()
+
+
+@pytest.mark.ros
+@pytest.mark.parametrize("node", NODES)
+def test_what_colcon_installed_starts_and_ends(built, tmp_path, node):
+    (packages,) = built.glob("lib/python*/site-packages")
+    environment = {**os.environ, "PYTHONPATH": str(packages)}
+    command = [built / "lib" / "tbm_monitor" / node, "--ros-args", "-p", "autostart:=false"]
+    log = tmp_path / "log"
+    with log.open("wb") as output:
+        process = subprocess.Popen(command, cwd=tmp_path, env=environment, stdout=output, stderr=subprocess.STDOUT)
+    with rclpy.context.Context() as context:
+        watching = rclpy.create_node("watching", context=context)
+        try:
+            wait_for(lambda: node in watching.get_node_names())
+        finally:
+            process.send_signal(signal.SIGTERM)
+            code = process.wait(10.0)
+            watching.destroy_node()
+    assert (code, log.read_text()) == (0, "")
+
+
+def test_the_launch_files_name_nodes_and_parameters_that_there_are():
+    described = yaml.safe_load((LAUNCH / "tbm_monitor.launch.yaml").read_text())["launch"]
+    launched = [entry["node"] for entry in described if "node" in entry]
+    assert [node["exec"] for node in launched] == [node["name"] for node in launched]
+    assert all(node["pkg"] == "tbm_monitor" for node in launched)
+    names = {node["exec"] for node in launched}
+    assert names == {"load_node", "dynamics_node", "analysis_node"} <= set(NODES)
+    arguments = {entry["arg"]["name"] for entry in described if "arg" in entry}
+    used = set(re.findall(r"\$\(var (\w+)\)", (LAUNCH / "tbm_monitor.launch.yaml").read_text()))
+    assert arguments == used
+
+    tree = ast.parse((LAUNCH / "tbm_monitor.launch.py").read_text())
+    (nodes,) = [s.value for s in tree.body if isinstance(s, ast.Assign) and s.targets[0].id == "NODES"]
+    assert set(ast.literal_eval(nodes)) == names
+    calls = [call for call in ast.walk(tree) if isinstance(call, ast.Call) and isinstance(call.func, ast.Name)]
+    for kind in ("DeclareLaunchArgument", "LaunchConfiguration"):
+        assert {call.args[0].value for call in calls if call.func.id == kind} == arguments
+
+
+def test_the_launch_file_is_one_where_launch_is_there():
+    pytest.importorskip("launch_ros")
+    code = compile((LAUNCH / "tbm_monitor.launch.py").read_text(), "tbm_monitor.launch.py", "exec")
+    scope = {}
+    exec(code, scope)
+    assert len(scope["generate_launch_description"]().entities) == 6
+
+
+def flat(parameters, prefix=""):
+    for name, value in parameters.items():
+        if isinstance(value, dict):
+            yield from flat(value, f"{prefix}{name}.")
+        else:
+            yield prefix + name, value
+
+
+def test_the_parameter_file_holds_the_defaults():
+    """But for the load node, which waits for the dynamics."""
+    for key, value in yaml.safe_load((CONFIG / "nodes.yaml").read_text()).items():
+        given = dict(flat(value["ros__parameters"]))
+        declared = PARAMETERS[key.removeprefix("/**/")]
+        assert set(given) <= set(declared)
+        assert given.pop("wait_for_subscribers", 1) == 1
+        assert given == {name: declared[name].default for name in given}
+
+
+def test_the_layouts_show_topics_of_the_contract():
+    layout = json.loads((CONFIG / "layouts" / "foxglove.json").read_text())
+    shown = set()
+    for panel in layout["configById"].values():
+        paths = [path["value"] for path in panel.get("paths", ())]
+        shown |= {path.partition(".")[0] for path in paths}
+        shown |= {panel[key] for key in ("topicToRender", "topicPath") if key in panel}
+    assert shown
+    assert shown <= SHOWN
+    panels = set(re.findall(r"\w+!\w+", json.dumps(layout["layout"])))
+    assert panels == set(layout["configById"])
+
+    curves = ElementTree.parse(CONFIG / "layouts" / "plotjuggler.xml").findall(".//curve")
+    for curve in curves:
+        assert any(curve.get("name").startswith(f"{topic}/") for topic in SHOWN), curve.get("name")
+    assert len(curves) > 10
+
+
+def test_the_systemd_unit_starts_a_command_that_there_is(tmp_path):
+    unit = configparser.RawConfigParser(strict=False)
+    unit.optionxform = str
+    unit.read(CONFIG / "tbm_monitor.service")
+    program, command, *options = unit["Service"]["ExecStart"].split()
+    assert Path(program).name == "tbm-monitor"
+    (found,) = [c for c in app.registered_commands if (c.name or c.callback.__name__) == command]
+    for option in options[::2]:
+        assert option.removeprefix("--") in found.callback.__annotations__
+    if shutil.which("systemd-analyze"):
+        copy = tmp_path / "tbm_monitor.service"
+        copy.write_text((CONFIG / "tbm_monitor.service").read_text().replace(program, sys.executable))
+        done = subprocess.run(["systemd-analyze", "verify", copy], capture_output=True, text=True, check=False)
+        assert "Unknown" not in done.stderr, done.stderr

@@ -1,0 +1,102 @@
+"""Nodes on the clock of a bag that is played fast and slowly, stands, and starts again."""
+
+import signal
+from itertools import pairwise
+
+import numpy as np
+import pytest
+
+rclpy = pytest.importorskip("rclpy")
+
+from geometry_msgs.msg import Vector3Stamped  # noqa: E402
+from peer import Peer, stamps  # noqa: E402
+from sensor_msgs.msg import PointCloud2  # noqa: E402
+
+from tbm_dynamics import load_machine, simulate  # noqa: E402
+from tbm_msgs_py import ACCELERATION, BagWriter  # noqa: E402
+from tbm_msgs_py.nodes import messages, qos  # noqa: E402
+
+pytestmark = pytest.mark.ros
+
+LOAD_NODE, DYNAMICS_NODE = "tbm_dynamics.nodes.load_node", "tbm_dynamics.nodes.dynamics_node"
+ANALYSIS_NODE, PLAYER = "tbm_gsa.nodes.analysis_node", "tbm_msgs_py.nodes.bag_player"
+START_NS = 1_700_000_000_000_000_000
+BLOCK_NS, LENGTH_S, SEED = 50_000_000, 6.0, 3
+STEP_NS = 200_000  # of the blocks of the model
+OFFSETS = np.arange(500) * 1e-4
+
+
+@pytest.fixture
+def bag(tmp_path):
+    with BagWriter(tmp_path / "bag") as writer:
+        for k in range(int(LENGTH_S * 1e9) // BLOCK_NS):
+            values = np.random.default_rng(k).standard_normal((250, 3))
+            stamp = START_NS + k * BLOCK_NS
+            writer.write_block("/tbm/field/shield/block", stamp, ACCELERATION, np.arange(250) / 5000, values)
+    return tmp_path / "bag"
+
+
+def runs(received):
+    """Blocks of each run: one ends where the time goes back."""
+    found = [[received[0]]] if received else []
+    for before, after in pairwise(received):
+        if stamps([after]) < stamps([before]):
+            found.append([])
+        found[-1].append(after)
+    return found
+
+
+def test_nodes_follow_the_clock_of_a_bag(run_node, bag):
+    with Peer() as peer:
+        loads = peer.listen(PointCloud2, "/tbm/loads/block", qos.BLOCK)
+        meshes = peer.listen(PointCloud2, "/tbm/model/mesh_forces", qos.BLOCK)
+        windows = peer.listen(Vector3Stamped, "/tbm/analysis/shield/model_rms", qos.ANALYSIS)
+        simulated = {"use_sim_time": True}
+        run_node(ANALYSIS_NODE, window=0.5, **simulated, **{"gsa.on_threshold": False})
+        run_node(DYNAMICS_NODE, seed=SEED, **simulated)
+        run_node(LOAD_NODE, seed=SEED, wait_for_subscribers=2, **simulated)
+        player = run_node(PLAYER, bag=bag, rate=0.5, loop=True)
+        peer.wait_for(lambda: len(meshes) > 5)
+
+        assert not peer.set_parameters("/tbm/bag_player", paused=True)
+        peer.wait_for(lambda: peer.text("tbm: loads") == peer.text("tbm: dynamics") == "the clock stands")
+        standing = len(meshes)
+        peer.spin_for(0.3)
+        assert len(meshes) == standing
+        assert len(runs(meshes)) == 1
+
+        assert not peer.set_parameters("/tbm/bag_player", paused=False, rate=0.1)
+        peer.wait_for(lambda: len(meshes) > standing + 1)
+        assert peer.set_parameters("/tbm/bag_player", rate=20.0), "over its range"
+        assert not peer.set_parameters("/tbm/bag_player", rate=10.0)
+        peer.wait_for(lambda: len(runs(meshes)) > 2 and len(runs(meshes)[-1]) > 10)
+        assert not peer.set_parameters("/tbm/bag_player", rate=1.0)
+        peer.wait_for(lambda: len(runs(meshes)[-1]) > 40 and len(runs(windows)) > 2)
+
+        player.send(signal.SIGTERM)  # the bag is over
+        assert player.exit_code() == 0, player.output
+        peer.wait_for(lambda: peer.text("tbm: dynamics") == "the clock stands")
+        assert any("the clock jumped" in text for text in peer.said["tbm: loads"])
+        assert int(peer.value("tbm: dynamics", "restarts")) >= 2
+
+    assert all(start % 500_000_000 == 0 and start >= START_NS - 500_000_000 for start in stamps(windows))
+    same_as_offline(loads, meshes)
+
+
+def same_as_offline(loads, meshes):
+    """Every run has the stamps of its loads and the bits of an offline run, whatever the clock did."""
+    machine = load_machine("dz101")
+    response = simulate(machine, duration=LENGTH_S + 0.5, seed=SEED)
+    offline = machine.loads(seed=SEED)
+    for driven, moved in zip(runs(loads), runs(meshes), strict=True):
+        epoch = stamps(driven)[0]
+        assert START_NS <= epoch < START_NS + LENGTH_S * 1e9
+        assert set(np.diff(stamps(driven))) <= {BLOCK_NS}
+        assert set(stamps(moved)) <= set(stamps(driven))
+        for message in driven:
+            block = messages.block_from(message)
+            assert np.array_equal(block.values, offline.evaluate((block.stamp_ns - epoch) // 100_000 * 1e-4 + OFFSETS))
+        for message in moved:
+            block = messages.block_from(message)
+            first = (block.stamp_ns - epoch) // STEP_NS
+            assert np.array_equal(block.values, response.mesh_force[::2][first : first + 250])
