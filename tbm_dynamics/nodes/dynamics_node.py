@@ -217,7 +217,7 @@ class DynamicsNode(ManagedNode):
         dropped, self._dropped_shown = stream.dropped - self._dropped_shown, stream.dropped
         problems = list(self._faults.show().values())
         problems += [f"{lost} lost steps bridged"] if lost else []
-        problems += [f"{dropped} blocks behind the stream dropped{self._publishers()}"] if dropped else []
+        problems += [f"{dropped} blocks behind the stream dropped{self._rivals()}"] if dropped else []
         values = {
             "blocks": pace.blocks,
             "lost_steps": stream.lost_steps,
@@ -240,7 +240,7 @@ class DynamicsNode(ManagedNode):
             return "error", "; ".join([f"no block on {topics.LOADS_BLOCK} for {silent:.0f} s", *problems])
         return ("warn", "; ".join(["integrating", *problems])) if problems else ("ok", "integrating")
 
-    def _publishers(self) -> str:
+    def _rivals(self) -> str:
         """Name two publishers of loads; asked only when blocks overlap: one that was killed is listed for 20 s more."""
         names = sorted(p.node_name for p in self.get_publishers_info_by_topic(topics.LOADS_BLOCK))
         return f": {len(names)} publishers, {', '.join(names)}" if len(names) > 1 else ""

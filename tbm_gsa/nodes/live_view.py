@@ -36,10 +36,10 @@ class LiveView(ManagedNode):
             raise ValueError("foxglove-sdk is not installed; pip install 'tbm_monitor[live]'") from None
         host, port = self.value("host"), self.value("port")
         self._foxglove = foxglove
-        self._context = foxglove.Context()
+        self._sink = foxglove.Context()
         self._channels: dict[str, Any] = {}
         try:
-            self._server = foxglove.start_server(name=self.get_namespace(), host=host, port=port, context=self._context)
+            self._server = foxglove.start_server(name=self.get_namespace(), host=host, port=port, context=self._sink)
         except Exception as error:
             raise ValueError(f"{host}:{port}: {error}") from error
         self.get_logger().info(f"Foxglove: open ws://{host}:{self._server.port}")
@@ -75,7 +75,7 @@ class LiveView(ManagedNode):
             return
         text, _ = typestore().generate_msgdef(kind, ros_version=2)
         schema = self._foxglove.Schema(name=kind, encoding="ros2msg", data=text.encode())
-        channel = self._foxglove.Channel(name, schema=schema, message_encoding="cdr", context=self._context)
+        channel = self._foxglove.Channel(name, schema=schema, message_encoding="cdr", context=self._sink)
         self._channels[name] = channel
         made = self.create_subscription(
             message_class, name, self._passer(channel), qos.profile(qos.offered(publishers)), raw=True

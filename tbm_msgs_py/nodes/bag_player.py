@@ -77,7 +77,7 @@ class BagPlayer(ManagedNode):
         self._loops = 0
         self._rewind()
         self._waiting_until = time.monotonic() + self.value("wait_timeout")
-        self._playing = False
+        self._playing, self._now_ns, self._ticked = False, self._start_ns, 0
         self._count = 0
         # The wall timer must not follow the clock that this node publishes.
         self._timer = self.create_timer(TICK, self._tick, clock=Clock(clock_type=ClockType.STEADY_TIME))

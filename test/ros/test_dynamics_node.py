@@ -1,4 +1,4 @@
-"""`dynamics_node` as a process: the bits of its blocks, lost and wrong loads, signals, a load node that dies."""
+"""`dynamics_node` as a process: the bits of its blocks, lost and wrong loads, signals."""
 
 import signal
 import time
@@ -169,23 +169,6 @@ def end_all(nodes, number):
         assert node.exit_code(3.0) == 0, node.output
         assert time.monotonic() - sent < 3.0
         assert not node.output.strip()
-
-
-def test_a_load_node_that_dies(run_node, peer):
-    meshes = peer.listen(PointCloud2, "/tbm/model/mesh_forces", qos.BLOCK)
-    dynamics = run_node(DYNAMICS_NODE)
-    first = run_node(LOAD_NODE, wait_for_subscribers=1)
-    peer.wait_for(lambda: len(meshes) > 2)
-    first.send(signal.SIGKILL)
-    first.exit_code()
-    died = time.time()
-    peer.wait_for(lambda: time.time() > died + 2.1)  # longer than what is bridged
-    before = len(meshes)
-    second = run_node(LOAD_NODE)
-    peer.wait_for(lambda: len(meshes) > before + 2)
-    peer.wait_for(lambda: peer.value(STATUS, "restarts") == "1")
-    assert peer.text(STATUS) == "integrating"
-    end_all([dynamics, second], signal.SIGTERM)
 
 
 @pytest.mark.parametrize(

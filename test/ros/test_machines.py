@@ -107,5 +107,6 @@ def test_quality_of_service_by_parameter_and_one_that_does_not_match(nodes):
     load_node = started["south", "load_node"]
     peer.wait_for(lambda: load_node.says("incompatible QoS"))
     (line,) = [line for line in load_node.output.splitlines() if "incompatible QoS" in line]
-    assert "/south/operating_point" in line
+    assert "[south.load_node]" in line
+    assert "'operating_point'" in line
     assert "RELIABILITY" in line
