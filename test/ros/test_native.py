@@ -60,23 +60,27 @@ def test_colcon_installs_what_ros2_run_and_launch_look_for(built):
 
 
 @pytest.mark.ros
-@pytest.mark.parametrize("node", NODES)
-def test_what_colcon_installed_starts_and_ends(built, tmp_path, node):
+def test_what_colcon_installed_starts_and_ends(built, tmp_path):
     (packages,) = built.glob("lib/python*/site-packages")
     environment = {**os.environ, "PYTHONPATH": str(packages)}
-    command = [built / "lib" / "tbm_monitor" / node, "--ros-args", "-p", "autostart:=false"]
-    log = tmp_path / "log"
-    with log.open("wb") as output:
-        process = subprocess.Popen(command, cwd=tmp_path, env=environment, stdout=output, stderr=subprocess.STDOUT)
-    with rclpy.context.Context() as context:
-        watching = rclpy.create_node("watching", context=context)
-        try:
-            wait_for(lambda: node in watching.get_node_names())
-        finally:
+    started = {}
+    for node in NODES:
+        command = [built / "lib" / "tbm_monitor" / node, "--ros-args", "-p", "autostart:=false"]
+        with (tmp_path / node).open("wb") as log:
+            started[node] = subprocess.Popen(command, cwd=tmp_path, env=environment, stdout=log, stderr=log)
+    context = rclpy.context.Context()
+    context.init()
+    watching = rclpy.create_node("watching", context=context)
+    try:
+        wait_for(lambda: set(NODES) <= set(watching.get_node_names()))
+    finally:
+        for process in started.values():
             process.send_signal(signal.SIGTERM)
-            code = process.wait(10.0)
-            watching.destroy_node()
-    assert (code, log.read_text()) == (0, "")
+        ended = {node: process.wait(10.0) for node, process in started.items()}
+        watching.destroy_node()
+        context.shutdown()
+    assert ended == dict.fromkeys(NODES, 0)
+    assert not any((tmp_path / node).read_text() for node in NODES)
 
 
 def test_the_launch_files_name_nodes_and_parameters_that_there_are():
