@@ -24,6 +24,8 @@ from tbm_msgs_py.operating_point import OperatingPointError
 
 # A clock that leaps further than this (a bag that loops, a suspended computer) starts the stream afresh.
 _LONGEST_BACKLOG_S = 5.0
+# A block is late by up to the time between two looks at the clock.
+_LOOKS_A_BLOCK = 5
 
 PARAMETERS = (
     Parameter("machine", "dz101", "machine: name of a shipped one, or path of a machine file"),
@@ -157,7 +159,7 @@ class LoadNode(ManagedNode):
     def activate(self) -> None:
         """Start the stream; its epoch is the node's time, rounded to the step."""
         self._stream = None
-        self.create_timer(self._samples / self._rate / 2.0, self._tick)
+        self.create_timer(self._samples / self._rate / _LOOKS_A_BLOCK, self._tick)
 
     def _on_operating_point(self, message: Any) -> None:
         try:

@@ -143,7 +143,7 @@ def test_windows_alarm_and_study(run_node, peer, tmp_path):
     assert names == {"RDef_A", "RDef_L", "RDef_R", "PAcc_A", "PAcc_L", "PAcc_R", "MF_M", "MF_Se"}
     assert len(list((tmp_path / "studies").glob("gsa_*/report.html"))) == 1
     peer.wait_for(lambda: peer.value(GSA, "state") == "finished")
-    assert peer.text("tbm: comparison shield") == "relative error over its threshold"
+    assert "relative error over its threshold" in peer.said["tbm: comparison shield"]
     assert peer.text("tbm: comparison girder") == "no window yet"
 
     model.publish(messages.block(ACCELERATION, 0, [float("inf")] * SAMPLES, np.zeros((SAMPLES, 3))))
