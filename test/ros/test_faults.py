@@ -29,6 +29,13 @@ SEED = 7
 STATUS_S = 1.0  # between messages on /diagnostics
 
 
+def comparison(point):
+    return f"tbm: comparison {point}"
+
+
+ALL = (DYNAMICS, "tbm: loads", *map(comparison, TEST_POINTS))
+
+
 class Field:
     """Sensors that measure what the model says, 10 % less; each can be spoilt."""
 
@@ -115,13 +122,10 @@ class System:
     def level(self, status):
         return self.peer.diagnostics[status].level if status in self.peer.diagnostics else None
 
-    def shows(self, faults):
-        """Whether `/diagnostics` shows the faults (level, text) by status, and all else as sound."""
-        for name in (DYNAMICS, "tbm: loads", *map(comparison, TEST_POINTS)):
-            level, text = faults.get(name, (OK, ""))
-            if self.level(name) != level or text not in self.peer.text(name):
-                return False
-        return True
+    def shows(self, faults, names=ALL):
+        """Whether `/diagnostics` shows the faults (level, text) by status, and the others of the names as sound."""
+        wanted = {name: faults.get(name, (OK, "")) for name in names}
+        return all(self.level(name) == level and text in self.peer.text(name) for name, (level, text) in wanted.items())
 
     def wait_until_sound(self):
         self.peer.wait_for(lambda: self.shows({}))
@@ -134,10 +138,6 @@ class System:
             self.peer.wait_for(lambda expected=expected: self.shows(expected))
             # The first window in which something is wrong from its beginning, two of them, and the next message.
             assert (stamps(self.meshes)[-1] - since) * 1e-9 < WINDOW + 2.0 * WINDOW + 2.0 * STATUS_S
-
-
-def comparison(point):
-    return f"tbm: comparison {point}"
 
 
 def test_sensors_that_err(system):
@@ -206,29 +206,24 @@ def test_loads_of_others_change_no_bit_of_the_run(system):
 def test_nodes_killed_and_started_again(system):
     peer = system.peer
     signals = {comparison(point): (STALE, "no signal of the") for point in TEST_POINTS}
-    for name, shown in (
-        ("dynamics", signals),
-        ("loads", {DYNAMICS: (ERROR, "no block on loads/block for"), **signals}),
-    ):
-        system.kill(name)
-        own = {"dynamics": DYNAMICS, "loads": "tbm: loads"}[name]
-        peer.diagnostics.pop(own)  # what is dead says nothing more
-        peer.wait_for(
-            lambda shown=shown: all(
-                system.level(status) == level and text in peer.text(status) for status, (level, text) in shown.items()
-            )
-        )
-        system.start(name)
-        system.wait_until_sound()
-    assert peer.value(DYNAMICS, "restarts") == "1"
+    system.kill("dynamics")
+    peer.wait_for(lambda: system.shows(signals, signals))
+    peer.diagnostics.pop(DYNAMICS)  # what is dead says nothing more
+    system.start("dynamics")
+    system.wait_until_sound()
 
     assert peer.call(Trigger, "/tbm/analysis/run_gsa").success
-    analysis = system.nodes["analysis"]
-    peer.wait_for(lambda: len(children(analysis.process.pid)) >= 3)  # the study and its workers
-    study = children(analysis.process.pid)
+    analysis = system.nodes["analysis"].process.pid
+    peer.wait_for(lambda: len(children(analysis)) >= 3)  # the study and its workers
+    study = children(analysis)
     system.kill("analysis")
+    system.kill("loads")
     wait_for(lambda: not any(map(alive, study)))
-    for point in TEST_POINTS:
-        peer.diagnostics.pop(comparison(point))
+    silence = {DYNAMICS: (ERROR, "no block on loads/block for")}
+    peer.wait_for(lambda: system.shows(silence, silence))
+    for name in ("tbm: loads", *signals):
+        peer.diagnostics.pop(name)
     system.start("analysis")
+    system.start("loads")
     system.wait_until_sound()
+    assert peer.value(DYNAMICS, "restarts") == "1"

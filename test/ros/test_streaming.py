@@ -10,7 +10,7 @@ import pytest
 pytest.importorskip("rclpy")
 pytest.importorskip("psutil")
 
-from processes import DOMAIN
+import processes  # noqa: F401 - the domain of this test process, through the environment
 
 from tbm_msgs_py import topics
 
@@ -22,9 +22,8 @@ NODES = ("load_node", "dynamics_node", "analysis_node")
 MOST_GROWTH_MB = 20.0
 
 
-@pytest.mark.parametrize("seconds", [30, pytest.param(1800, marks=pytest.mark.verify)])
+@pytest.mark.parametrize("seconds", [20, pytest.param(1800, marks=pytest.mark.verify)])
 def test_no_block_is_lost_and_no_node_grows(seconds):
-    assert DOMAIN  # of this test process, through the environment
     command = [sys.executable, BENCHMARK, "--duration", str(seconds), "--json"]
     done = subprocess.run(command, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
