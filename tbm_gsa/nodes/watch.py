@@ -48,11 +48,26 @@ class BlockCount:
 
 
 @dataclass
+class WindowSum:
+    """Windows of one quantity of a point that have a number; sums only, they come for weeks."""
+
+    count: int = 0
+    squares: np.ndarray = field(default_factory=lambda: np.zeros(3))
+
+    def take(self, message: Any) -> None:
+        """Add a window."""
+        value = np.array([message.vector.x, message.vector.y, message.vector.z])
+        if np.isfinite(value).all():
+            self.count += 1
+            self.squares += np.square(value)
+
+
+@dataclass
 class Seen:
     """Everything that was received."""
 
     blocks: dict[str, BlockCount] = field(default_factory=dict)
-    windows: dict[str, dict[str, list[np.ndarray]]] = field(default_factory=dict)
+    windows: dict[str, dict[str, WindowSum]] = field(default_factory=dict)
     gsa: dict[str, str] = field(default_factory=dict)
     gsa_message: str = ""
     result: dict[str, dict[str, str]] = field(default_factory=dict)
@@ -60,8 +75,8 @@ class Seen:
 
     def rms(self, point: str, quantity: str) -> np.ndarray:
         """RMS over the windows of a point (3,), m/s²; NaN without one."""
-        values = [value for value in self.windows.get(point, {}).get(quantity, []) if np.isfinite(value).all()]
-        return np.asarray(np.sqrt(np.mean(np.square(values), axis=0))) if values else np.full(3, np.nan)
+        total = self.windows[point][quantity]
+        return np.asarray(np.sqrt(total.squares / total.count)) if total.count else np.full(3, np.nan)
 
 
 class Watch:
@@ -89,10 +104,8 @@ class Watch:
             self._subscribe(PointCloud2, name, partial(self._on_block, self.seen.blocks[name]), qos.BLOCK)
         for point in self._points:
             for quantity in topics.ANALYSIS_QUANTITIES:
-                store = self.seen.windows.setdefault(point, {}).setdefault(quantity, [])
-                self._subscribe(
-                    Vector3Stamped, topics.analysis(point, quantity), partial(self._on_vector, store), qos.ANALYSIS
-                )
+                total = self.seen.windows.setdefault(point, {}).setdefault(quantity, WindowSum())
+                self._subscribe(Vector3Stamped, topics.analysis(point, quantity), total.take, qos.ANALYSIS)
         self._subscribe(DiagnosticArray, topics.GSA_STATUS, self._on_gsa_status, qos.GSA)
         self._subscribe(DiagnosticArray, topics.GSA_RESULT, self._on_gsa_result, qos.GSA)
         self._subscribe(DiagnosticArray, topics.DIAGNOSTICS, self._on_diagnostics, qos.DIAGNOSTICS)
@@ -129,10 +142,6 @@ class Watch:
         samples = len(block.offsets)
         spacing = (block.offsets[-1] - block.offsets[0]) / max(1, samples - 1)
         count.count(block.stamp_ns, round(samples * spacing * 1e9))
-
-    @staticmethod
-    def _on_vector(store: list[np.ndarray], message: Any) -> None:
-        store.append(np.array([message.vector.x, message.vector.y, message.vector.z]))
 
     def _on_gsa_status(self, message: Any) -> None:
         for status in message.status:
