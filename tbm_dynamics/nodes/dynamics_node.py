@@ -180,13 +180,17 @@ class DynamicsNode(ManagedNode):
             )
 
     def _publish(self, chunk: Chunk) -> None:
-        for point, node in self._points.items():
-            acceleration = chunk.acceleration[:, self._stream.nodes.index(node), :3]
+        """Blocks first: what is shown live can wait."""
+        points = {p: chunk.acceleration[:, self._stream.nodes.index(node), :3] for p, node in self._points.items()}
+        for point, acceleration in points.items():
             for packet in self._sensors[point].process(chunk.first_step, acceleration):
                 self._publish_packet(point, packet)
+        self._publish_meshes(chunk)
+        for point, acceleration in points.items():
             for step, values in self._live[point].process(chunk.first_step, acceleration):
                 self._accels[point].publish(messages.accel(self._stamp(step), values.tolist(), point))
-        self._publish_meshes(chunk)
+        for step, values in self._live["drives"].process(chunk.first_step, chunk.mesh_force * self._pinion_radius):
+            self._drives.publish(messages.drives(self._stamp(step), values))
 
     def _publish_packet(self, point: str, packet: SensorPacket) -> None:
         stamp = self._stream.epoch_ns + packet.stamp_ns
@@ -194,9 +198,6 @@ class DynamicsNode(ManagedNode):
         self._blocks[point].publish(message)
 
     def _publish_meshes(self, chunk: Chunk) -> None:
-        torque = chunk.mesh_force * self._pinion_radius
-        for step, values in self._live["drives"].process(chunk.first_step, torque):
-            self._drives.publish(messages.drives(self._stamp(step), values))
         samples, stride = self._mesh_gate
         kept = chunk.mesh_force[-chunk.first_step % stride :: stride]
         first = chunk.first_step + (-chunk.first_step % stride) - len(self._mesh_pending) * stride
