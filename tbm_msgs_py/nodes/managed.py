@@ -252,7 +252,7 @@ class ManagedNode(LifecycleNode):  # type: ignore[misc]  # rclpy is untyped
                 # After SIGINT publishing fails at any line: that is the shutdown, not a fault.
                 if self.context.ok():
                     raise
-                return args[-1]  # the response, where a service is cut short
+                return args[-1] if args else None  # the response, where a service is cut short
 
         return guarded
 
