@@ -7,19 +7,37 @@ import signal
 import sqlite3
 import sys
 from types import FrameType
+from typing import Annotated
 
 import typer
 
+import tbm_gsa
 from tbm_gsa.cli import bag, compare, demo, doctor, gsa, history, machine, run, simulate
-from tbm_gsa.cli.output import notes
+from tbm_gsa.cli.output import notes, results
 
 app = typer.Typer(
     name="tbm-monitor",
-    help="Drive-train monitor for tunnel boring machines.",
     no_args_is_help=True,
     add_completion=False,
     pretty_exceptions_enable=False,
 )
+
+
+def _version(asked: bool) -> None:
+    if asked:
+        results.print(f"tbm-monitor {tbm_gsa.__version__}", highlight=False)
+        raise typer.Exit
+
+
+@app.callback()
+def group(
+    version: Annotated[
+        bool, typer.Option("--version", callback=_version, is_eager=True, help="Print the version and exit.")
+    ] = False,
+) -> None:
+    """Drive-train monitor for tunnel boring machines: model, recordings, comparison, sensitivity."""
+
+
 app.command()(demo.demo)
 app.command()(run.run)
 app.command()(simulate.simulate)

@@ -58,8 +58,6 @@ def _literal(value: ParameterValue) -> str:
         return f"[{','.join(map(_literal, value))}]"
     if isinstance(value, str):
         return "'" + value.replace("'", "''") + "'"
-    if isinstance(value, list):
-        return f"[{', '.join(map(_literal, value))}]"
     return repr(value)
 
 

@@ -1,0 +1,107 @@
+"""The picture of the live view: what `tbm-monitor run` puts on its topics, recorded by `bag record`, then drawn.
+
+python docs/images/make_live.py
+"""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+import tempfile
+from pathlib import Path
+
+import numpy as np
+import scipy.signal
+from matplotlib.figure import Figure
+from rosbags.typesys import Stores, get_typestore
+
+from tbm_dynamics import load_machine
+from tbm_gsa.report.picture import write_picture
+from tbm_msgs_py import Bag, read_acceleration
+from tbm_msgs_py.blocks import from_cloud
+from tbm_msgs_py.topics import TEST_POINTS
+
+G = 9.80665
+SHOWN_S = 2.0
+HIGHEST_HZ = 250.0
+MESH_FORCES = "/tbm/model/mesh_forces"
+COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#56B4E9")
+COMMAND = (sys.executable, "-m", "tbm_gsa.cli.main")
+
+
+def record(folder: Path) -> Path:
+    """Run the nodes for some seconds and record them."""
+    out = folder / "live"
+    names = [*(f"model/{point}/block" for point in TEST_POINTS), "model/mesh_forces"]
+    with subprocess.Popen([*COMMAND, "run", "--duration", "30", "--out", str(folder / "run")]) as running:
+        subprocess.run(
+            [*COMMAND, "bag", "record", "--out", str(out), "--duration", "20", "--topics", ",".join(names)], check=True
+        )
+        running.wait()
+    return out
+
+
+def mesh_forces(bag: Path) -> tuple[np.ndarray, np.ndarray]:
+    """Read times (n,), s from the first sample, and forces (n, 10), kN."""
+    types = get_typestore(Stores.ROS2_JAZZY)
+    clouds = [
+        from_cloud(types.deserialize_cdr(message.data, "sensor_msgs/msg/PointCloud2"))
+        for message in Bag(bag).messages([MESH_FORCES])
+    ]
+    times = np.concatenate([cloud.times_ns for cloud in clouds])
+    return (times - times[0]) / 1e9, np.concatenate([cloud.values for cloud in clouds]) / 1e3
+
+
+def draw(bag: Path) -> Figure:
+    """Two seconds of five test points and ten meshes, and the spectrum at the cutterhead."""
+    figure = Figure(figsize=(13.0, 6.5), layout="constrained")
+    figure.suptitle("tbm-monitor run: what the topics carried", x=0.01, ha="left", fontsize=13)
+    grid = figure.add_gridspec(len(TEST_POINTS), 2, width_ratios=(1.5, 1.0))
+    for row, (point, colour) in enumerate(zip(TEST_POINTS, COLOURS, strict=True)):
+        topic = f"/tbm/model/{point}/block"
+        signal = read_acceleration(bag, topic)
+        panel = figure.add_subplot(grid[row, 0])
+        shown = signal.time < SHOWN_S
+        panel.plot(signal.time[shown], signal.values[shown, 0] / G, colour, linewidth=0.7)
+        panel.set_title(f"{topic}, axial, g", loc="left", fontsize=9, family="monospace")
+        panel.set_xlim(0.0, SHOWN_S)
+        panel.spines[["top", "right"]].set_visible(False)
+        if row < len(TEST_POINTS) - 1:
+            panel.set_xticklabels([])
+    panel.set_xlabel("s")
+
+    time, forces = mesh_forces(bag)
+    panel = figure.add_subplot(grid[:2, 1])
+    shown = time < SHOWN_S / 4.0
+    panel.plot(time[shown], forces[shown], linewidth=0.7)
+    panel.set_title(f"{MESH_FORCES}, ten pinions, kN", loc="left", fontsize=9, family="monospace")
+    panel.set_xlim(0.0, SHOWN_S / 4.0)
+    panel.set_xlabel("s")
+    panel.spines[["top", "right"]].set_visible(False)
+
+    signal = read_acceleration(bag, "/tbm/model/cutterhead/block")
+    rate = 1.0 / np.median(np.diff(signal.time))
+    frequency, density = scipy.signal.welch(signal.values[:, 0] / G, rate, nperseg=round(4.0 * rate))
+    panel = figure.add_subplot(grid[2:, 1])
+    panel.semilogy(frequency, density, COLOURS[0], linewidth=0.8)
+    mesh = load_machine("dz101").mesh_frequency
+    for name, line in ((f"mesh {mesh:.1f} Hz", mesh), ("load 130.3 Hz", 130.3)):
+        panel.axvline(line, color="#888", linestyle=":", linewidth=1.0)
+        panel.text(line + 2.0, density.max(), name, fontsize=9, va="top")
+    panel.set_xlim(0.0, HIGHEST_HZ)
+    panel.set_ylim(density.max() / 1e7, density.max() * 2.0)
+    panel.set_title("cutterhead, axial: density, g²/Hz", loc="left", fontsize=9, family="monospace")
+    panel.set_xlabel("Hz")
+    panel.spines[["top", "right"]].set_visible(False)
+    return figure
+
+
+def main() -> None:
+    """Make docs/images/live.png."""
+    with tempfile.TemporaryDirectory() as name:
+        bag = record(Path(name))
+        write_picture(lambda: draw(bag), Path(__file__).with_name("live.png"))
+
+
+if __name__ == "__main__":
+    main()
