@@ -93,7 +93,10 @@ def _run() -> int:  # noqa: PLR0911 - one for each kind of end
         return leave.exit_code
     except (typer.Abort, KeyboardInterrupt):
         return INTERRUPTED
-    except BrokenPipeError:  # the reader of the output has seen enough
+    except (
+        BrokenPipeError,
+        SystemExit,
+    ):  # the reader of the output has seen enough; the second is what rich makes of it
         return 0
     except _UsageError as error:
         _say(_usage_line(error))
