@@ -14,6 +14,7 @@ import numpy as np
 import scipy.signal
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from PIL import Image
 from rosbags.typesys import Stores, get_typestore
 
 from tbm_dynamics import load_machine
@@ -24,6 +25,7 @@ from tbm_msgs_py.topics import TEST_POINTS
 
 G = 9.80665
 SHOWN_S = 2.0
+BEGIN_NS = 2_000_000_000  # of the recording left out
 HIGHEST_HZ = 160.0
 MESH_FORCES = "/tbm/model/mesh_forces"
 COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#56B4E9")
@@ -42,15 +44,15 @@ def record(folder: Path) -> Path:
     return out
 
 
-def mesh_forces(bag: Path) -> tuple[np.ndarray, np.ndarray]:
-    """Read times (n,), s from the first sample, and forces (n, 10), kN."""
+def mesh_forces(bag: Path, start_ns: int) -> tuple[np.ndarray, np.ndarray]:
+    """Read times (n,), s from a start on, and forces (n, 10), kN."""
     types = get_typestore(Stores.ROS2_JAZZY)
     clouds = [
         from_cloud(types.deserialize_cdr(message.data, "sensor_msgs/msg/PointCloud2"))
         for message in Bag(bag).messages([MESH_FORCES])
     ]
-    times = np.concatenate([cloud.times_ns() for cloud in clouds])
-    return (times - times[0]) / 1e9, np.concatenate([cloud.values for cloud in clouds]) / 1e3
+    times = (np.concatenate([cloud.times_ns() for cloud in clouds]) - start_ns) / 1e9
+    return times[times >= 0.0], np.concatenate([cloud.values for cloud in clouds])[times >= 0.0] / 1e3
 
 
 def draw(bag: Path) -> Figure:
@@ -59,15 +61,17 @@ def draw(bag: Path) -> Figure:
     figure.suptitle("tbm-monitor run: what the topics carried", x=0.01, ha="left", fontsize=13)
     left, right = figure.subfigures(1, 2, width_ratios=(1.4, 1.0))
     panels = left.subplots(len(TEST_POINTS), 1, sharex=True)
-    for panel, point, colour in zip(panels, TEST_POINTS, COLOURS, strict=True):
-        topic = f"/tbm/model/{point}/block"
-        signal = read_acceleration(bag, topic)
-        shown = signal.time < SHOWN_S
-        panel.plot(signal.time[shown], signal.values[shown, 0] / G, colour, linewidth=0.7)
+    names = [f"/tbm/model/{point}/block" for point in TEST_POINTS]
+    signals = [read_acceleration(bag, name) for name in names]
+    start_ns = max(signal.start_ns for signal in signals) + BEGIN_NS
+    for panel, topic, signal, colour in zip(panels, names, signals, COLOURS, strict=True):
+        time = signal.time - (start_ns - signal.start_ns) / 1e9
+        shown = (time >= 0.0) & (time < SHOWN_S)
+        panel.plot(time[shown], signal.values[shown, 0] / G, colour, linewidth=0.7)
         dress(panel, f"{topic}, axial, g", SHOWN_S)
     panels[-1].set_xlabel("s")
 
-    time, forces = mesh_forces(bag)
+    time, forces = mesh_forces(bag, start_ns)
     above, below = right.subplots(2, 1)
     shown = time < SHOWN_S / 4.0
     above.plot(time[shown], forces[shown], linewidth=0.7)
@@ -99,7 +103,9 @@ def main() -> None:
     """Make docs/images/live.png."""
     with tempfile.TemporaryDirectory() as name:
         bag = record(Path(name))
-        write_picture(lambda: draw(bag), Path(__file__).with_name("live.png"))
+        file = Path(__file__).with_name("live.png")
+        write_picture(lambda: draw(bag), file)
+    Image.open(file).convert("RGB").quantize(128).save(file, optimize=True)  # a third of the size
 
 
 if __name__ == "__main__":
