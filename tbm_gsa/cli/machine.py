@@ -22,7 +22,31 @@ _SHOWN_MODES = 10
 MachineArgument = Annotated[str, typer.Argument(help="Name of a shipped machine, or path of a machine file.")]
 
 
-app.command()(update)
+@app.command()
+def show(
+    machine: MachineArgument,
+    count: Annotated[int, typer.Option(min=1, max=1000, help="Number of natural frequencies.")] = _SHOWN_MODES,
+    out: Annotated[
+        Path | None, typer.Option(help="Draw the machine into this .png or .svg file.", dir_okay=False)
+    ] = None,
+    json: Annotated[bool, JSON_OPTION] = False,
+) -> None:
+    """Show what a machine file describes: nodes, parts, connections, drives, masses, natural frequencies, sources."""
+    from tbm_gsa.report.machine_drawing import draw_machine  # noqa: PLC0415 - matplotlib takes its time
+    from tbm_gsa.report.picture import check_path, write_picture  # noqa: PLC0415
+
+    if out is not None:
+        check_path(out)
+    described = load_machine(machine)
+    document = machine_summary(described, count)
+    if out is not None:
+        write_picture(lambda: draw_machine(described), out)
+    if json:
+        print_json(document)
+    else:
+        print_tables(document)
+    if out is not None:
+        notes.print(f"drawing: {out}", markup=False, highlight=False)
 
 
 @app.command()
@@ -52,33 +76,6 @@ def check(machine: MachineArgument, json: Annotated[bool, JSON_OPTION] = False) 
 
 
 @app.command()
-def show(
-    machine: MachineArgument,
-    count: Annotated[int, typer.Option(min=1, max=1000, help="Number of natural frequencies.")] = _SHOWN_MODES,
-    out: Annotated[
-        Path | None, typer.Option(help="Draw the machine into this .png or .svg file.", dir_okay=False)
-    ] = None,
-    json: Annotated[bool, JSON_OPTION] = False,
-) -> None:
-    """Show what a machine file describes: nodes, parts, connections, drives, masses, natural frequencies, sources."""
-    from tbm_gsa.report.machine_drawing import draw_machine  # noqa: PLC0415 - matplotlib takes its time
-    from tbm_gsa.report.picture import check_path, write_picture  # noqa: PLC0415
-
-    if out is not None:
-        check_path(out)
-    described = load_machine(machine)
-    document = machine_summary(described, count)
-    if out is not None:
-        write_picture(lambda: draw_machine(described), out)
-    if json:
-        print_json(document)
-    else:
-        print_tables(document)
-    if out is not None:
-        notes.print(f"drawing: {out}", markup=False, highlight=False)
-
-
-@app.command()
 def loads(
     machine: MachineArgument,
     level: Annotated[LoadLevel, LOADS_OPTION] = "spectral",
@@ -104,3 +101,6 @@ def loads(
         print_loads(run.document)
     if out is not None:
         notes.print(f"drawing: {out}", markup=False, highlight=False)
+
+
+app.command()(update)
