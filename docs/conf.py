@@ -32,6 +32,8 @@ napoleon_use_rtype = False
 
 exclude_patterns = ["_build"]
 html_theme = "furo"
+html_static_path = ["static"]
+html_css_files = ["formulas.css"]
 html_title = f"tbm_monitor {release}"
 html_show_sourcelink = False
 html_copy_source = False
