@@ -113,6 +113,15 @@ def test_it_runs_where_it_is_installed(installed):
     assert json.loads(done.stdout)["degrees_of_freedom"] == 420
 
 
+def test_the_shipped_recording_is_found_where_it_is_installed(installed):
+    done = installed("tbm-monitor", "bag", "info", "field_dz101", "--json")
+    assert done.returncode == 0, done.stderr
+    document = json.loads(done.stdout)
+    assert document["messages"] == 1485
+    assert document["path"].endswith("venv/share/tbm_monitor/bags/field_dz101")
+
+
+@pytest.mark.verify  # compiles everything anew
 def test_doctor_finds_all_where_it_is_installed(installed):
     pytest.importorskip("rclpy")
     done = installed("tbm-monitor", "doctor", "--json")
