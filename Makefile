@@ -14,8 +14,10 @@ export OPENBLAS_NUM_THREADS ?= 1
 demo: $(READY)
 	$(BIN)/tbm-monitor demo
 
+# The nodes keep time, so their tests run one after the other.
 test: $(READY)
-	$(BIN)/python -m pytest
+	$(BIN)/python -m pytest --numprocesses=auto --dist=loadfile --ignore=test/ros
+	$(BIN)/python -m pytest test/ros
 
 # What takes minutes: every verification in full.
 verify: $(READY)

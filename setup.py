@@ -40,6 +40,7 @@ TEST = [
     *CLUSTER,
     *IMPORT,
     "pytest>=8",
+    "pytest-xdist>=3.5",
     "hypothesis>=6.90",
     "mcap-ros2-support>=0.5",
     "mypy>=1.10",

@@ -76,7 +76,8 @@ def design_points(analyses: Sequence[OutputAnalysis], inputs: InputSet) -> Figur
         panel.scatter(tested, best.test_actual, s=16, color=PALETTE[1], marker="D", label="test")
         panel.set_title(analysis.name, loc="left")
         panel.set_xlabel(f"{item.code} {item.symbol}" + (f" ({item.unit})" if item.unit else ""))
-        panel.locator_params(nbins=5)
+        panel.locator_params(nbins=4)
+        panel.ticklabel_format(scilimits=(-3, 4))
     panels[0].legend(frameon=False, fontsize=8)
     return figure
 
@@ -94,7 +95,8 @@ def prediction_scatter(analyses: Sequence[OutputAnalysis]) -> Figure:
         panel.set_title(analysis.name, loc="left")
         panel.set_xlabel("simulated")
         panel.set_ylabel("predicted")
-        panel.locator_params(nbins=5)
+        panel.locator_params(nbins=4)
+        panel.ticklabel_format(scilimits=(-3, 4))
     panels[0].legend(frameon=False, fontsize=8)
     return figure
 

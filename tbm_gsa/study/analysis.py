@@ -1,9 +1,9 @@
 """From a finished store to surrogates, their quality and the Sobol indices of every output."""
 
+from collections import deque
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from concurrent.futures import FIRST_COMPLETED, wait
+from concurrent.futures import FIRST_COMPLETED, Future, wait
 from dataclasses import dataclass
-from itertools import islice
 from typing import Final
 
 import numpy as np
@@ -169,18 +169,26 @@ def strongest(indices: SobolIndices, count: int = STRONGEST) -> list[int]:
 
 
 def _run(tasks: Sequence[_Task], workers: int) -> Iterator[OutputAnalysis]:
-    """Analyse outputs, here or in processes, as they get done."""
+    """Analyse outputs, here or in processes, as they get done; of several that fail the first in order is raised."""
     if workers < 2:
         yield from map(_analyse_output, tasks)
         return
-    waiting = iter(tasks)
+    waiting = deque(enumerate(tasks))
+    running: dict[Future[OutputAnalysis], int] = {}
+    failed: dict[int, BaseException] = {}
     with local_processes(workers) as processes:
-        running = {processes.executor.submit(_analyse_output, task) for task in islice(waiting, processes.slots)}
-        while running:
-            finished, running = wait(running, return_when=FIRST_COMPLETED)
-            running |= {processes.executor.submit(_analyse_output, task) for task in islice(waiting, len(finished))}
-            for future in finished:
-                yield future.result()
+        while running or (waiting and not failed):
+            while waiting and not failed and len(running) < processes.slots:
+                place, task = waiting.popleft()
+                running[processes.executor.submit(_analyse_output, task)] = place
+            for future in wait(running, return_when=FIRST_COMPLETED).done:
+                place, error = running.pop(future), future.exception()
+                if error is not None:
+                    failed[place] = error
+                else:
+                    yield future.result()
+        if failed:
+            raise failed[min(failed)]
 
 
 def _analyse_output(task: _Task) -> OutputAnalysis:
