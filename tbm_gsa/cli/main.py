@@ -10,7 +10,7 @@ from types import FrameType
 
 import typer
 
-from tbm_gsa.cli import bag, compare, demo, doctor, gsa, history, machine, run, simulate
+from tbm_gsa.cli import bag, compare, demo, doctor, gsa, history, machine, reproduce, run, simulate
 from tbm_gsa.cli.output import notes
 
 app = typer.Typer(
@@ -28,6 +28,7 @@ app.add_typer(gsa.app, name="gsa")
 app.add_typer(bag.app, name="bag")
 app.add_typer(machine.app, name="machine")
 app.add_typer(history.app, name="history")
+app.command()(reproduce.reproduce)
 app.command()(doctor.doctor)
 
 BAD_INPUT = 2
