@@ -167,7 +167,8 @@ def _provenance(document: Mapping[str, Any]) -> dict[str, object]:
         "SHA-256 of the machine": document["machine_file"]["sha256"],
         "recording": f"{recording['path']}{synthetic}",
         "SHA-256 of the recording": recording["sha256"],
-        "campaigns": f"one a reading, {sizes['train']} + {sizes['test']} simulations of {sizes['simulation_s']:g} s",
+        "campaigns": f"{sizes['train']} + {sizes['test']} simulations of {sizes['simulation_s']:g} s, "
+        f"{sizes['other_train']} + {sizes['test']} under the other reading",
         "runs": f"{sizes['run_s']:g} s; {sizes['model_s']:g} s beside the recording; loads {sizes['loads_s']:g} s",
         "seed": document["seed"],
         "time": ", ".join(f"{name} {value:.1f} s" for name, value in document["seconds"].items()),

@@ -92,13 +92,19 @@ def _as_ratio(description: MachineDescription) -> MachineDescription:
     return description.model_copy(update={"damping": DampingReading(reading="ratio")})
 
 
-def _loads(name: str, factor: float) -> Change:
-    """Scale the fluctuation of a component of the loads."""
+def _loads(name: str, factor: float, below_hz: float = np.inf) -> Change:
+    """Scale the fluctuation of a component of the loads, all of it or the slow part."""
 
     def change(description: MachineDescription) -> MachineDescription:
         component = getattr(description.loads, name)
-        regions = tuple(one.model_copy(update={"rms": factor * one.rms}) for one in component.regions)
-        lines = tuple(one.model_copy(update={"amplitude": factor * one.amplitude}) for one in component.lines)
+        regions = tuple(
+            one.model_copy(update={"rms": factor * one.rms}) if one.band[1] < below_hz else one
+            for one in component.regions
+        )
+        lines = tuple(
+            one.model_copy(update={"amplitude": factor * one.amplitude}) if one.frequency < below_hz else one
+            for one in component.lines
+        )
         scaled = component.model_copy(update={"regions": regions, "lines": lines})
         return description.model_copy(update={"loads": description.loads.model_copy(update={name: scaled})})
 
@@ -118,8 +124,8 @@ def _grade(grade: int) -> Change:
 ALTERNATIVES: Final[dict[str, Change]] = {
     "as shipped": lambda description: description,
     "dampings as ratios at 100 Hz": _as_ratio,
-    "torque fluctuates a third": _loads("mx", 1.0 / 3.0),
-    "thrust fluctuates a third": _loads("fx", 1.0 / 3.0),
+    "torque fluctuates a tenth": _loads("mx", 0.1),
+    "slow thrust fluctuates a tenth": _loads("fx", 0.1, below_hz=20.0),
     "mesh error of grade 9": _grade(9),
 }
 

@@ -28,7 +28,7 @@ from tbm_gsa.study.curves import Curve, response_curve
 from tbm_gsa.study.inputs import PAPER_INPUTS, InputSet
 
 HARDLY: Final = 0.01
-"""Share of an output's spread over the design that a trend moves it by; below, the note says so."""
+"""A share of the variance, or of the output's spread along an input: below it the note says so."""
 _DIRECTIONS: Final = {1: "rises", -1: "falls"}
 
 
@@ -105,6 +105,8 @@ class _Rows:
         shared = [code for code in paper if code in ranked[: verdict.MAIN_COUNT]]
         others = ", ".join(f"{code} {first[code]:.3f}" for code in paper if code not in shared)
         note = f"shared: {', '.join(shared) or 'none'}" + (f"; the paper's others here: {others}" if others else "")
+        weak = [code for code in shared if first[code] < HARDLY]
+        note += f"; hardly any share: {', '.join(weak)}" if weak else ""
         judged = verdict.main_parameters(paper, ranked)
         stem = f"{_key(figure)}.{name}.main"
         return self._row(stem, figure, f"main parameters of {name}", ", ".join(paper), shown, judged, note)
