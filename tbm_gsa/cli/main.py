@@ -12,7 +12,7 @@ from typing import Annotated
 import typer
 
 import tbm_gsa
-from tbm_gsa.cli import bag, compare, demo, doctor, gsa, history, machine, run, simulate
+from tbm_gsa.cli import bag, compare, demo, doctor, gsa, history, machine, reproduce, run, simulate
 from tbm_gsa.cli.output import notes, results
 
 app = typer.Typer(
@@ -46,6 +46,7 @@ app.add_typer(gsa.app, name="gsa")
 app.add_typer(bag.app, name="bag")
 app.add_typer(machine.app, name="machine")
 app.add_typer(history.app, name="history")
+app.command()(reproduce.reproduce)
 app.command()(doctor.doctor)
 
 BAD_INPUT = 2
