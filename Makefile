@@ -9,13 +9,15 @@ export OMP_NUM_THREADS ?= 1
 export OPENBLAS_NUM_THREADS ?= 1
 
 
-.PHONY: demo test verify lint types bag clean
+.PHONY: demo test verify lint types docs bag clean
 
 demo: $(READY)
 	$(BIN)/tbm-monitor demo
 
+# The nodes keep time, so their tests run one after the other.
 test: $(READY)
-	$(BIN)/python -m pytest
+	$(BIN)/python -m pytest --numprocesses=auto --dist=loadfile --ignore=test/ros
+	$(BIN)/python -m pytest test/ros
 
 # What takes minutes: every verification in full.
 verify: $(READY)
@@ -29,6 +31,10 @@ lint: $(READY)
 types: $(READY)
 	$(BIN)/mypy
 
+# The pages, in build/docs/; a warning is an error.
+docs: $(READY)
+	$(BIN)/python -m sphinx -q -W --keep-going -b html docs build/docs
+
 bag: $(READY)
 	$(BIN)/python bags/make_field_dz101.py
 
@@ -36,7 +42,7 @@ $(READY): setup.py
 	$(PYTHON) -c 'import sys; sys.exit("Python 3.11 or newer is needed, this is " + sys.version) if sys.version_info < (3, 11) else None'
 	$(PYTHON) -m venv $(VENV)
 	$(BIN)/python -m pip install --quiet --upgrade pip
-	$(BIN)/python -m pip install --quiet --editable ".[test]"
+	$(BIN)/python -m pip install --quiet --editable ".[test,docs]"
 	touch $@
 
 clean:

@@ -1,11 +1,14 @@
 """The one place that names the dependencies, the executables and the data files."""
 
 from pathlib import Path
+from xml.etree import ElementTree
 
 from setuptools import find_packages, setup
 
 HERE = Path(__file__).parent
 PACKAGE = "tbm_monitor"
+# The version stands where ROS tools look for it, and nowhere else.
+VERSION = ElementTree.parse(HERE / "package.xml").findtext("version")  # noqa: S314 - our own file
 
 # Wheels of ROS 2 Jazzy exist for x86-64 Linux; elsewhere, and in a native workspace, ROS comes from the system.
 ON_WHEEL_PLATFORM = 'sys_platform == "linux" and platform_machine == "x86_64"'
@@ -34,11 +37,13 @@ CLUSTER = ["distributed>=2024.1"]
 # Formats of `tbm-monitor bag import` beside CSV, WAV and MATLAB up to 7.2.
 IMPORT = ["nptdms>=1.9", "asammdf>=8.0", "h5py>=3.10"]
 LIVE = ["foxglove-sdk>=0.14"]
+DOCS = ["sphinx>=7.3", "myst-parser>=3.0", "furo>=2024.1"]
 TEST = [
     *CLUSTER,
     *IMPORT,
     *LIVE,
     "pytest>=8",
+    "pytest-xdist>=3.5",
     "hypothesis>=6.90",
     "mcap-ros2-support>=0.5",
     "mypy>=1.10",
@@ -49,6 +54,9 @@ TEST = [
     "psutil>=5.9",
     "websockets>=13",
     "types-PyYAML",
+    "build>=1.0",
+    "setuptools>=61",  # of the build, which a virtual environment no longer brings along
+    "wheel",
 ]
 
 
@@ -68,7 +76,7 @@ def data_files() -> list[tuple[str, list[str]]]:
 
 setup(
     name=PACKAGE,
-    version="0.1.0",
+    version=VERSION,
     description="Drive-train monitor for tunnel boring machines: dynamics, field comparison, sensitivity analysis",
     long_description=(HERE / "README.md").read_text(encoding="utf-8"),
     long_description_content_type="text/markdown",
@@ -86,7 +94,7 @@ setup(
     data_files=data_files(),
     zip_safe=False,
     install_requires=REQUIRED + ROS_WHEELS,
-    extras_require={"cluster": CLUSTER, "import": IMPORT, "live": LIVE, "test": TEST},
+    extras_require={"cluster": CLUSTER, "import": IMPORT, "live": LIVE, "docs": DOCS, "test": TEST},
     entry_points={
         "console_scripts": [
             "tbm-monitor = tbm_gsa.cli.main:main",

@@ -12,6 +12,7 @@ from rich.text import Text
 
 from tbm_gsa.cli.history import HISTORY_HELP
 from tbm_gsa.cli.output import JSON_OPTION, MACHINE_OPTION, SEED_OPTION, notes, print_json, progress_bar, results
+from tbm_gsa.cli.shipped import RECORDING_ARGUMENT, recording_path
 from tbm_gsa.comparison.document import axial_rows
 from tbm_gsa.comparison.ledger import COUNTS
 from tbm_gsa.comparison.settings import Settings
@@ -22,7 +23,7 @@ from tbm_gsa.report.files import check_folder
 
 
 def compare(
-    bag: Annotated[Path, typer.Argument(help="Recording: a rosbag2 folder or an .mcap file.")],
+    bag: Annotated[Path, RECORDING_ARGUMENT],
     machine: Annotated[str, MACHINE_OPTION] = "dz101",
     mapping: Annotated[
         Path | None, typer.Option(help="Mapping of topics to test points; default: mapping.yaml in or beside the bag.")
@@ -36,6 +37,7 @@ def compare(
     json: Annotated[bool, JSON_OPTION] = False,
 ) -> None:
     """Compare a recording with the model at every test point."""
+    bag = recording_path(bag)
     check_folder(html)
     if keep and history is not None:
         History(history).close()  # a bad one is refused before the work

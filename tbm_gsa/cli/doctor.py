@@ -30,7 +30,11 @@ _PACKAGES = (
 
 def doctor(json: Annotated[bool, JSON_OPTION] = False) -> None:
     """Check the installation; exit code 2 when something that the commands need is missing."""
-    checks = {name: _attempt(check) for name, check in _CHECKS.items()}
+    checks = {}
+    for name, check in _CHECKS.items():
+        checks[name] = _attempt(check)
+        if not json:  # each as it is known: the first compiles for a while
+            _print_check(name, checks[name])
     document: dict[str, Any] = {
         "ok": all(check["ok"] for check in checks.values()),
         "checks": checks,
@@ -39,15 +43,15 @@ def doctor(json: Annotated[bool, JSON_OPTION] = False) -> None:
     if json:
         print_json(document)
     else:
-        for name, check in checks.items():
-            results.print(
-                f"{'ok  ' if check['ok'] else 'FAIL'} {name}: {check['detail']}", highlight=False, markup=False
-            )
         results.print(
             "versions: " + ", ".join(f"{name} {found}" for name, found in document["versions"].items()), highlight=False
         )
     if not document["ok"]:
         raise typer.Exit(2)
+
+
+def _print_check(name: str, check: dict[str, Any]) -> None:
+    results.print(f"{'ok  ' if check['ok'] else 'FAIL'} {name}: {check['detail']}", highlight=False, markup=False)
 
 
 def _attempt(check: Callable[[], str]) -> dict[str, Any]:

@@ -17,9 +17,7 @@ _SHOWN = 8
 
 
 def explain(
-    comparison: Annotated[
-        Path, typer.Argument(help="What `tbm-monitor compare BAG --json` printed, as a file.", dir_okay=False)
-    ],
+    comparison: Annotated[Path, typer.Argument(help="What `tbm-monitor compare BAG --json` printed, as a file.")],
     out: Annotated[Path, typer.Option(help="Folder: store, explanation.json, explanation.html.")] = Path("explanation"),
     samples: Annotated[int, typer.Option(min=50, help="Simulations.")] = 200,
     duration: Annotated[float, typer.Option(min=2.0, max=3600.0, help="Length of a simulation (s).")] = 6.0,

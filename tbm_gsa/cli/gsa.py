@@ -29,8 +29,6 @@ Methods = Annotated[
     list[str] | None, typer.Option("--method", help="Surrogate to choose from: svr, krg, rbf or prs; may be repeated.")
 ]
 
-app.command()(explain)
-
 
 @app.command()
 def run(
@@ -106,6 +104,9 @@ def extend(
 def report(out: Folder = Path("gsa"), method: Methods = None, json: Annotated[bool, JSON_OPTION] = False) -> None:
     """Analyse a finished store again and write its report anew."""
     show(report_study(out, _methods(method)), json)
+
+
+app.command()(explain)
 
 
 def _methods(given: list[str] | None) -> Sequence[str]:

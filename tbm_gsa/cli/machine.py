@@ -15,45 +15,11 @@ from tbm_gsa.cli.output import JSON_OPTION, LOADS_OPTION, SEED_OPTION, notes, pr
 from tbm_gsa.report.load_summary import load_run
 from tbm_gsa.report.machine_summary import machine_summary
 
-app = typer.Typer(help="Look at machine files.", no_args_is_help=True)
+app = typer.Typer(help="Machine files: show, check, loads, update.", no_args_is_help=True)
 
 _SHOWN_MODES = 10
 
 MachineArgument = Annotated[str, typer.Argument(help="Name of a shipped machine, or path of a machine file.")]
-
-
-app.command()(update)
-
-
-@app.callback()
-def group() -> None:
-    """Look at machine files."""
-
-
-@app.command()
-def check(machine: MachineArgument, json: Annotated[bool, JSON_OPTION] = False) -> None:
-    """Validate a machine file: its keys and values, floating nodes, the static equilibrium."""
-    described = load_machine(machine)
-    system = described.assemble()
-    meshes = system.couplings.drives
-    force = system.equilibrium().force[:meshes]
-    frequencies = [float(value) for value in system.natural_frequencies(_SHOWN_MODES)]
-    document = {
-        "machine": described.name,
-        "nodes": len(system.nodes),
-        "degrees_of_freedom": system.size,
-        "meshes": meshes,
-        "mesh_frequency_hz": described.mesh_frequency,
-        "natural_frequencies_hz": frequencies,
-        "static_mesh_force": [float(value) for value in force],
-    }
-    if json:
-        print_json(document)
-        return
-    results.print(f"{described.name}: {len(system.nodes)} nodes, {system.size} degrees of freedom, {meshes} meshes")
-    mean = force.mean() / 1e3
-    results.print(f"mesh frequency {described.mesh_frequency:.2f} Hz, static mesh force {mean:.1f} kN each")
-    results.print("lowest natural frequencies (Hz): " + ", ".join(f"{value:.1f}" for value in frequencies))
 
 
 @app.command()
@@ -84,6 +50,32 @@ def show(
 
 
 @app.command()
+def check(machine: MachineArgument, json: Annotated[bool, JSON_OPTION] = False) -> None:
+    """Validate a machine file: its keys and values, floating nodes, the static equilibrium."""
+    described = load_machine(machine)
+    system = described.assemble()
+    meshes = system.couplings.drives
+    force = system.equilibrium().force[:meshes]
+    frequencies = [float(value) for value in system.natural_frequencies(_SHOWN_MODES)]
+    document = {
+        "machine": described.name,
+        "nodes": len(system.nodes),
+        "degrees_of_freedom": system.size,
+        "meshes": meshes,
+        "mesh_frequency_hz": described.mesh_frequency,
+        "natural_frequencies_hz": frequencies,
+        "static_mesh_force": [float(value) for value in force],
+    }
+    if json:
+        print_json(document)
+        return
+    results.print(f"{described.name}: {len(system.nodes)} nodes, {system.size} degrees of freedom, {meshes} meshes")
+    mean = force.mean() / 1e3
+    results.print(f"mesh frequency {described.mesh_frequency:.2f} Hz, static mesh force {mean:.1f} kN each")
+    results.print("lowest natural frequencies (Hz): " + ", ".join(f"{value:.1f}" for value in frequencies))
+
+
+@app.command()
 def loads(
     machine: MachineArgument,
     level: Annotated[LoadLevel, LOADS_OPTION] = "spectral",
@@ -109,3 +101,6 @@ def loads(
         print_loads(run.document)
     if out is not None:
         notes.print(f"drawing: {out}", markup=False, highlight=False)
+
+
+app.command()(update)

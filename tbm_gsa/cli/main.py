@@ -7,19 +7,37 @@ import signal
 import sqlite3
 import sys
 from types import FrameType
+from typing import Annotated
 
 import typer
 
-from tbm_gsa.cli import bag, compare, demo, doctor, gsa, history, machine, run, simulate
-from tbm_gsa.cli.output import notes
+import tbm_gsa
+from tbm_gsa.cli import bag, compare, demo, doctor, gsa, history, machine, reproduce, run, simulate
+from tbm_gsa.cli.output import notes, results
 
 app = typer.Typer(
     name="tbm-monitor",
-    help="Drive-train monitor for tunnel boring machines.",
     no_args_is_help=True,
     add_completion=False,
     pretty_exceptions_enable=False,
 )
+
+
+def _version(asked: bool) -> None:
+    if asked:
+        results.print(f"tbm-monitor {tbm_gsa.__version__}", highlight=False)
+        raise typer.Exit
+
+
+@app.callback()
+def group(
+    version: Annotated[
+        bool, typer.Option("--version", callback=_version, is_eager=True, help="Print the version and exit.")
+    ] = False,
+) -> None:
+    """Drive-train monitor for tunnel boring machines: model, recordings, comparison, sensitivity."""
+
+
 app.command()(demo.demo)
 app.command()(run.run)
 app.command()(simulate.simulate)
@@ -28,6 +46,7 @@ app.add_typer(gsa.app, name="gsa")
 app.add_typer(bag.app, name="bag")
 app.add_typer(machine.app, name="machine")
 app.add_typer(history.app, name="history")
+app.command()(reproduce.reproduce)
 app.command()(doctor.doctor)
 
 BAD_INPUT = 2
@@ -75,7 +94,10 @@ def _run() -> int:  # noqa: PLR0911 - one for each kind of end
         return leave.exit_code
     except (typer.Abort, KeyboardInterrupt):
         return INTERRUPTED
-    except BrokenPipeError:  # the reader of the output has seen enough
+    except (
+        BrokenPipeError,
+        SystemExit,
+    ):  # the reader of the output has seen enough; the second is what rich makes of it
         return 0
     except _UsageError as error:
         _say(_usage_line(error))

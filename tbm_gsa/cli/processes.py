@@ -63,8 +63,6 @@ def _literal(value: ParameterValue) -> str:
         return str(value).lower()
     if isinstance(value, str):
         return "'" + value.replace("'", "''") + "'"
-    if isinstance(value, list):
-        return f"[{', '.join(map(_literal, value))}]"
     return repr(value)
 
 

@@ -6,9 +6,14 @@ import os
 import sys
 from pathlib import Path
 
+import typer
+
 import tbm_gsa
 
 RECORDING = "field_dz101"
+RECORDING_ARGUMENT = typer.Argument(
+    help=f"Recording: a rosbag2 folder, an .mcap file, or {RECORDING}, the shipped synthetic one."
+)
 
 
 def shipped_bag(name: str = RECORDING) -> Path:
@@ -25,6 +30,11 @@ def shipped_bag(name: str = RECORDING) -> Path:
         if (root / "bags" / name / "metadata.yaml").is_file():
             return root / "bags" / name
     raise FileNotFoundError(f"recording {name}: not found in {', '.join(str(root / 'bags') for root in roots)}")
+
+
+def recording_path(given: Path) -> Path:
+    """Path of a recording: the one given, or where the shipped one is when its name is given and nothing is there."""
+    return shipped_bag() if str(given) == RECORDING and not given.exists() else given
 
 
 def _prefixes() -> list[str]:

@@ -17,7 +17,7 @@ from tbm_gsa.comparison.estimates import SignalStatistics
 from tbm_gsa.comparison.expected import ExpectedLine
 from tbm_gsa.comparison.field_side import FieldSide
 from tbm_gsa.comparison.intervals import CONFIDENCE, Interval
-from tbm_gsa.comparison.levels import Schedule
+from tbm_gsa.comparison.levels import Course
 from tbm_gsa.comparison.offline import AxisComparison, Comparison, G, PointComparison, Windows
 from tbm_gsa.study.document import package_versions
 from tbm_msgs_py.recording import RecordingReader
@@ -36,7 +36,7 @@ class Provenance:
         Read to its end.
     machine : Machine
         As described, at no level yet.
-    schedule : Schedule
+    course : Course
     lines : sequence of ExpectedLine
     skipped : mapping of str to str
         Recorded points that were not compared, with the reason.
@@ -48,7 +48,7 @@ class Provenance:
 
     reader: RecordingReader
     machine: Machine
-    schedule: Schedule
+    course: Course
     lines: Sequence[ExpectedLine]
     skipped: Mapping[str, str]
     seed: int
@@ -57,7 +57,7 @@ class Provenance:
 
 def comparison_document(field: FieldSide, comparison: Comparison, provenance: Provenance) -> dict[str, Any]:
     """Gather a comparison: what JSON can hold, null where a number is not defined."""
-    nodes, schedule = provenance.machine.description.test_points, provenance.schedule
+    nodes, course = provenance.machine.description.test_points, provenance.course
     document = {
         "window_s": comparison.window_s,
         "confidence": CONFIDENCE,
@@ -75,8 +75,8 @@ def comparison_document(field: FieldSide, comparison: Comparison, provenance: Pr
         ],
         "machine": provenance.machine.name,
         "machine_file": {"origin": provenance.machine.origin, "sha256": machine_sha256(provenance.machine)},
-        "operating_point": asdict(schedule.levels[0]),
-        "levels": [_level(number, comparison, schedule) for number in range(len(schedule.levels))],
+        "operating_point": asdict(course.levels[0]),
+        "levels": [_level(number, comparison, course) for number in range(len(course.levels))],
         "dwells": [
             {
                 "begin": (dwell.begin_ns - field.begin_ns) * 1e-9,
@@ -84,7 +84,7 @@ def comparison_document(field: FieldSide, comparison: Comparison, provenance: Pr
                 "kind": dwell.kind,
                 "level": dwell.level,
             }
-            for dwell in schedule.dwells
+            for dwell in course.dwells
         ],
         "seed": provenance.seed,
         "model_duration": provenance.model_duration,
@@ -176,7 +176,7 @@ def _spectra(point: PointComparison) -> dict[str, Any]:
     return spectra
 
 
-def _level(place: int, comparison: Comparison, schedule: Schedule) -> dict[str, Any]:
+def _level(place: int, comparison: Comparison, course: Course) -> dict[str, Any]:
     points = {}
     for name, point in comparison.points.items():
         axes = {axis: compared.levels[place] for axis, compared in point.axes.items() if place in compared.levels}
@@ -193,7 +193,7 @@ def _level(place: int, comparison: Comparison, schedule: Schedule) -> dict[str, 
             }
             for axis, one in axes.items()
         }
-    return {**asdict(schedule.levels[place]), "points": points}
+    return {**asdict(course.levels[place]), "points": points}
 
 
 def _band(point: PointComparison) -> dict[str, float]:

@@ -8,7 +8,7 @@ import numpy as np
 from tbm_gsa.comparison.clock import sampling_rate
 from tbm_gsa.comparison.conditioning import Frame
 from tbm_gsa.comparison.ledger import PointLedger
-from tbm_gsa.comparison.levels import Schedule
+from tbm_gsa.comparison.levels import Course
 from tbm_gsa.comparison.model_run import MODEL_RATE_HZ
 from tbm_gsa.comparison.offline import compared_band
 from tbm_gsa.comparison.reduction import ReducedSignal, SignalReducer, one_level
@@ -51,7 +51,7 @@ def reduce_field(
     reader: RecordingReader,
     points: Collection[str],
     settings: Settings,
-    schedule: Schedule | None = None,
+    course: Course | None = None,
     progress: Callable[[float], None] = lambda _: None,
 ) -> FieldSide:
     """Read a recording from beginning to end.
@@ -62,13 +62,13 @@ def reduce_field(
     points : collection of str
         Points to reduce; the others are counted only.
     settings : Settings
-    schedule : Schedule, optional
+    course : Course, optional
         Levels of operation, if they are known and several.
     progress : callable
         Called with the seconds of the recording that are done.
     """
     ledgers: dict[str, PointLedger] = {}
-    intakes = {point: _Intake(reader.points[point].frame, settings, schedule) for point in points}
+    intakes = {point: _Intake(reader.points[point].frame, settings, course) for point in points}
     for piece in reader.pieces():
         for point, record in piece.items():
             ledgers.setdefault(point, PointLedger.of(record)).add(record)
@@ -87,8 +87,8 @@ def reduce_field(
 class _Intake:
     """Pieces of one point: the first ones wait until the sampling rate is known."""
 
-    def __init__(self, frame: Frame, settings: Settings, schedule: Schedule | None) -> None:
-        self._frame, self._settings, self._schedule = frame, settings, schedule
+    def __init__(self, frame: Frame, settings: Settings, course: Course | None) -> None:
+        self._frame, self._settings, self._course = frame, settings, course
         self._waiting: list[AccelerationRecord] = []
         self._origin_ns = 0
         self._reducer: SignalReducer | None = None
@@ -127,7 +127,7 @@ class _Intake:
     def _begin(self) -> None:
         self._origin_ns = self._waiting[0].start_ns
         rate = sampling_rate(np.concatenate([self._seconds(record) for record in self._waiting]))
-        level_of = self._schedule.level_of(self._origin_ns) if self._schedule else one_level
+        level_of = self._course.level_of(self._origin_ns) if self._course else one_level
         band = compared_band(rate, MODEL_RATE_HZ, self._settings)
         self._reducer = SignalReducer(rate, band, self._frame, self._settings, level_of)
 

@@ -72,7 +72,7 @@ class Dwell:
 
 
 @dataclass(frozen=True)
-class Schedule:
+class Course:
     """Levels, the one held longest first, and how the recording went through them."""
 
     levels: tuple[Level, ...]
@@ -93,7 +93,7 @@ class Schedule:
         return level_of
 
 
-def machine_schedule(machine: Machine, begin_ns: int, end_ns: int) -> Schedule:
+def machine_course(machine: Machine, begin_ns: int, end_ns: int) -> Course:
     """One level, the machine's own, for a recording that holds no operating point."""
     own = machine.description.operating_point
     level = Level(
@@ -104,10 +104,10 @@ def machine_schedule(machine: Machine, begin_ns: int, end_ns: int) -> Schedule:
         "machine",
         "the recording holds none: the machine's own",
     )
-    return Schedule((level,), (Dwell(begin_ns, end_ns, "steady", 0),))
+    return Course((level,), (Dwell(begin_ns, end_ns, "steady", 0),))
 
 
-def recorded_schedule(record: OperatingRecord, begin_ns: int, end_ns: int) -> Schedule:
+def recorded_course(record: OperatingRecord, begin_ns: int, end_ns: int) -> Course:
     """Find the levels of a recording that lasts from `begin_ns` to `end_ns`.
 
     Raises
@@ -123,7 +123,7 @@ def recorded_schedule(record: OperatingRecord, begin_ns: int, end_ns: int) -> Sc
     if not steady:
         note = f"never steady for {SHORTEST_DWELL_S:g} s: time-weighted mean of {len(driven)} stretches"
         level = _level(driven, note if len(driven) > 1 else "recorded")
-        return Schedule(
+        return Course(
             (level,), tuple(stretch.dwell(None if stretch.kind == "standstill" else 0) for stretch in stretches)
         )
     groups = _groups(steady)
@@ -133,7 +133,7 @@ def recorded_schedule(record: OperatingRecord, begin_ns: int, end_ns: int) -> Sc
         left_out = sum(stretch.seconds for group in groups[MOST_LEVELS:] for stretch in group)
         note = f"recorded; {len(groups) - MOST_LEVELS} more levels, {left_out:.0f} s in all, are left out"
         levels = (replace(levels[0], note=note), *levels[1:])
-    return Schedule(levels, tuple(stretch.dwell(number.get(id(stretch))) for stretch in stretches))
+    return Course(levels, tuple(stretch.dwell(number.get(id(stretch))) for stretch in stretches))
 
 
 @dataclass(frozen=True, eq=False)

@@ -11,7 +11,7 @@ from tbm_dynamics import Machine, MachineError, load_machine
 from tbm_gsa.comparison.document import Provenance, comparison_document
 from tbm_gsa.comparison.expected import ExpectedLine, lines_of_levels
 from tbm_gsa.comparison.field_side import FieldSide, reduce_field
-from tbm_gsa.comparison.levels import NeverDrivenError, Schedule, machine_schedule, recorded_schedule
+from tbm_gsa.comparison.levels import Course, NeverDrivenError, machine_course, recorded_course
 from tbm_gsa.comparison.model_run import MODEL_RATE_HZ, run_model
 from tbm_gsa.comparison.offline import Comparison, PointComparison, compare_signals
 from tbm_gsa.comparison.reduction import ReducedSignal, SignalReducer
@@ -98,13 +98,11 @@ def compare_recording(
     reader = open_recording(bag, mapping)
     shared = _shared_points(reader, described)
     field = reduce_field(reader, shared, chosen, progress=lambda seconds: progress(f"reading, {seconds:.0f} s", None))
-    schedule = _schedule(reader, described, field)
-    if len(schedule.dwells) > 1:
+    course = _course(reader, described, field)
+    if len(course.dwells) > 1:
         # Now that the levels are known, once more: each has a spectrum of its own.
-        field = reduce_field(
-            reader, shared, chosen, schedule, lambda seconds: progress(f"levels, {seconds:.0f} s", None)
-        )
-    machines = _machines(reader.path, schedule, described)
+        field = reduce_field(reader, shared, chosen, course, lambda seconds: progress(f"levels, {seconds:.0f} s", None))
+    machines = _machines(reader.path, course, described)
     lines = lines_of_levels(machines)
     named = {**{line.name: line.frequency for line in lines}, **chosen.expected_lines}
     chosen = replace(chosen, expected_lines=named)
@@ -113,7 +111,7 @@ def compare_recording(
     skipped = {
         point: f"machine {described.name} has no such test point" for point in reader.points if point not in shared
     }
-    provenance = Provenance(reader, described, schedule, lines, {**skipped, **failed}, seed, model_duration)
+    provenance = Provenance(reader, described, course, lines, {**skipped, **failed}, seed, model_duration)
     return ComparisonResult(
         comparison,
         lines,
@@ -140,20 +138,20 @@ def _shared_points(reader: RecordingReader, machine: Machine) -> list[str]:
     return shared
 
 
-def _schedule(reader: RecordingReader, machine: Machine, field: FieldSide) -> Schedule:
+def _course(reader: RecordingReader, machine: Machine, field: FieldSide) -> Course:
     span = field.begin_ns, field.end_ns
     if reader.operating_point is None:
-        return machine_schedule(machine, *span)
+        return machine_course(machine, *span)
     try:
-        return recorded_schedule(reader.operating_point, *span)
+        return recorded_course(reader.operating_point, *span)
     except NeverDrivenError as error:
         raise RecordingError(f"{reader.path}: {error}") from error
 
 
-def _machines(path: Path, schedule: Schedule, machine: Machine) -> dict[int, Machine]:
+def _machines(path: Path, course: Course, machine: Machine) -> dict[int, Machine]:
     """Give the machine at each level."""
     try:
-        return {number: level.apply(machine) for number, level in enumerate(schedule.levels)}
+        return {number: level.apply(machine) for number, level in enumerate(course.levels)}
     except MachineError as error:
         raise RecordingError(f"{path}: operating point: {error}") from error
 

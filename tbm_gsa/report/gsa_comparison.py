@@ -115,5 +115,6 @@ def morris_scatter(analyses: Sequence[OutputAnalysis], inputs: InputSet) -> Figu
         panel.set_title(analysis.name, loc="left")
         panel.set_xlabel("μ*")
         panel.set_ylabel("σ")
-        panel.locator_params(nbins=5)
+        panel.locator_params(nbins=4)
+        panel.ticklabel_format(scilimits=(-3, 4))
     return figure

@@ -9,7 +9,7 @@ from matplotlib.colors import to_rgba
 from matplotlib.figure import Figure
 
 from tbm_gsa.arrays import Array
-from tbm_gsa.study.analysis import OutputAnalysis
+from tbm_gsa.study.analysis import OutputFit
 from tbm_gsa.study.inputs import InputSet
 
 # Colours of Okabe and Ito, told apart by colour-blind readers too.
@@ -19,7 +19,7 @@ TOTAL: Final = "#b9d3ea"
 COLUMNS: Final = 2
 
 
-def index_bars(analyses: Sequence[OutputAnalysis], inputs: InputSet) -> Figure:
+def index_bars(analyses: Sequence[OutputFit], inputs: InputSet) -> Figure:
     """First and total indices of all inputs with intervals, one panel per output."""
     figure, panels = make_panels(len(analyses), height=2.6)
     place = np.arange(len(inputs), dtype=float)
@@ -48,7 +48,7 @@ def whiskers(panel: Axes, place: Array, values: Array, interval: Array) -> None:
     panel.errorbar(place, values, yerr=reach, fmt="none", ecolor="#333333", elinewidth=0.8, capsize=1.5)
 
 
-def response_curves(analyses: Sequence[OutputAnalysis], inputs: InputSet) -> Figure:
+def response_curves(analyses: Sequence[OutputFit], inputs: InputSet) -> Figure:
     """Mean response along the strongest inputs, one panel per output."""
     figure, panels = make_panels(len(analyses), height=2.6)
     for panel, analysis in zip(panels, analyses, strict=True):
@@ -63,7 +63,7 @@ def response_curves(analyses: Sequence[OutputAnalysis], inputs: InputSet) -> Fig
     return figure
 
 
-def design_points(analyses: Sequence[OutputAnalysis], inputs: InputSet) -> Figure:
+def design_points(analyses: Sequence[OutputFit], inputs: InputSet) -> Figure:
     """Training and test points over the strongest input of every output."""
     figure, panels = make_panels(len(analyses), columns=4, height=2.8)
     for panel, analysis in zip(panels, analyses, strict=True):
@@ -76,12 +76,13 @@ def design_points(analyses: Sequence[OutputAnalysis], inputs: InputSet) -> Figur
         panel.scatter(tested, best.test_actual, s=16, color=PALETTE[1], marker="D", label="test")
         panel.set_title(analysis.name, loc="left")
         panel.set_xlabel(f"{item.code} {item.symbol}" + (f" ({item.unit})" if item.unit else ""))
-        panel.locator_params(nbins=5)
+        panel.locator_params(nbins=4)
+        panel.ticklabel_format(scilimits=(-3, 4))
     panels[0].legend(frameon=False, fontsize=8)
     return figure
 
 
-def prediction_scatter(analyses: Sequence[OutputAnalysis]) -> Figure:
+def prediction_scatter(analyses: Sequence[OutputFit]) -> Figure:
     """Scatter simulated against predicted values, one panel per output."""
     figure, panels = make_panels(len(analyses), columns=4, height=2.8)
     for panel, analysis in zip(panels, analyses, strict=True):
@@ -94,12 +95,13 @@ def prediction_scatter(analyses: Sequence[OutputAnalysis]) -> Figure:
         panel.set_title(analysis.name, loc="left")
         panel.set_xlabel("simulated")
         panel.set_ylabel("predicted")
-        panel.locator_params(nbins=5)
+        panel.locator_params(nbins=4)
+        panel.ticklabel_format(scilimits=(-3, 4))
     panels[0].legend(frameon=False, fontsize=8)
     return figure
 
 
-def score_bars(analyses: Sequence[OutputAnalysis]) -> Figure:
+def score_bars(analyses: Sequence[OutputFit]) -> Figure:
     """R² of cross validation and on test points of every method, grouped by output."""
     figure = Figure(figsize=(12.0, 2.8), layout="constrained")
     panel = figure.add_subplot()

@@ -61,6 +61,8 @@ def _find_files(path: Path) -> Files:
         problem = f"{path / missing[0]}: named by {METADATA} and not there"
     if not files:
         files = sorted(path.glob("*.mcap"), key=lambda file: (len(file.name), file.name))
+    if not files and any(path.glob("*.db3")):
+        raise RecordingError(f"{path}: rosbag2 with SQLite storage, allowed: MCAP, as `ros2 bag convert` writes it")
     if not files:
         raise RecordingError(problem or f"{path}: no .mcap file in this folder, allowed: {ALLOWED}")
     return Files(_filled(files), metadata.declared if metadata else None, problem)

@@ -11,6 +11,7 @@ import numpy as np
 import yaml
 from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_validator, model_validator
+from pydantic_core import ErrorDetails
 
 from tbm_msgs_py.bags.errors import RecordingError
 from tbm_msgs_py.topics import OPERATING_POINT, absolute
@@ -124,9 +125,19 @@ def load_mapping(path: str | Path) -> Mapping:
     except (yaml.YAMLError, UnicodeDecodeError) as error:
         raise RecordingError(f"{path}: not YAML: {' '.join(str(error).split())}") from error
     except ValidationError as error:
-        first = error.errors()[0]
+        # A misspelt key is also a missing one: the misspelling comes first.
+        first = min(error.errors(), key=lambda problem: problem["type"] != "extra_forbidden")
         where = ".".join(str(key) for key in first["loc"]) or "mapping"
-        raise RecordingError(f"{path}: {where}: {first['input']!r}: {first['msg']}") from error
+        raise RecordingError(f"{path}: {where}: {_problem(first)}") from error
+
+
+def _problem(found: ErrorDetails) -> str:
+    if found["type"] == "missing":
+        return "missing"
+    if found["type"] == "extra_forbidden":
+        entry = SensorMapping if len(found["loc"]) > 1 else Mapping
+        return f"unknown key, allowed: {', '.join(entry.model_fields)}"
+    return f"{found['input']!r}: {found['msg']}"
 
 
 def default_mapping_file(recording: Path) -> Path | None:

@@ -131,7 +131,10 @@ class McapFile:
         size = os.fstat(file.fileno()).st_size
         file.seek(max(0, size - len(MAGIC)))
         if file.read() != MAGIC and head[len(MAGIC) : len(MAGIC) + 1] != bytes([Opcode.HEADER]):
-            raise RecordingError(f"{self.path}: not an MCAP file, its first bytes are not the MCAP magic")
+            raise RecordingError(
+                f"{self.path}: not an MCAP file, its first bytes are not the MCAP magic; "
+                "tables of other systems become one by `tbm-monitor bag import`"
+            )
         self.damaged += 1
         file.seek(0)
         return 0

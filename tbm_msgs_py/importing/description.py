@@ -224,7 +224,9 @@ class Description(_Strict):
     @model_validator(mode="after")
     def _complete(self) -> Description:
         if not self.points and self.operating_point is None:
-            raise ValueError("points or operating_point: at least one of them")
+            raise ValueError(
+                "points or operating_point: at least one of them, in the file of --map or as --map POINT=X,Y,Z"
+            )
         for key, point in self.points.items():
             if not _POINT_NAME.fullmatch(key) or point.point != key or key == topics.OPERATING_POINT:
                 raise ValueError(f"point {key!r}: a name of letters, digits and _, such as {topics.TEST_POINTS[0]}")

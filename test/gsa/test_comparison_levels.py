@@ -5,7 +5,7 @@ import pytest
 from compare_bags import START_NS, model_values, noise, write_bag
 
 from tbm_dynamics import load_machine
-from tbm_gsa.comparison.levels import MOST_LEVELS, R_MIN, NeverDrivenError, machine_schedule, recorded_schedule
+from tbm_gsa.comparison.levels import MOST_LEVELS, R_MIN, NeverDrivenError, machine_course, recorded_course
 from tbm_gsa.comparison.workflow import compare_recording
 from tbm_msgs_py import OperatingPoint
 from tbm_msgs_py.bags.operating import OperatingRecord
@@ -20,8 +20,8 @@ def record(*entries, start=0.0):
     return OperatingRecord(START_NS + round((start + time[0]) * SECOND), time - time[0], points)
 
 
-def schedule(entries, end=100.0):
-    return recorded_schedule(record(*entries), START_NS, START_NS + round(end * SECOND))
+def course(entries, end=100.0):
+    return recorded_course(record(*entries), START_NS, START_NS + round(end * SECOND))
 
 
 def values(level):
@@ -34,7 +34,7 @@ def dwells(found):
 
 def test_two_levels_and_the_ramp_between_them():
     ramp = [(40.0 + i, 5.0 + 0.4 * i, 2000.0, 9000.0) for i in range(1, 5)]
-    found = schedule([(0.0, 5.0, 2000.0, 9000.0), *ramp, (45.0, 7.0, 2000.0, 9000.0)])
+    found = course([(0.0, 5.0, 2000.0, 9000.0), *ramp, (45.0, 7.0, 2000.0, 9000.0)])
     assert [values(level) for level in found.levels] == [
         pytest.approx((7.0, 2000.0, 9000.0)),
         pytest.approx((5.0, 2000.0, 9000.0)),
@@ -51,14 +51,14 @@ def test_two_levels_and_the_ramp_between_them():
 def test_noise_within_the_tolerance_is_one_level_at_its_mean():
     rng = np.random.default_rng(0)
     entries = [(float(i), 5.6, 3000.0 * (1.0 + rng.uniform(-0.04, 0.04)), 12000.0) for i in range(100)]
-    found = schedule(entries)
+    found = course(entries)
     assert len(found.levels) == len(found.dwells) == 1
     assert found.levels[0].torque_kn_m == pytest.approx(np.mean([entry[2] for entry in entries]))
 
 
 def test_a_level_that_comes_back_is_the_same_and_standstills_belong_to_none():
     up, down = (5.6, 3000.0, 12000.0), (4.0, 2500.0, 8000.0)
-    found = schedule([(0.0, *up), (20.0, *down), (40.0, 0.0, 0.0, 0.0), (60.0, *up)])
+    found = course([(0.0, *up), (20.0, *down), (40.0, 0.0, 0.0, 0.0), (60.0, *up)])
     assert [level.seconds for level in found.levels] == pytest.approx([60.0, 20.0])
     assert [(kind, level) for *_, kind, level in dwells(found)] == [
         ("steady", 0),
@@ -69,21 +69,21 @@ def test_a_level_that_comes_back_is_the_same_and_standstills_belong_to_none():
 
 
 def test_the_first_entry_holds_before_itself_and_older_ones_count_from_the_beginning():
-    assert schedule([(30.0, 5.6, 3000.0, 12000.0)]).levels[0].seconds == pytest.approx(100.0)
-    found = schedule([(-50.0, 9.0, 1000.0, 1000.0), (-10.0, 4.0, 2000.0, 9000.0), (50.0, 5.6, 3000.0, 12000.0)])
+    assert course([(30.0, 5.6, 3000.0, 12000.0)]).levels[0].seconds == pytest.approx(100.0)
+    found = course([(-50.0, 9.0, 1000.0, 1000.0), (-10.0, 4.0, 2000.0, 9000.0), (50.0, 5.6, 3000.0, 12000.0)])
     assert sorted(level.seconds for level in found.levels) == pytest.approx([50.0, 50.0])
 
 
 def test_only_so_many_levels_are_compared():
     entries = [(12.0 * i, 2.0 + i, 3000.0, 12000.0) for i in range(7)]
-    found = schedule(entries, 84.0)
+    found = course(entries, 84.0)
     assert len(found.levels) == MOST_LEVELS
     assert "3 more levels, 36 s in all, are left out" in found.levels[0].note
     assert [kind for *_, kind, level in dwells(found) if level is None] == ["transient"] * 3
 
 
 def test_what_was_never_steady_is_taken_at_its_mean():
-    found = schedule([(0.0, 4.0, 2000.0, 9000.0), (5.0, 8.0, 2000.0, 9000.0)], 10.0)
+    found = course([(0.0, 4.0, 2000.0, 9000.0), (5.0, 8.0, 2000.0, 9000.0)], 10.0)
     assert values(found.levels[0]) == pytest.approx((6.0, 2000.0, 9000.0))
     assert "never steady" in found.levels[0].note
     assert found.level_of(START_NS)(np.array([4.0]), np.array([6.0])).tolist() == [0]
@@ -91,8 +91,8 @@ def test_what_was_never_steady_is_taken_at_its_mean():
 
 def test_a_machine_that_never_turned_is_an_error_and_no_operating_point_is_the_machines_own():
     with pytest.raises(NeverDrivenError, match="never driven"):
-        schedule([(0.0, 0.0, 0.0, 0.0)])
-    own = machine_schedule(load_machine("dz101"), START_NS, START_NS + SECOND)
+        course([(0.0, 0.0, 0.0, 0.0)])
+    own = machine_course(load_machine("dz101"), START_NS, START_NS + SECOND)
     assert values(own.levels[0]) == (5.6, 3040.0, 12000.0)
     assert own.levels[0].source == "machine"
 

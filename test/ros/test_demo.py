@@ -17,7 +17,7 @@ pytestmark = pytest.mark.ros
 
 
 def test_demo(tmp_path):
-    command = [sys.executable, "-m", "tbm_gsa.cli.main", "demo", "--samples", "40", "--test", "5", "--json"]
+    command = [sys.executable, "-m", "tbm_gsa.cli.main", "demo", "--samples", "15", "--test", "3", "--json"]
     process = subprocess.Popen(command, cwd=tmp_path, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
     seen: set[int] = set()
     try:

@@ -11,6 +11,7 @@ from rich.table import Table
 from rich.text import Text
 
 from tbm_gsa.cli.output import JSON_OPTION, notes, print_json, results
+from tbm_gsa.cli.shipped import RECORDING_ARGUMENT, recording_path
 from tbm_msgs_py.bags import Bag, BagInfo, RecordingError
 from tbm_msgs_py.health import PointHealth, check_recording
 
@@ -18,7 +19,7 @@ APART_S = 1.0  # clocks that differ by more get a line of their own
 
 
 def info(
-    bag: Annotated[Path, typer.Argument(help="Recording: a rosbag2 folder or an .mcap file.")],
+    bag: Annotated[Path, RECORDING_ARGUMENT],
     scan: Annotated[bool, typer.Option("--scan", help="Read it through for damage and faults of the sensors.")] = False,
     mapping: Annotated[
         Path | None, typer.Option(help="Mapping of topics to test points; default: mapping.yaml in or beside the bag.")
@@ -26,6 +27,7 @@ def info(
     json: Annotated[bool, JSON_OPTION] = False,
 ) -> None:
     """List the topics of a recording, its length, and what is missing."""
+    bag = recording_path(bag)
     recording = Bag(bag)
     document = info_document(bag, recording.info(scan=scan))
     if recording.problem:

@@ -11,11 +11,12 @@ from tbm_gsa.cli.bag.node import run_to_end
 from tbm_gsa.cli.output import JSON_OPTION, print_json, results
 from tbm_gsa.cli.processes import NodeCommand
 from tbm_gsa.cli.ros import BAG_PLAYER
+from tbm_gsa.cli.shipped import RECORDING_ARGUMENT, recording_path
 from tbm_msgs_py.bags import Bag
 
 
 def play(
-    bag: Annotated[Path, typer.Argument(help="Recording: a rosbag2 folder or an .mcap file.")],
+    bag: Annotated[Path, RECORDING_ARGUMENT],
     rate: Annotated[float, typer.Option(min=0.1, max=10.0, help="Speed, times real time.")] = 1.0,
     loop: Annotated[bool, typer.Option("--loop", help="Start again at the end, until Ctrl-C.")] = False,
     clock: Annotated[bool, typer.Option(help="Publish the recorded time on /clock.")] = True,
@@ -30,6 +31,7 @@ def play(
     json: Annotated[bool, JSON_OPTION] = False,
 ) -> None:
     """Play a recording as it was recorded: raw messages, their topics, their quality of service, and its clock."""
+    bag = recording_path(bag)
     Bag(bag).info()  # what is no recording is said before a node starts
     command = NodeCommand(
         "bag_player",

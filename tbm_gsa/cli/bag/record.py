@@ -9,10 +9,11 @@ import typer
 
 from tbm_gsa.cli.bag.info import info_document
 from tbm_gsa.cli.bag.node import run_to_end
-from tbm_gsa.cli.output import JSON_OPTION, print_json, results
+from tbm_gsa.cli.output import JSON_OPTION, notes, print_json, results
 from tbm_gsa.cli.processes import NodeCommand
 from tbm_gsa.cli.ros import BAG_RECORDER
 from tbm_msgs_py.bags import Bag, RecordingError
+from tbm_msgs_py.topics import absolute
 
 
 def record(
@@ -34,12 +35,13 @@ def record(
     """Record topics until Ctrl-C: raw messages, on the disk within half a second."""
     if out.exists():
         raise RecordingError(f"{out}: exists already, allowed: a new name")
+    names = [name.strip() for given in topics for name in given.split(",") if name.strip()]
     command = NodeCommand(
         "bag_recorder",
         BAG_RECORDER,
         {
             "output": str(out),
-            "topics": [name.strip() for given in topics for name in given.split(",") if name.strip()] or [""],
+            "topics": names or [""],
             "duration": duration,
             "split_size": split_size,
             "split_time": split_time,
@@ -57,12 +59,15 @@ def record(
         "lost": summary["lost"],
         "deleted": summary["deleted"],
     }
+    silent = [name for name in dict.fromkeys(map(absolute, names)) if name not in document["topics"]]
+    if silent:
+        notes.print(f"warning: no message on {', '.join(silent)}", highlight=False, markup=False)
     if json:
         print_json(document)
     else:
-        files = len(document["files"])
+        count, files = len(document["topics"]), len(document["files"])
         results.print(
-            f"{out}: {document['messages']} messages of {len(document['topics'])} topics over "
+            f"{out}: {document['messages']} messages of {count} topic{'s' * (count != 1)} over "
             f"{document['duration']:.3f} s in {files} file{'s' * (files > 1)}, {document['lost']} lost",
             highlight=False,
             markup=False,

@@ -1,7 +1,4 @@
-"""Numbers of the paper that results are held against: the one place that quotes them.
-
-"Surrogate-Based Multisource Sensitivity Analysis of TBM Driving System" (2018).
-"""
+"""Table 1 and Figure 4: the loads on the cutterhead."""
 
 from dataclasses import dataclass
 from typing import Final
@@ -39,3 +36,7 @@ TABLE_1: Final = {
     "my": LoadRow("horizontal moment", 9.77e5, _NARROW, (0.9, 130.3)),
     "mz": LoadRow("vertical moment", 8.27e5, _WIDE, (0.9, 104.0, 205.7)),
 }
+
+CUTTERS: Final = {"centre": 4, "face": 32, "gauge": 11}
+"""Figure 4 (left): disc cutters of each type."""
+HEAD_DIAMETER_M: Final = 7.93

@@ -1,0 +1,133 @@
+"""Reference pages that are made from the code when the documentation is built: they cannot go stale."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from importlib import import_module
+from pathlib import Path
+from typing import Any
+
+import typer
+from sphinx.application import Sphinx
+from sphinx.ext.autodoc.mock import mock
+
+from tbm_gsa.cli.main import app as command_line
+
+NODES = (
+    "tbm_dynamics.nodes.load_node",
+    "tbm_dynamics.nodes.dynamics_node",
+    "tbm_gsa.nodes.analysis_node",
+    "tbm_msgs_py.nodes.bag_player",
+    "tbm_msgs_py.nodes.bag_recorder",
+)
+# The node modules are read without ROS: only their declarations are wanted.
+ROS = (
+    "rclpy",
+    "builtin_interfaces",
+    "diagnostic_msgs",
+    "geometry_msgs",
+    "lifecycle_msgs",
+    "rcl_interfaces",
+    "rosgraph_msgs",
+    "rosidl_runtime_py",
+    "sensor_msgs",
+    "std_msgs",
+    "std_srvs",
+)
+
+
+def command_page() -> str:
+    """Every command with its arguments and options, as `--help` has them."""
+    lines = ["# Command line", "", "Made from the commands themselves; `tbm-monitor COMMAND --help` says the same.", ""]
+    for names, command in commands():
+        lines += [f"## {' '.join(['tbm-monitor', *names])}", "", _sentence(command.help or ""), ""]
+        lines += _table(
+            ("argument or option", "default", "what"),
+            (_parameter_row(parameter) for parameter in command.params if parameter.name != "help"),
+        )
+    return "\n".join(lines)
+
+
+def commands(group: Any = None, names: tuple[str, ...] = ()) -> Iterator[tuple[tuple[str, ...], Any]]:
+    """Names and click command of everything that can be called, groups that do something by themselves included."""
+    group = group or typer.main.get_command(command_line)
+    for name, command in group.commands.items():
+        path = (*names, name)
+        if not hasattr(command, "commands"):
+            yield path, command
+            continue
+        if command.invoke_without_command:
+            yield path, command
+        yield from commands(command, path)
+
+
+def parameter_page() -> str:
+    """Parameters of every node, with type, range and default."""
+    lines = [
+        "# Parameters of the nodes",
+        "",
+        "Made from the declarations of the nodes. Every node has `autostart` (default true): it configures and"
+        " activates itself, without a lifecycle manager. All but those marked *live* are read-only: set them at the"
+        " start, with `--ros-args -p name:=value`, a parameter file (`config/nodes.yaml`) or the launch files.",
+        "",
+    ]
+    with mock(list(ROS)):
+        declared = [(name.rpartition(".")[2], import_module(name).PARAMETERS) for name in NODES]
+    for node, parameters in declared:
+        rows = (
+            (
+                f"`{entry.name}`" + ("" if entry.read_only else " *live*"),
+                _code(entry.default),
+                _cell(entry.allowed()),
+                _cell(entry.description),
+            )
+            for entry in parameters
+        )
+        lines += [f"## {node}", "", *_table(("parameter", "default", "allowed", "what"), rows)]
+    return "\n".join(lines)
+
+
+PAGES = {"reference/command_line.md": command_page, "reference/parameters.md": parameter_page}
+
+
+def write_pages(app: Sphinx) -> None:
+    """Write the pages whose text has changed."""
+    for name, make in PAGES.items():
+        path, text = Path(app.srcdir) / name, make()
+        if not path.is_file() or path.read_text(encoding="utf-8") != text:
+            path.write_text(text, encoding="utf-8")
+
+
+def setup(app: Sphinx) -> dict[str, bool]:
+    """Make the pages before any is read."""
+    app.connect("builder-inited", write_pages)
+    return {"parallel_read_safe": True, "parallel_write_safe": True}
+
+
+def _parameter_row(parameter: Any) -> tuple[str, str, str]:
+    names = [*parameter.opts, *parameter.secondary_opts]
+    if parameter.param_type_name == "argument":
+        names = [parameter.name.upper()]
+    default = "required" if parameter.required else _code(parameter.default)
+    return " ".join(f"`{name}`" for name in names), default, _cell(getattr(parameter, "help", "") or "")
+
+
+def _table(headings: tuple[str, ...], rows: Iterable[tuple[str, ...]]) -> list[str]:
+    lines = ["| " + " | ".join(cells) + " |" for cells in (headings, ("---",) * len(headings), *rows)]
+    return [*lines, ""]
+
+
+def _code(value: Any) -> str:
+    if value is None or value in ("", [""]):
+        return "–"
+    if isinstance(value, bool):
+        return f"`{str(value).lower()}`"
+    return f"`{value}`"
+
+
+def _cell(text: str) -> str:
+    return _sentence(text).replace("|", "\\|").replace("<", "&lt;").replace("*", "\\*").replace("$", "\\$")
+
+
+def _sentence(text: str) -> str:
+    return " ".join(text.split())

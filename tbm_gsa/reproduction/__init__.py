@@ -1,0 +1,1 @@
+"""The paper's tables and figures from the system, each beside the paper's value or statement."""

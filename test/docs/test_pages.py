@@ -1,0 +1,84 @@
+"""What the pages name is there: commands, options, keys, files."""
+
+import json
+import re
+import sys
+
+import pytest
+import typer
+from pages import PAGES, ROOT, agrees, named_commands
+
+from tbm_gsa.cli.main import app, main
+
+COMMAND_LINE = typer.main.get_command(app)
+LINK = re.compile(r"\]\(([^)#:]+)(?:#[^)]*)?\)")
+
+
+def options_of(line):
+    """The command that a line names, and the options it gives."""
+    command, words = COMMAND_LINE, line.split()[1:]
+    while hasattr(command, "commands") and words and words[0] in command.commands:
+        command, words = command.commands[words[0]], words[1:]
+    return command, [word.split("=")[0] for word in words if word.startswith("--")]
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: str(page.relative_to(ROOT)))
+def test_commands_and_options_exist(page):
+    for line in named_commands(page):
+        command, options = options_of(line)
+        word = line.split()[1]
+        # COMMAND stands for any; a group by itself is named too.
+        assert command is not COMMAND_LINE or word in {"COMMAND", "--version", "--help"}, line
+        known = {name for parameter in command.params for name in (*parameter.opts, *parameter.secondary_opts)}
+        assert set(options) <= known | {"--help"}, line
+
+
+def test_the_readme_names_every_command():
+    named = {options_of(line)[0].name for line in named_commands(ROOT / "README.md")}
+    missing = {"demo", "run", "simulate", "compare", "history", "explain", "update", "import", "record", "play"} - named
+    assert not missing
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: str(page.relative_to(ROOT)))
+def test_links_lead_somewhere(page):
+    made = {"command_line.md", "parameters.md"}
+    for target in LINK.findall(page.read_text(encoding="utf-8")):
+        assert (page.parent / target).exists() or target.rpartition("/")[2] in made, target
+
+
+@pytest.mark.parametrize(
+    "given",
+    [
+        "simulate --duration 0.05",
+        "machine check open380",
+        "machine show open380",
+        "machine loads open380 --duration 20",
+        "bag info {bag}",
+        "bag info {bag} --scan",
+    ],
+)
+def test_keys_of_documents_are_described(given, monkeypatch, capsys):
+    monkeypatch.setattr(
+        sys, "argv", ["tbm-monitor", *given.format(bag=ROOT / "bags" / "field_dz101").split(), "--json"]
+    )
+    with pytest.raises(SystemExit):
+        main()
+    document = json.loads(capsys.readouterr().out)
+    text = (ROOT / "docs" / "reference" / "json.md").read_text(encoding="utf-8")
+    section = re.search(rf"^## {given.split()[0]}\n(.*?)(?=^## |\Z)", text, re.MULTILINE | re.DOTALL)[1]
+    described = set(re.findall(r"\w+", " ".join(re.findall(r"`([^`]*)`", section))))
+    assert set(document) <= described
+
+
+@pytest.mark.parametrize(
+    ("shown", "printed", "expected"),
+    [
+        ("ok  1.00 g", "ok 1.01 g\n", True),
+        ("ok 1.00 g", "ok 1.20 g", False),
+        ("after ... s", "after 17.3 s", True),
+        ("a b", "a c", False),
+        ("a", "a b", False),
+    ],
+)
+def test_what_counts_as_printed_alike(shown, printed, expected):
+    assert agrees(shown, printed) is expected

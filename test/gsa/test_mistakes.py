@@ -1,0 +1,97 @@
+"""The likely mistakes of a new user: what the command line says, in one line that tells what to do."""
+
+import signal
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from tbm_gsa.cli.main import main
+from tbm_gsa.cli.shipped import recording_path, shipped_bag
+
+SENSOR = "topics:\n  /rig: {point: girder, gravity: removed, frame: fixed, %s}\n"
+MISTAKES = {
+    "a command misspelt": (["simulte"], "No such command 'simulte'. Did you mean 'simulate'?"),
+    "no such recording": (
+        ["compare", "nowhere"],
+        "nowhere: no such file or folder, allowed: a rosbag2 folder with MCAP files or a .mcap file",
+    ),
+    "a table for a recording": (
+        ["compare", "run.csv"],
+        "run.csv: not an MCAP file, its first bytes are not the MCAP magic; tables of other systems become one by "
+        "`tbm-monitor bag import`",
+    ),
+    "a recording in SQLite": (
+        ["bag", "info", "old"],
+        "old: rosbag2 with SQLite storage, allowed: MCAP, as `ros2 bag convert` writes it",
+    ),
+    "a unit not stated": (
+        ["compare", "field_dz101", "--mapping", "none.yaml"],
+        "none.yaml: topics./rig.units: missing",
+    ),
+    "a key misspelt in a mapping": (
+        ["compare", "field_dz101", "--mapping", "unit.yaml"],
+        "unit.yaml: topics./rig.unit: unknown key, allowed: point, units, gravity, frame, axes, rotation, range",
+    ),
+    "no such machine": (
+        ["simulate", "--machine", "dz102"],
+        "dz102: no such machine; shipped are dz101, open380, or give the path of a YAML file",
+    ),
+    "an import without a description": (
+        ["bag", "import", "run.csv", "--out", "new"],
+        "import description: points or operating_point: at least one of them, in the file of --map or as --map "
+        "POINT=X,Y,Z",
+    ),
+    "a recording to explain": (
+        ["gsa", "explain", "old"],
+        "old: Is a directory, allowed: what `tbm-monitor compare BAG --json` prints",
+    ),
+    "a page into no folder": (
+        ["compare", "field_dz101", "--html", "no/out.html"],
+        "no/out.html: no folder no, allowed: a file in a folder that is there",
+    ),
+    "a history that is not there": (
+        ["history", "--history", "none.sqlite"],
+        "none.sqlite: no such history; `compare` and the analysis node write one",
+    ),
+    "a study that is not there": (["gsa", "resume", "--out", "new"], "new/store.sqlite: no such store"),
+}
+
+
+@pytest.fixture
+def folder(tmp_path, monkeypatch):
+    (tmp_path / "run.csv").write_text("t,a,b,c\n0,1,2,3\n")
+    (tmp_path / "old").mkdir()
+    (tmp_path / "old" / "old_0.db3").write_bytes(b"SQLite format 3\0")
+    (tmp_path / "none.yaml").write_text(SENSOR % "range: 3")
+    (tmp_path / "unit.yaml").write_text(SENSOR % "unit: g")
+    monkeypatch.chdir(tmp_path)
+    numbers = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+    before = [signal.getsignal(number) for number in numbers]
+    yield tmp_path
+    for number, handler in zip(numbers, before, strict=True):
+        signal.signal(number, handler)
+
+
+@pytest.mark.parametrize("name", MISTAKES)
+def test_a_mistake_is_told_in_one_line(name, folder, monkeypatch, capsys):
+    given, said = MISTAKES[name]
+    monkeypatch.setattr(sys, "argv", ["tbm-monitor", *given])
+    with pytest.raises(SystemExit) as end:
+        main()
+    assert end.value.code == 2
+    assert capsys.readouterr() == ("", f"tbm-monitor: {said}\n")
+
+
+def test_the_shipped_recording_goes_by_its_name(folder):
+    name = Path("field_dz101")
+    assert recording_path(name) == shipped_bag()
+    (folder / name).mkdir()
+    assert recording_path(name) == name  # what is there goes first
+
+
+def test_a_reader_that_has_seen_enough_is_no_error(folder):
+    line = f"{sys.executable} -m tbm_gsa.cli.main bag info field_dz101 | true; echo ${{PIPESTATUS[0]}}"
+    done = subprocess.run(["bash", "-c", line], capture_output=True, text=True, check=True)
+    assert (done.stdout, done.stderr) == ("0\n", "")
