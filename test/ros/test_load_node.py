@@ -139,7 +139,7 @@ def test_operating_point(run_node, peer):
 def test_an_operating_point_before_the_start_holds_from_the_first_sample(run_node, peer):
     wanted = OperatingPoint(TABLE_1[0], 1.52e6, 1.0e7)
     blocks = peer.listen(PointCloud2, "/tbm/loads/block", qos.BLOCK)
-    run_node(LOAD_NODE, autostart=False, seed=1)
+    run_node(LOAD_NODE, autostart=False, seed=1, wait_for_subscribers=1)
     assert peer.transition(NODE, "configure")
     peer.publisher(JointState, "/tbm/operating_point", qos.OPERATING_POINT).publish(
         messages.operating_point_message(0, wanted)
