@@ -19,6 +19,7 @@ NODES = (
     "tbm_gsa.nodes.analysis_node",
     "tbm_msgs_py.nodes.bag_player",
     "tbm_msgs_py.nodes.bag_recorder",
+    "tbm_gsa.nodes.live_view",
 )
 # The node modules are read without ROS: only their declarations are wanted.
 ROS = (
@@ -67,8 +68,9 @@ def parameter_page() -> str:
         "# Parameters of the nodes",
         "",
         "Made from the declarations of the nodes. Every node has `autostart` (default true): it configures and"
-        " activates itself, without a lifecycle manager. All but those marked *live* are read-only: set them at the"
-        " start, with `--ros-args -p name:=value`, a parameter file (`config/nodes.yaml`) or the launch files.",
+        " activates itself, without a lifecycle manager. Set them with `--ros-args -p name:=value`, a parameter file"
+        " (`config/nodes.yaml`) or the launch files; those marked *live* may change at run time, the others between"
+        " `cleanup` and `configure`.",
         "",
     ]
     with mock(list(ROS)):
@@ -76,7 +78,7 @@ def parameter_page() -> str:
     for node, parameters in declared:
         rows = (
             (
-                f"`{entry.name}`" + ("" if entry.read_only else " *live*"),
+                f"`{entry.name}`" + (" *live*" if entry.changes == "running" else ""),
                 _code(entry.default),
                 _cell(entry.allowed()),
                 _cell(entry.description),
