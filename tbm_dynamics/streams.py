@@ -201,11 +201,16 @@ class DynamicsStream:
     def _fresh(self) -> Simulator:
         """Stand in the static equilibrium of the operating point asked for last."""
         self._changed = False  # the operating point, since the last block
-        return Simulator(self._system.under(self._point, self._loads.mean(self._point)), self.nodes, 1.0 / self._rate)
+        return Simulator(self._system.under(self._point, self.mean_loads), self.nodes, 1.0 / self._rate)
+
+    @property
+    def mean_loads(self) -> np.ndarray:
+        """Mean loads at the operating point that holds now, (6,), N and N·m."""
+        return self._loads.mean(self._point)
 
     def warm_up(self) -> None:
         """Compile the kernel before the first block is due, and stand at the start again."""
-        self._simulator.step(np.tile(self._loads.mean(self._point), (2, 1)))
+        self._simulator.step(np.tile(self.mean_loads, (2, 1)))
         self._simulator = self._fresh()
 
     def set_operating_point(self, point: OperatingPoint, stamp_ns: int = 0) -> None:

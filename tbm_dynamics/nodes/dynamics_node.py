@@ -69,6 +69,7 @@ PARAMETERS = (
     Parameter("sensor.gravity", False, "whether the sensors read gravity too"),
 )
 LOADS_FRAME = "cutterhead"
+_UNITS = {1e-3: "kN", 1e-6: "MN"}
 _SENSOR = tuple(parameter.name for parameter in PARAMETERS if parameter.name.startswith("sensor."))
 
 
@@ -158,6 +159,7 @@ class DynamicsNode(ManagedNode):
             self._faults.report(topics.LOADS_BLOCK, f"{topics.LOADS_BLOCK}: {error}; not used")
             return
         self._faults.clear(topics.LOADS_BLOCK)
+        self._doubt_units(block.values)
         if self._stream.restarts != self._restarts:
             self._new_sensors()
         for chunk in chunks:
@@ -178,6 +180,17 @@ class DynamicsNode(ManagedNode):
             raise BlockError(
                 f"samples {found[0]:.6g} s apart; load_rate {self._rate:g} Hz needs {1.0 / self._rate:g} s"
             )
+
+    def _doubt_units(self, loads: np.ndarray) -> None:
+        """Say that the thrust is off by a factor that units are off by; the loads are used as they are."""
+        asked = self._stream.mean_loads[0]
+        share = loads[:, 0].mean() / asked if asked else 1.0
+        unit = next((unit for factor, unit in _UNITS.items() if factor / 3.0 < share < 3.0 * factor), None)
+        if unit is None:
+            self._faults.clear("units")
+        else:
+            text = f"{topics.LOADS_BLOCK}: fx is about {share:.2g} of the operating point's thrust: values in {unit}?"
+            self._faults.report("units", text)
 
     def _publish(self, chunk: Chunk) -> None:
         """Blocks first: what is shown live can wait."""

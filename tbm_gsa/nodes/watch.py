@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import signal
 import time
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from functools import partial
 from types import TracebackType
@@ -22,6 +24,22 @@ from std_srvs.srv import Trigger
 from tbm_msgs_py import topics
 from tbm_msgs_py.blocks import BlockError
 from tbm_msgs_py.nodes import messages, qos
+
+_ENDING = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+
+
+@contextmanager
+def _signals_held() -> Iterator[list[int]]:
+    """Hold signals back, in the list that is given: raised inside rclpy they leave half-made objects that complain."""
+    came: list[int] = []
+    before = {number: signal.signal(number, lambda number, _frame: came.append(number)) for number in _ENDING}
+    try:
+        yield came
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
+        if came:
+            signal.raise_signal(came[0])
 
 
 @dataclass
@@ -121,10 +139,11 @@ class Watch:
         rclpy.try_shutdown()
 
     def spin(self, seconds: float) -> None:
-        """Handle what comes for a while."""
+        """Handle what comes for a while; a signal ends it, and is raised after it."""
         until = time.monotonic() + seconds
-        while (left := until - time.monotonic()) > 0.0:
-            self._executor.spin_once(timeout_sec=left)
+        with _signals_held() as came:
+            while not came and (left := until - time.monotonic()) > 0.0:
+                self._executor.spin_once(timeout_sec=left)
 
     def run_gsa(self) -> None:
         """Ask the analysis node for a sensitivity analysis; the status topic tells what came of it."""

@@ -140,6 +140,11 @@ def test_lost_and_wrong_blocks(run_node, peer):
     peer.wait_for(lambda: len(meshes) == 14)
     assert stamps(meshes)[-1] == START_NS - 50 * BLOCK_NS
 
+    loads.send(-49, 1e-3 * loads.values(-49))
+    peer.wait_for(lambda: "of the operating point's thrust: values in kN?" in peer.text(STATUS))
+    loads.send(-48)
+    peer.wait_for(lambda: "kN?" not in peer.text(STATUS))
+
 
 def test_lifecycle(run_node, peer):
     meshes = peer.listen(PointCloud2, "/tbm/model/mesh_forces", qos.BLOCK)
