@@ -103,11 +103,14 @@ class DynamicsNode(ManagedNode):
         self._accels = {p: create(AccelStamped, topics.model_accel(p), qos.LIVE) for p in self._points}
         self._meshes = create(PointCloud2, topics.MODEL_MESH_FORCES, qos.BLOCK)
         self._drives = create(JointState, topics.MODEL_DRIVES, qos.LIVE)
-        for kind, name, callback, profile in (
-            (JointState, topics.LOADS_OPERATING_POINT, self._on_operating_point, qos.OPERATING_POINT),
-            (PointCloud2, topics.LOADS_BLOCK, self._on_loads, qos.BLOCK),
-        ):
-            self.create_subscription(kind, name, callback, profile, qos_overriding_options=qos.overridable())
+        self._subscribe(JointState, topics.LOADS_OPERATING_POINT, self._on_operating_point, qos.OPERATING_POINT)
+
+    def activate(self) -> None:
+        """Take loads from now on; what came before has not been waiting."""
+        self._subscribe(PointCloud2, topics.LOADS_BLOCK, self._on_loads, qos.BLOCK)
+
+    def _subscribe(self, kind: Any, name: str, callback: Any, profile: Any) -> None:
+        self.create_subscription(kind, name, callback, profile, qos_overriding_options=qos.overridable())
 
     def parameters_changed(self, names: frozenset[str]) -> None:
         """Take over another live rate."""
@@ -147,8 +150,6 @@ class DynamicsNode(ManagedNode):
             self._faults.clear(topics.LOADS_OPERATING_POINT)
 
     def _on_loads(self, message: Any) -> None:
-        if not self.active:
-            return
         start = time.perf_counter()
         try:
             block = messages.block_from(message)

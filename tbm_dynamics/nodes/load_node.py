@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import sys
+import time
 from collections.abc import Mapping
 from typing import Any
 
@@ -24,6 +25,7 @@ from tbm_msgs_py.operating_point import OperatingPointError
 
 # A clock that leaps further than this (a bag that loops, a suspended computer) starts the stream afresh.
 _LONGEST_BACKLOG_S = 5.0
+_MATCHING_S = 0.3  # a publisher knows of a subscriber before that one takes what it sends
 # A block is late by up to the time between two looks at the clock.
 _LOOKS_A_BLOCK = 5
 
@@ -159,6 +161,7 @@ class LoadNode(ManagedNode):
     def activate(self) -> None:
         """Start the stream; its epoch is the node's time, rounded to the step."""
         self._stream = None
+        self._matched_since: float | None = None
         self.create_timer(self._samples / self._rate / _LOOKS_A_BLOCK, self._tick)
 
     def _on_operating_point(self, message: Any) -> None:
@@ -191,7 +194,7 @@ class LoadNode(ManagedNode):
 
     def _begin(self, now: int) -> bool:
         """Start the stream once the clock runs and enough subscribers are there."""
-        if now == 0 or self._blocks.get_subscription_count() < self.value("wait_for_subscribers"):
+        if now == 0 or not self._matched():
             return False
         self._epoch_ns = round(now / self._step) * self._step
         self._stream = self._new_stream()
@@ -200,6 +203,15 @@ class LoadNode(ManagedNode):
         # Stamped before the first block: where the run starts, not what it changes to over that block.
         self._announce(self._epoch_ns - self._samples * self._step, self._stream.operating_point, 0.0)
         return True
+
+    def _matched(self) -> bool:
+        """Whether enough subscribers are there, and have been for a moment."""
+        wanted = self.value("wait_for_subscribers")
+        if self._blocks.get_subscription_count() < wanted:
+            self._matched_since = None
+            return False
+        self._matched_since = self._matched_since or time.monotonic()
+        return wanted == 0 or time.monotonic() - self._matched_since >= _MATCHING_S
 
     def _announce(self, stamp_ns: int, point: OperatingPoint, head_angle: float) -> None:
         self._announced = point

@@ -35,10 +35,13 @@ def peer():
 class Loads:
     """Publishes load blocks of the library, any of them."""
 
-    def __init__(self, peer, seed=4):
+    def __init__(self, peer, seed=4, matched=1):
         self._peer = peer
         self._loads = load_machine("dz101").loads(seed=seed)
-        self._publisher = peer.publisher(PointCloud2, "/tbm/loads/block", qos.BLOCK)
+        self._publisher = peer.publisher(PointCloud2, "/tbm/loads/block", qos.BLOCK, matched)
+
+    def wait_until_matched(self):
+        self._peer.wait_for(self._publisher.get_subscription_count)
 
     def values(self, block):
         return self._loads.evaluate(np.arange(block * SAMPLES, (block + 1) * SAMPLES) * DT)
@@ -151,9 +154,10 @@ def test_lifecycle(run_node, peer):
     node = run_node(DYNAMICS_NODE, autostart=False)
     for _ in range(2):
         assert peer.transition(NODE, "configure")
-        loads = Loads(peer)
+        loads = Loads(peer, matched=0)
         loads.send(0)  # inactive: not answered
         assert peer.transition(NODE, "activate")
+        loads.wait_until_matched()
         before = len(meshes)
         peer.wait_for(lambda: peer.node.count_publishers("/tbm/model/mesh_forces") == 1)
         for k in range(50, 60):
