@@ -63,7 +63,7 @@ PARAMETERS = (
     Parameter(
         "wait_for_subscribers",
         0,
-        "subscribers of loads/block to wait for before the first block",
+        "subscribers of loads/block to wait for, and 0.3 s more, before the first block",
         minimum=0,
         maximum=16,
     ),

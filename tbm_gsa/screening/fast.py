@@ -1,6 +1,7 @@
 """Extended FAST: Sobol indices from the frequencies at which inputs swing along a curve through the cube."""
 
 from collections.abc import Callable
+from functools import lru_cache
 from typing import Final
 
 import numpy as np
@@ -58,7 +59,7 @@ def fast_indices(
         raise ValueError(f"FAST needs at least 2 curves for an interval, got {curves}")
     orders, values = [], []
     for number in range(curves):
-        points = sampling.sample(problem, samples, M=HARMONICS, seed=salib_seed(seed, number))
+        points = _curves(tuple(map(tuple, problem["bounds"])), samples, salib_seed(seed, number))
         values.append(np.asarray(function(points), dtype=float))
         if np.ptp(values[-1]) == 0.0:
             raise ValueError(f"the function is constant ({values[-1][0]:g}): there is no variance to explain")
@@ -77,3 +78,12 @@ def fast_indices(
         total_interval=intervals[:, 1],
         evaluations=int(np.size(values)),
     )
+
+
+# The outputs of a study ask along the same curves, and SALib takes longer to draw them than a surrogate to answer.
+@lru_cache(maxsize=4)
+def _curves(bounds: tuple[tuple[float, float], ...], samples: int, seed: int) -> Array:
+    """Points (samples · d, d) along a curve for each input."""
+    points: Array = sampling.sample(salib_problem(bounds), samples, M=HARMONICS, seed=seed)
+    points.flags.writeable = False
+    return points

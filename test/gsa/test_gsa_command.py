@@ -11,7 +11,6 @@ import time
 import numpy as np
 import pytest
 
-from tbm_gsa.cli.main import main
 from tbm_gsa.study.store import Store
 
 QUICK = ("--samples", "12", "--test", "2", "--duration", "0.02", "--method", "prs")
@@ -24,22 +23,6 @@ def _start(*arguments):
 
 
 @pytest.fixture
-def typed(monkeypatch, capsys):
-    """typed(*arguments) → exit code, stdout, stderr of the command, in this process."""
-    handlers = {number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)}
-
-    def call(*arguments):
-        monkeypatch.setattr(sys, "argv", ["tbm-monitor", "gsa", *arguments])
-        with pytest.raises(SystemExit) as leave:
-            main()
-        return leave.value.code, *capsys.readouterr()
-
-    yield call
-    for number, handler in handlers.items():
-        signal.signal(number, handler)
-
-
-@pytest.fixture
 def definition(tmp_path):
     path = tmp_path / "study.yaml"
     path.write_text("inputs: {x2, x16}\ngroups: {both: [x2, x16]}\noutputs: [MF_M, RDef_A]\n")
@@ -48,7 +31,9 @@ def definition(tmp_path):
 
 def test_a_study_grows(tmp_path, typed, definition):
     out = str(tmp_path / "study")
-    code, first, _ = typed("run", *QUICK, "--inputs", definition, "--out", out, "--design", "lhs-maximin", "--json")
+    code, first, _ = typed(
+        "gsa", "run", *QUICK, "--inputs", definition, "--out", out, "--design", "lhs-maximin", "--json"
+    )
     assert code == 0
     document = json.loads(first)
     assert list(document["outputs"]) == ["MF_M", "RDef_A"]
@@ -57,7 +42,7 @@ def test_a_study_grows(tmp_path, typed, definition):
         X, Y = store.results("train")
         assert store.designs()[0].kind == "lhs-maximin"
 
-    code, second, _ = typed("extend", "--samples", "5", "--out", out, "--method", "prs", "--json")
+    code, second, _ = typed("gsa", "extend", "--samples", "5", "--out", out, "--method", "prs", "--json")
     assert code == 0
     json.loads(second)
     with Store.open(tmp_path / "study/store.sqlite") as store:
@@ -66,7 +51,7 @@ def test_a_study_grows(tmp_path, typed, definition):
     np.testing.assert_array_equal(grown[0][:12], X)
     np.testing.assert_array_equal(grown[1][:12], Y)
 
-    code, _, err = typed("run", *QUICK, "--inputs", definition, "--out", out, "--design", "lhs-maximin")
+    code, _, err = typed("gsa", "run", *QUICK, "--inputs", definition, "--out", out, "--design", "lhs-maximin")
     assert code == 2
     assert "5 points were added to its design; `gsa resume` goes on with it" in err
 
@@ -107,7 +92,7 @@ def test_ctrl_c_ends_a_study_and_says_how_to_go_on(tmp_path, definition):
     ],
 )
 def test_bad_input_is_one_line_and_leaves_no_folder(tmp_path, typed, arguments, message):
-    code, out, err = typed("run", *QUICK, *arguments, "--out", str(tmp_path / "study"))
+    code, out, err = typed("gsa", "run", *QUICK, *arguments, "--out", str(tmp_path / "study"))
     assert (code, out) == (2, "")
     assert message in err
     assert err.count("\n") == 1
@@ -117,13 +102,13 @@ def test_bad_input_is_one_line_and_leaves_no_folder(tmp_path, typed, arguments, 
 def test_a_range_that_no_machine_allows_is_refused_before_the_campaign(tmp_path, typed):
     path = tmp_path / "study.yaml"
     path.write_text("inputs: {x6: {lower: 0.2, upper: 0.6}}")
-    code, _, err = typed("run", *QUICK, "--inputs", str(path), "--out", str(tmp_path / "study"))
+    code, _, err = typed("gsa", "run", *QUICK, "--inputs", str(path), "--out", str(tmp_path / "study"))
     assert code == 2
     assert "input x6 at 0.6" in err
 
 
 def test_there_is_nothing_to_extend(tmp_path, typed):
-    code, _, err = typed("extend", "--samples", "5", "--out", str(tmp_path))
+    code, _, err = typed("gsa", "extend", "--samples", "5", "--out", str(tmp_path))
     assert code == 2
     assert "store.sqlite: no such store" in err
 
@@ -132,7 +117,7 @@ def test_a_store_of_an_earlier_format_is_refused(tmp_path, typed):
     connection = sqlite3.connect(tmp_path / "store.sqlite")
     connection.executescript("CREATE TABLE problem (key, value); INSERT INTO problem VALUES ('format', '1')")
     connection.close()
-    code, _, err = typed("resume", "--out", str(tmp_path))
+    code, _, err = typed("gsa", "resume", "--out", str(tmp_path))
     assert code == 2
     assert "store.sqlite: written in format 1; this version reads 2 only: run the study again" in err
     assert err.count("\n") == 1

@@ -2,15 +2,12 @@
 
 import json
 import re
-import signal
-import sys
 from dataclasses import replace
 from html.parser import HTMLParser
 
 import pytest
 
 from tbm_dynamics.indicators import INDICATORS
-from tbm_gsa.cli.main import main
 from tbm_gsa.cli.shipped import shipped_bag
 from tbm_gsa.paper.sensitivity import TRENDS
 from tbm_gsa.report.reproduction_page import reproduction_page
@@ -149,22 +146,6 @@ def test_the_page_holds_everything_itself(result):
     assert "synthetic" in text
 
 
-@pytest.fixture
-def typed(monkeypatch, capsys):
-    """typed(*arguments) → exit code, stdout, stderr of the command, in this process."""
-    handlers = {number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)}
-
-    def call(*arguments):
-        monkeypatch.setattr(sys, "argv", ["tbm-monitor", "reproduce", *arguments])
-        with pytest.raises(SystemExit) as leave:
-            main()
-        return leave.value.code, *capsys.readouterr()
-
-    yield call
-    for number, handler in handlers.items():
-        signal.signal(number, handler)
-
-
 def _refused(answer, *words):
     code, out, err = answer
     assert code == 2
@@ -177,23 +158,23 @@ def _refused(answer, *words):
 def test_bad_input_is_one_line(tmp_path, typed):
     file = tmp_path / "file"
     file.write_text("")
-    _refused(typed("--out", str(file), "--json"), str(file), "is a file", "allowed: a folder")
-    _refused(typed("--out", str(file / "below"), "--json"), str(file))
+    _refused(typed("reproduce", "--out", str(file), "--json"), str(file), "is a file", "allowed: a folder")
+    _refused(typed("reproduce", "--out", str(file / "below"), "--json"), str(file))
     out = tmp_path / "new"
-    _refused(typed("--machine", "nowhere", "--out", str(out)), "nowhere")
-    _refused(typed("--machine", "open380", "--out", str(out)), "open380")
+    _refused(typed("reproduce", "--machine", "nowhere", "--out", str(out)), "nowhere")
+    _refused(typed("reproduce", "--machine", "open380", "--out", str(out)), "open380")
     assert not out.exists()
     other = tmp_path / "other"
     with Store.create_or_open(
         other / "stiffness_proportional/store.sqlite", Problem(PAPER_INPUTS, INDICATORS, 10, 2, 5)
     ):
         pass
-    _refused(typed("--out", str(other)), "store.sqlite", "holds another study")
+    _refused(typed("reproduce", "--out", str(other)), "store.sqlite", "holds another study")
 
 
 @pytest.mark.verify
 def test_the_whole_reproduction(tmp_path, typed):
-    code, out, _ = typed("--out", str(tmp_path), "--json")
+    code, out, _ = typed("reproduce", "--out", str(tmp_path), "--json")
     assert code == 0
     document = json.loads(out)
     assert json.loads((tmp_path / "reproduction.json").read_text(encoding="utf-8")) == document
@@ -204,6 +185,6 @@ def test_the_whole_reproduction(tmp_path, typed):
     for name in ("RDef_A", "RDef_L", "RDef_R", "PAcc_A", "PAcc_R", "MF_M", "MF_Se"):
         assert rows[f"table6.{name}.best"]["verdict"] == "agrees"
     assert rows["figure14.MF_M.main"]["verdict"] == "agrees"
-    code, out, _ = typed("--out", str(tmp_path), "--json")
+    code, out, _ = typed("reproduce", "--out", str(tmp_path), "--json")
     assert code == 0
     assert _without_times(json.loads(out)) == _without_times(document)

@@ -16,9 +16,8 @@ from tbm_msgs_py.topics import TEST_POINTS  # noqa: E402
 pytestmark = pytest.mark.ros
 
 
-@pytest.mark.verify  # the whole check runs `make demo` besides
 def test_demo(tmp_path):
-    command = [sys.executable, "-m", "tbm_gsa.cli.main", "demo", "--samples", "40", "--test", "5", "--json"]
+    command = [sys.executable, "-m", "tbm_gsa.cli.main", "demo", "--samples", "15", "--test", "3", "--json"]
     process = subprocess.Popen(command, cwd=tmp_path, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
     seen: set[int] = set()
     try:

@@ -165,6 +165,7 @@ def test_lifecycle(run_node, peer):
         peer.wait_for(lambda before=before: len(meshes) > before)
         assert stamps(meshes)[before] >= START_NS + 50 * BLOCK_NS
         assert peer.transition(NODE, "deactivate")
+        peer.wait_for(lambda: peer.node.count_subscribers("/tbm/loads/block") == 0)  # nothing waits while inactive
         assert peer.transition(NODE, "cleanup")
         peer.wait_for(lambda: peer.node.count_publishers("/tbm/model/mesh_forces") == 0)
     assert "Traceback" not in node.output

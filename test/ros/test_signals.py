@@ -9,6 +9,9 @@ import pytest
 pytest.importorskip("rclpy")
 
 from processes import NodeProcess, wait_for
+from rclpy.executors import SingleThreadedExecutor
+
+from tbm_gsa.nodes.watch import Watch
 
 pytestmark = pytest.mark.ros
 
@@ -41,3 +44,19 @@ def test_a_signal_during_the_start(tmp_path, monkeypatch, name):
         fault = node.fault_at_end(END_S) or node.output
         faults += [f"{moment} s: {fault}"] if fault else []
     assert not faults, "\n".join(faults)
+
+
+def test_a_signal_waits_until_rclpy_is_done(monkeypatch):
+    """Raised inside rclpy it would leave half-made objects that complain when they go."""
+    turns = []
+
+    def turn(*_, **__):
+        signal.raise_signal(signal.SIGINT)
+        turns.append("done")
+
+    with Watch(["girder"]) as watching:
+        monkeypatch.setattr(SingleThreadedExecutor, "spin_once", turn)
+        with pytest.raises(KeyboardInterrupt):
+            watching.spin(5.0)
+    assert turns == ["done"]
+    assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
