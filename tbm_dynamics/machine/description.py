@@ -7,7 +7,7 @@ calibration) or `calibrated`. SI units, angles in degrees where the name says so
 from __future__ import annotations
 
 import math
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
 from pydantic import Field, model_validator
 
@@ -73,12 +73,27 @@ class Material(Entry):
 class DampingReading(Entry):
     """How Table 4's damping ratios are read.
 
-    `stiffness_proportional`: C_e = ζ_e K_e, ζ_e in seconds. `ratio`: ζ_e is a true ratio at `frequency` (Hz),
-    C_e = ζ_e / (π f) K_e.
+    `stiffness_proportional`: C_e = ζ_e K_e, ζ_e in seconds; its name alone will do. `ratio`: ζ_e is a true ratio at
+    `frequency` (Hz), C_e = ζ_e / (π f) K_e.
     """
 
     reading: Literal["stiffness_proportional", "ratio"] = "stiffness_proportional"
-    frequency: Positive = 100.0
+    frequency: Positive | None = None
+
+    @model_validator(mode="before")
+    @classmethod
+    def _by_name(cls, given: Any) -> Any:
+        return {"reading": given} if isinstance(given, str) else given
+
+    @model_validator(mode="after")
+    def _stated_frequency(self) -> DampingReading:
+        if (self.reading == "ratio") != (self.frequency is not None):
+            raise ValueError("frequency (Hz): allowed and needed with reading: ratio only")
+        return self
+
+    def factor(self, ratio: float) -> float:
+        """β (s) of C_e = β K_e for a ratio of Table 4."""
+        return ratio if self.frequency is None else ratio / (math.pi * self.frequency)
 
 
 class ConnectionDamping(Entry):

@@ -21,6 +21,7 @@ from tbm_msgs_py import blocks, operating_point, topics
 from tbm_msgs_py.nodes import messages, qos
 from tbm_msgs_py.nodes.faults import Faults
 from tbm_msgs_py.nodes.managed import ManagedNode, Parameter, run_node
+from tbm_msgs_py.nodes.rate import Rate
 from tbm_msgs_py.operating_point import OperatingPointError
 
 # A clock that leaps further than this (a bag that loops, a suspended computer) starts the stream afresh.
@@ -91,6 +92,7 @@ class LoadNode(ManagedNode):
         self._faults: Faults[str] = Faults(lambda text: self.get_logger().warning(text))
         self._schedule = self._read_schedule()
         self._wanted: OperatingPoint | None = None  # of the topic or the parameters, since the node was configured
+        self._advance = 0.0  # of the topic: passed on, the loads do not depend on it
         if given := self._given_point({}):
             self._new_stream().set_operating_point(given)
             self._wanted = given
@@ -161,6 +163,7 @@ class LoadNode(ManagedNode):
     def activate(self) -> None:
         """Start the stream; its epoch is the node's time, rounded to the step."""
         self._stream = None
+        self._sent = Rate()
         self._matched_since: float | None = None
         self.create_timer(self._samples / self._rate / _LOOKS_A_BLOCK, self._tick)
 
@@ -174,7 +177,7 @@ class LoadNode(ManagedNode):
             self._faults.report("operating point", f"{topics.OPERATING_POINT}: {error}; the last one stays")
             return
         self._faults.clear("operating point")
-        self._wanted = wanted
+        self._wanted, self._advance = wanted, given.advance
 
     def _tick(self) -> None:
         now = self.get_clock().now().nanoseconds
@@ -214,13 +217,14 @@ class LoadNode(ManagedNode):
         return wanted == 0 or time.monotonic() - self._matched_since >= _MATCHING_S
 
     def _announce(self, stamp_ns: int, point: OperatingPoint, head_angle: float) -> None:
-        self._announced = point
-        given = operating_point.OperatingPoint(point.speed, point.torque, point.thrust, head_angle)
+        self._announced = point, self._advance
+        given = operating_point.OperatingPoint(point.speed, point.torque, point.thrust, head_angle, self._advance)
         self._applied.publish(messages.operating_point_message(stamp_ns, given))
 
     def _publish(self, block: LoadBlock) -> None:
         stamp = self._epoch_ns + block.first_step * self._step
-        if block.operating_point != self._announced:
+        self._sent.count(len(block.loads))
+        if (block.operating_point, self._advance) != self._announced:
             self._announce(stamp, block.operating_point, block.head_angle)
         self._blocks.publish(messages.block(blocks.LOADS, stamp, self._offsets, block.loads, FRAME))
         first = -block.first_step % self._live_stride
@@ -234,6 +238,7 @@ class LoadNode(ManagedNode):
         values = {
             "blocks": self._stream.next_step // self._samples if self._stream else 0,
             "rate_hz": self._rate,
+            "measured_rate_hz": self._sent.look(),
             "refused_operating_points": self._refused,
             "speed_r_min": point.speed * 60.0 / (2.0 * math.pi),
             "torque_kn_m": point.torque / 1e3,

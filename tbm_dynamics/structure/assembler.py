@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass, field
 from itertools import pairwise
 
@@ -100,8 +99,7 @@ class Assembler:
         """β of C_e = β K_e (s) of a type of connection, or of steel, in the reading of the machine file."""
         entry = self.description
         ratio = entry.steel.damping if kind == "steel" else float(getattr(entry.connection_damping, kind))
-        stated = entry.damping
-        return ratio if stated.reading == "stiffness_proportional" else ratio / (math.pi * stated.frequency)
+        return entry.damping.factor(ratio)
 
     def polar_inertia(self, nodes: tuple[int, ...]) -> float:
         """Inertia about x of the listed nodes turning together (kg·m²)."""

@@ -11,6 +11,7 @@ from rich.table import Table
 
 from tbm_gsa.cli.output import JSON_OPTION, SEED_OPTION, notes, print_json, progress_bar, results
 from tbm_gsa.cli.workers import Scheduler, Workers, anonymous_main, campaign_progress
+from tbm_gsa.explanation.verdict import verdict
 from tbm_gsa.study.errors import StudyError
 
 _SHOWN = 8
@@ -93,3 +94,4 @@ def _print(document: dict[str, Any]) -> None:
         f"input changed by {misfit['predicted']:.0%} predicted and {misfit['checked']:.0%} in a run of its own",
         highlight=False,
     )
+    results.print(verdict(document), highlight=False)

@@ -13,6 +13,7 @@ from tbm_dynamics import load_machine
 from tbm_dynamics.machine.writing import machine_text, write_machine
 from tbm_gsa.cli.output import JSON_OPTION, print_json, results
 from tbm_gsa.comparison.document import machine_sha256
+from tbm_gsa.explanation.verdict import verdict
 from tbm_gsa.study.errors import StudyError
 
 
@@ -54,7 +55,7 @@ def read_explanation(source: Path) -> dict[str, Any]:
     file = source / "explanation.json" if source.is_dir() else source
     try:
         document = json.loads(file.read_text("utf-8"))
-        _ = document["causes"], document["joint"]["inputs"], document["machine_file"]["sha256"]
+        _ = document["causes"], document["joint"]["inputs"], document["machine_file"]["sha256"], document["explained"]
     except OSError as error:
         raise StudyError(
             f"{file}: {error.strerror}, allowed: the explanation.json of `tbm-monitor gsa explain`"
@@ -72,6 +73,8 @@ def accepted_causes(document: Mapping[str, Any], wanted: list[str] | None) -> li
         first = document["causes"][0]
         if first["input"] is None:
             raise StudyError("the most probable explanation is that nothing has changed; choose one with --input")
+        if not document["explained"]:
+            raise StudyError(f"{verdict(document)}; choose inputs with --input to take them all the same")
         return [first]
     for code in wanted:
         if code not in rows:
@@ -92,7 +95,8 @@ def _change(row: Mapping[str, Any]) -> str:
 def _reasons(document: Mapping[str, Any], accepted: list[dict[str, Any]], machine: str) -> list[str]:
     recording, versions = document["recording"], document["versions"]
     return [
-        f"{machine}, changed by `tbm-monitor machine update` so that it explains a recording.",
+        f"{machine}, changed by `tbm-monitor machine update` so that it comes nearer to a recording.",
+        f"Of that: {verdict(document)}.",
         *(f"{_change(row)}, probability {row['probability']:.2f}" for row in accepted),
         f"Recording {Path(recording['path']).name}, sha256 {recording['sha256']}.",
         f"Machine file before: sha256 {document['machine_file']['sha256']}.",

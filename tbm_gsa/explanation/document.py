@@ -13,6 +13,7 @@ from tbm_gsa.explanation.causes import Cause, Misfit
 from tbm_gsa.explanation.joint import JointPosterior
 from tbm_gsa.explanation.observed import Observed
 from tbm_gsa.explanation.shifts import Shifts
+from tbm_gsa.explanation.verdict import explains
 from tbm_gsa.study.document import package_versions
 from tbm_gsa.study.inputs import InputSet
 
@@ -54,6 +55,8 @@ def explanation_document(
 ) -> dict[str, Any]:
     """Gather an explanation: what JSON can hold."""
     recording = comparison["recording"]
+    logs, standardised = _misfits(found)
+    after = "model" if found.causes[0].place < 0 else "checked"
     return {
         "recording": {"path": recording["path"], "sha256": recording["sha256"]},
         "machine": comparison["machine"],
@@ -62,7 +65,9 @@ def explanation_document(
         "causes": [_cause(cause, found) for cause in found.causes],
         "joint": _joint(found),
         "statistics": [_statistic(place, found) for place in range(len(found.facts.statistics))],
-        "misfit": _misfits(found),
+        "misfit": logs,
+        "standardised_misfit": standardised,
+        "explained": explains(standardised[after]),
         "settings": dict(settings),
         "seconds": seconds,
         "versions": package_versions(),
@@ -94,7 +99,13 @@ def _joint(found: Explained) -> dict[str, Any]:
         }
         for place, item in enumerate(found.inputs.inputs)
     }
-    return {"inputs": inputs, "accepted": found.joint.accepted, "effective_samples": found.joint.effective}
+    left = found.misfit.observed - found.shifts(found.joint.best[None])[0]
+    return {
+        "inputs": inputs,
+        "accepted": found.joint.accepted,
+        "effective_samples": found.joint.effective,
+        "standardised_misfit": _standardised(left, found.misfit),
+    }
 
 
 def _statistic(place: int, found: Explained) -> dict[str, Any]:
@@ -110,9 +121,16 @@ def _statistic(place: int, found: Explained) -> dict[str, Any]:
     }
 
 
-def _misfits(found: Explained) -> dict[str, float]:
-    """Root mean square of the logarithm of field over model: as compared, as predicted, as checked."""
+def _misfits(found: Explained) -> tuple[dict[str, float], dict[str, float]]:
+    """Root mean square of the logarithm of field over model: compared, predicted, checked; the same in deviations."""
     logs = found.misfit.observed
     models = np.array([fact.model for fact in found.facts.statistics])
     after = {"model": logs, "predicted": logs - found.predicted, "checked": logs - np.log(found.checked / models)}
-    return {name: float(np.sqrt(np.mean(values**2))) for name, values in after.items()}
+    return (
+        {name: float(np.sqrt(np.mean(left**2))) for name, left in after.items()},
+        {name: _standardised(left, found.misfit) for name, left in after.items()},
+    )
+
+
+def _standardised(left: Array, misfit: Misfit) -> float:
+    return float(np.sqrt(np.mean(left**2 / np.diag(misfit.covariance))))

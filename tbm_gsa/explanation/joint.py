@@ -33,11 +33,14 @@ class JointPosterior:
         Share of accepted steps.
     effective : float
         Independent samples among them, of the slowest input.
+    best : ndarray, shape (d,)
+        The most probable of them.
     """
 
     samples: Array
     accepted: float
     effective: float
+    best: Array
 
 
 def joint_posterior(predict: Callable[[Array], Array], nominal: Array, misfit: Misfit, seed: int) -> JointPosterior:
@@ -62,4 +65,5 @@ def joint_posterior(predict: Callable[[Array], Array], nominal: Array, misfit: M
     sampler.run_mcmc(start, STEPS, skip_initial_state_check=True)
     length = float(np.max(sampler.get_autocorr_time(discard=BURNT, tol=0)))
     samples: Array = sampler.get_chain(discard=BURNT, flat=True)
-    return JointPosterior(samples, float(np.mean(sampler.acceptance_fraction)), len(samples) / max(length, 1.0))
+    best = samples[np.argmax(sampler.get_log_prob(discard=BURNT, flat=True))]
+    return JointPosterior(samples, float(np.mean(sampler.acceptance_fraction)), len(samples) / max(length, 1.0), best)

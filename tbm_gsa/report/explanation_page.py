@@ -4,18 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any, Final
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from tbm_gsa.explanation.verdict import verdict
 from tbm_gsa.report.page import embed_figure, render_page
 from tbm_gsa.study.inputs import PAPER_INPUTS
 
 BEFORE, AFTER, RANGE = "#D55E00", "#0072B2", "#d8dee6"
-UNLIKELY: Final = 0.15
-"""Misfit above which a page warns."""
 
 
 def write_explanation_page(document: Mapping[str, Any], path: Path) -> None:
@@ -32,7 +31,8 @@ def explanation_page(document: Mapping[str, Any]) -> str:
         "statistics": len(document["statistics"]),
         "model_error": document["settings"]["model_error"],
         "misfit": document["misfit"],
-        "unlikely": document["misfit"]["checked"] > UNLIKELY,
+        "explained": document["explained"],
+        "verdict": verdict(document),
         "before_after": embed_figure(before_after(document), "Field over model before and after, every statistic"),
         "joint": embed_figure(joint_intervals(document), "Intervals of all inputs"),
         "provenance": _provenance(document),

@@ -20,6 +20,7 @@ from tbm_dynamics.indicators import INDICATORS
 from tbm_dynamics.machine.description import DampingReading, MachineDescription
 from tbm_dynamics.structure.drive import gear_pair
 from tbm_gsa.paper.sensitivity import MAIN, TRENDS
+from tbm_gsa.reproduction.readings import RATIO_HZ
 from tbm_gsa.reproduction.sensitivity import spearman
 from tbm_gsa.reproduction.verdict import MAIN_COUNT
 from tbm_gsa.sobol import sobol_closed_form
@@ -89,7 +90,7 @@ def _turning(machine: Machine, response: Response) -> tuple[float, float, float]
 
 
 def _as_ratio(description: MachineDescription) -> MachineDescription:
-    return description.model_copy(update={"damping": DampingReading(reading="ratio")})
+    return description.model_copy(update={"damping": DampingReading(reading="ratio", frequency=RATIO_HZ)})
 
 
 def _loads(name: str, factor: float, below_hz: float = np.inf) -> Change:

@@ -6,6 +6,13 @@ from tbm_dynamics import Machine
 from tbm_dynamics.machine.description import DampingReading
 from tbm_gsa.report.machine_summary import count_sources
 
+RATIO_HZ = 100.0
+"""Where a ratio is meant to hold: the paper says nothing; its lines and natural frequencies lie around here."""
+_OTHER = {
+    "stiffness_proportional": DampingReading(reading="ratio", frequency=RATIO_HZ),
+    "ratio": DampingReading(reading="stiffness_proportional"),
+}
+
 
 @dataclass(frozen=True)
 class Reading:
@@ -39,12 +46,11 @@ def readings(machine: Machine) -> tuple[Reading, Reading]:
     """Both readings of a machine, its own first."""
     chosen = machine.description.damping
     calibrated = count_sources(machine.description).get("calibrated", 0) > 0
-    other = "ratio" if chosen.reading == "stiffness_proportional" else "stiffness_proportional"
-    changed = machine.base.model_copy(update={"damping": DampingReading(reading=other)})
+    changed = machine.base.model_copy(update={"damping": _OTHER[chosen.reading]})
     return (
         Reading(chosen.reading, _title(chosen), machine, own=True, fitted=calibrated),
         Reading(
-            other,
+            changed.damping.reading,
             _title(changed.damping),
             replace(machine, base=changed, inputs=machine.inputs),
             own=False,
@@ -54,6 +60,6 @@ def readings(machine: Machine) -> tuple[Reading, Reading]:
 
 
 def _title(damping: DampingReading) -> str:
-    if damping.reading == "ratio":
+    if damping.frequency is not None:
         return f"a true ratio at {damping.frequency:g} Hz"
     return "stiffness-proportional, C = ζ K with ζ in s"

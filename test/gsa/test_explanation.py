@@ -119,17 +119,29 @@ def test_the_statistics_of_a_comparison(compared):
     assert 0.0 < one.deviation < 0.5
 
 
-def test_explained_and_written_as_a_machine(compared, tmp_path, monkeypatch, capsys):
-    monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr(signal, "signal", lambda *_: None)
-    (tmp_path / "compared.json").write_text(json.dumps(compared), "utf-8")
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    """Where the explanations of a recording share one campaign."""
+    return tmp_path_factory.mktemp("explained")
 
-    def command(line):
+
+@pytest.fixture
+def command(folder, monkeypatch, capsys):
+    """Run a command line in that folder: its exit code, what it printed, what it complained of."""
+    monkeypatch.chdir(folder)
+    monkeypatch.setattr(signal, "signal", lambda *_: None)
+
+    def run(line):
         monkeypatch.setattr(sys, "argv", ["tbm-monitor", *line.split()])
         with pytest.raises(SystemExit) as end:
             main()
         return end.value.code, *capsys.readouterr()
 
+    return run
+
+
+def test_explained_and_written_as_a_machine(compared, folder, command):
+    (folder / "compared.json").write_text(json.dumps(compared), "utf-8")
     code, out, err = command("gsa explain compared.json --out found --samples 60 --duration 2 --json")
     assert (code, err) == (0, "page: found/explanation.html\n")
     document = json.loads(out)
@@ -137,11 +149,12 @@ def test_explained_and_written_as_a_machine(compared, tmp_path, monkeypatch, cap
     assert first["input"] == "x16"
     assert first["interval"][0] <= 0.5 <= first["interval"][1]
     assert document["misfit"]["checked"] < document["misfit"]["model"]
-    assert "x16" in (tmp_path / "found" / "explanation.html").read_text("utf-8")
+    assert document["explained"]
+    assert "x16 alone explains the recording" in (folder / "found" / "explanation.html").read_text("utf-8")
     code, out, err = command("machine update dz101 --from found --out mine.yaml")
     assert (code, err) == (0, "")
     assert out.startswith("mine.yaml: x16 (Stiffness of cutterhead–rock) 1 to 0.")
-    mine = load_machine(tmp_path / "mine.yaml")
+    mine = load_machine(folder / "mine.yaml")
     before, after = (one.assemble().natural_frequencies(40) for one in (load_machine("dz101"), mine))
     assert np.abs(after / before - 1.0).max() > 0.01
     for line, message in (
@@ -155,6 +168,34 @@ def test_explained_and_written_as_a_machine(compared, tmp_path, monkeypatch, cap
         code, out, err = command(line)
         assert (code, out, len(err.splitlines())) == (2, "", 1), err
         assert err.startswith(f"tbm-monitor: {message}")
+
+
+def test_what_no_input_explains(compared, folder, command):
+    """Sensors that read nine times too much: the causes are ranked all the same, and none is taken."""
+    wrong = json.loads(json.dumps(compared))
+    for axis in (axis for axes in wrong["points"].values() for axis in axes.values()):
+        axis["field_rms"] *= 9.0
+        axis["field_band_rms"] = {band: 9.0 * value for band, value in axis["field_band_rms"].items()}
+    (folder / "wrong.json").write_text(json.dumps(wrong), "utf-8")
+    code, out, err = command("gsa explain wrong.json --out found --samples 60 --duration 2")
+    assert (code, err) == (0, "page: found/explanation.html\n")
+    document = json.loads((folder / "found" / "explanation.json").read_text("utf-8"))
+    first, off = document["causes"][0]["input"], document["standardised_misfit"]["checked"]
+    assert not document["explained"]
+    rows = document["statistics"]
+    left = [np.log(row["field"] / row["checked"]) / row["deviation"] for row in rows]
+    assert off == pytest.approx(np.sqrt(np.mean(np.square(left))))
+    assert document["joint"]["standardised_misfit"] < off
+    said = f"{first} alone does not explain the recording: {off:.1f} standard deviations off"
+    assert said in " ".join(out.split())
+    assert said in (folder / "found" / "explanation.html").read_text("utf-8")
+    code, out, err = command("machine update dz101 --from found --out refused.yaml")
+    assert (code, out, len(err.splitlines())) == (2, "", 1)
+    assert err.startswith(f"tbm-monitor: {said}")
+    assert not (folder / "refused.yaml").exists()
+    assert command(f"machine update dz101 --from found --out taken.yaml --input {first}")[0] == 0
+    head = " ".join((folder / "taken.yaml").read_text("utf-8").split("name:")[0].replace("#", "").split())
+    assert said in head
 
 
 @pytest.mark.parametrize(
@@ -219,3 +260,4 @@ def test_a_halved_stiffness_is_found(tmp_path_factory, planted):
     assert first["input"] == planted
     assert first["interval"][0] <= 0.5 <= first["interval"][1]
     assert document["misfit"]["checked"] < document["misfit"]["model"]
+    assert document["explained"]
