@@ -9,7 +9,7 @@ export OMP_NUM_THREADS ?= 1
 export OPENBLAS_NUM_THREADS ?= 1
 
 
-.PHONY: demo test verify lint types docs bag clean
+.PHONY: demo test coverage verify lint types docs bag clean
 
 demo: $(READY)
 	$(BIN)/tbm-monitor demo
@@ -18,6 +18,11 @@ demo: $(READY)
 test: $(READY)
 	$(BIN)/python -m pytest --numprocesses=auto --dist=loadfile --ignore=test/ros
 	$(BIN)/python -m pytest test/ros
+
+# The same tests, and which lines none of them runs; processes that tests start are counted, compiled kernels are not.
+coverage: $(READY)
+	$(BIN)/python -m pytest --numprocesses=auto --dist=loadfile --ignore=test/ros --cov --cov-report=
+	$(BIN)/python -m pytest test/ros --cov --cov-append --cov-report=term-missing:skip-covered
 
 # What takes minutes: every verification in full.
 verify: $(READY)

@@ -44,6 +44,7 @@ TEST = [
     *LIVE,
     "pytest>=8",
     "pytest-xdist>=3.5",
+    "pytest-cov>=7.0",
     "hypothesis>=6.90",
     "mcap-ros2-support>=0.5",
     "mypy>=1.10",
@@ -97,7 +98,7 @@ setup(
     extras_require={"cluster": CLUSTER, "import": IMPORT, "live": LIVE, "docs": DOCS, "test": TEST},
     entry_points={
         "console_scripts": [
-            "tbm-monitor = tbm_gsa.cli.main:main",
+            "tbm-monitor = tbm_gsa.cli.start:main",
             *(f"{node} = tbm_gsa.nodes.start:main" for node in NODES),
         ]
     },

@@ -112,9 +112,11 @@ class SensorModel:
     def __init__(self, parameters: SensorParameters, input_rate_hz: int, seed: int, stream_id: str) -> None:
         rate = parameters.rate_hz
         if input_rate_hz % rate:
-            raise ValueError(f"sensor rate_hz {rate} must divide the input rate of {input_rate_hz} Hz")
+            raise ValueError(f"sensor rate_hz: {rate}, allowed: what divides the input rate of {input_rate_hz} Hz")
         if parameters.anti_alias_hz >= input_rate_hz / 2:
-            raise ValueError(f"sensor anti_alias_hz {parameters.anti_alias_hz:g} must be below {input_rate_hz / 2:g}")
+            raise ValueError(
+                f"sensor anti_alias_hz: {parameters.anti_alias_hz:g}, allowed: below {input_rate_hz / 2:g} Hz"
+            )
         self.parameters = parameters
         self.lost_packets = 0
         self._seed = seed

@@ -20,11 +20,13 @@ from tbm_dynamics.machine import Machine, MachineError, OperatingPoint, load_mac
 from tbm_dynamics.nodes.pace import Pace
 from tbm_dynamics.sensors import SensorModel, SensorPacket, SensorParameters
 from tbm_dynamics.streams import NANOSECONDS, DynamicsStream, step_ns
+from tbm_dynamics.structure.drive import gear_pair
 from tbm_msgs_py import blocks, operating_point, topics
 from tbm_msgs_py.blocks import BlockError
 from tbm_msgs_py.nodes import messages, qos
 from tbm_msgs_py.nodes.faults import Faults
 from tbm_msgs_py.nodes.managed import ManagedNode, Parameter, run_node
+from tbm_msgs_py.nodes.rate import Rate
 from tbm_msgs_py.operating_point import OperatingPointError
 
 PARAMETERS = (
@@ -49,6 +51,7 @@ PARAMETERS = (
         maximum=50000,
     ),
     Parameter("block_samples", topics.MODEL_BLOCK_SAMPLES, "samples of a block", minimum=10, maximum=100000),
+    Parameter("sensor.rate", 0, "sampling rate of the sensors (Hz), 0 is block_rate", minimum=0, maximum=50000),
     Parameter("sensor.range", 0.0, "full scale (m/s²), 0 is unlimited", minimum=0.0),
     Parameter("sensor.noise_density", 0.0, "noise (m/s²/√Hz)", minimum=0.0),
     Parameter("sensor.quantisation", 0.0, "step of the converter (m/s²)", minimum=0.0),
@@ -86,7 +89,7 @@ class DynamicsNode(ManagedNode):
         self._step = step_ns(self._rate)
         self._points = dict(self._machine.description.test_points)
         self._stream = DynamicsStream(self._machine, self._rate, self.value("loads"))
-        self._pinion_radius = self._pinion_base_radius()
+        self._pinion_radius = gear_pair(self._machine.description.driveshaft).pinion_base_radius
         self._refused = 0
         self._faults: Faults[str] = Faults(lambda text: self.get_logger().warning(text))
         self._pace = Pace()
@@ -107,6 +110,7 @@ class DynamicsNode(ManagedNode):
 
     def activate(self) -> None:
         """Take loads from now on; what came before has not been waiting."""
+        self._taken = Rate()
         self._subscribe(PointCloud2, topics.LOADS_BLOCK, self._on_loads, qos.BLOCK)
 
     def _subscribe(self, kind: Any, name: str, callback: Any, profile: Any) -> None:
@@ -117,20 +121,20 @@ class DynamicsNode(ManagedNode):
         if "live_rate" in names:
             self._new_live_filters()
 
-    def _pinion_base_radius(self) -> float:
-        gear = self._machine.description.driveshaft.gear
-        return gear.module * gear.pinion_teeth / 2.0 * float(np.cos(np.radians(gear.pressure_angle_deg)))
-
     def _new_sensors(self) -> None:
         """Sensors and live filters for a fresh run."""
         rate = int(self.value("block_rate"))
+        samples = int(self.value("block_samples"))
         given = {name.removeprefix("sensor."): self.value(name) for name in _SENSOR}
-        parameters = SensorParameters(rate_hz=rate, packet_samples=self.value("block_samples"), **given)
+        given["rate_hz"] = given.pop("rate") or rate
+        parameters = SensorParameters(packet_samples=samples, **given)
         whole = round(self._rate)
+        if whole % rate:
+            raise ValueError(f"parameter block_rate: {rate}, allowed: what divides the load_rate of {whole} Hz")
         seed = int(self.value("seed"))
         self._sensors = {point: SensorModel(parameters, whole, seed, point) for point in self._points}
-        self._mesh_gate = parameters.packet_samples, whole // rate
-        self._mesh_offsets = np.arange(parameters.packet_samples) * (whole // rate * self._step / NANOSECONDS)
+        self._mesh_gate = samples, whole // rate
+        self._mesh_offsets = np.arange(samples) * (whole // rate * self._step / NANOSECONDS)
         self._new_live_filters()
         self._mesh_pending = np.empty((0, self._stream.meshes))
         self._restarts = self._stream.restarts
@@ -165,6 +169,7 @@ class DynamicsNode(ManagedNode):
             self._new_sensors()
         for chunk in chunks:
             self._publish(chunk)
+        self._taken.count(len(block.values))
         length = len(block.values) / self._rate
         now = self.get_clock().now().nanoseconds
         self._pace.take(length, time.perf_counter() - start, (now - block.stamp_ns) / NANOSECONDS - length)
@@ -179,7 +184,7 @@ class DynamicsNode(ManagedNode):
         found = np.diff(block.offsets)
         if len(found) and not np.allclose(found, 1.0 / self._rate, rtol=1e-3, atol=0.0):
             raise BlockError(
-                f"samples {found[0]:.6g} s apart; load_rate {self._rate:g} Hz needs {1.0 / self._rate:g} s"
+                f"samples {found[0]:.6g} s apart, allowed: {1.0 / self._rate:g} s of load_rate {self._rate:g} Hz"
             )
 
     def _doubt_units(self, loads: np.ndarray) -> None:
@@ -235,6 +240,7 @@ class DynamicsNode(ManagedNode):
         problems += [f"{dropped} blocks behind the stream dropped{self._rivals()}"] if dropped else []
         values = {
             "blocks": pace.blocks,
+            "measured_rate_hz": self._taken.look(),
             "lost_steps": stream.lost_steps,
             "restarts": stream.restarts,
             "refused_blocks": self._refused,

@@ -12,8 +12,8 @@ import typer
 from tbm_dynamics import load_machine
 from tbm_dynamics.machine.writing import machine_text, write_machine
 from tbm_gsa.cli.output import JSON_OPTION, print_json, results
-from tbm_gsa.comparison.document import machine_sha256
 from tbm_gsa.explanation.verdict import verdict
+from tbm_gsa.provenance import machine_sha256
 from tbm_gsa.study.errors import StudyError
 
 

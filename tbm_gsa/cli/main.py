@@ -14,6 +14,7 @@ import typer
 import tbm_gsa
 from tbm_gsa.cli import bag, compare, demo, doctor, gsa, history, machine, reproduce, run, simulate
 from tbm_gsa.cli.output import notes, results
+from tbm_gsa.cli.start import ENDING, INTERRUPTED
 
 app = typer.Typer(
     name="tbm-monitor",
@@ -50,7 +51,6 @@ app.command()(reproduce.reproduce)
 app.command()(doctor.doctor)
 
 BAD_INPUT = 2
-INTERRUPTED = 130
 
 # typer may carry a click of its own: the class is found where typer's own exceptions come from.
 _UsageError: type[Exception] = next(kind for kind in typer.BadParameter.__mro__ if kind.__name__ == "ClickException")
@@ -70,8 +70,8 @@ class _Interruption:
 
 def main() -> None:
     """Run the command line; exit code 0 on success, 2 on bad input, 1 on a fault of the program, 130 after Ctrl-C."""
-    # What was started is ended in order, whichever signal comes; SIGHUP is that of a closed terminal.
-    for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
+    # What was started is ended in order, whichever signal comes.
+    for number in ENDING:
         if signal.getsignal(number) != signal.SIG_IGN:  # nohup
             signal.signal(number, _Interruption.handle)
     code = _run()

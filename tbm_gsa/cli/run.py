@@ -2,25 +2,23 @@
 
 from __future__ import annotations
 
+import math
 import time
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from pathlib import Path
-from types import MappingProxyType
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 from rich.table import Table
 
 from tbm_dynamics import load_machine
-from tbm_dynamics.levels import LoadLevel
+from tbm_dynamics.levels import LOAD_LEVELS, LoadLevel
+from tbm_dynamics.machine import OperatingPoint
 from tbm_dynamics.streams import LoadStream
 from tbm_gsa.cli.output import (
     COLUMN_OPTION,
     JSON_OPTION,
-    LOADS_OPTION,
-    MACHINE_OPTION,
     SCHEDULE_OPTION,
-    SEED_OPTION,
     WHERE_OPTION,
     notes,
     print_json,
@@ -30,6 +28,8 @@ from tbm_gsa.cli.output import (
 from tbm_gsa.cli.processes import NodeCommand, NodeProcesses, ParameterValue, keep_discovery_local
 from tbm_gsa.cli.ros import ANALYSIS_NODE, DYNAMICS_NODE, LIVE_VIEW, LOAD_NODE, watch
 from tbm_gsa.cli.simulate import schedule_of
+from tbm_gsa.cli.site import Site
+from tbm_gsa.study.errors import StudyError
 from tbm_msgs_py import topics
 
 if TYPE_CHECKING:
@@ -38,15 +38,28 @@ if TYPE_CHECKING:
 _FIRST_BLOCK_S = 60.0
 """Longest wait for the first block; on a cold cache the kernel is compiled in it."""
 _LOOK_S = 0.2
+_NODES = ("load_node", "dynamics_node", "analysis_node")
+_MACHINE_OPTION = typer.Option(
+    "--machine", help="Name of a shipped machine, or path of a machine file; default: that of --params, else dz101."
+)
+_LOADS_OPTION = typer.Option(
+    "--loads", help="spectral or cutter; default: that of --params, else spectral.", show_choices=False
+)
+_SEED_OPTION = typer.Option(
+    "--seed", min=0, max=2**31 - 1, help="Seed of everything random; default: those of --params, else 0."
+)
 
 
 def run(
     duration: Annotated[
         float | None, typer.Option(min=0.1, max=1e9, help="Stream time (s); without it until Ctrl-C.")
     ] = None,
-    machine: Annotated[str, MACHINE_OPTION] = "dz101",
-    seed: Annotated[int, SEED_OPTION] = 0,
-    loads: Annotated[LoadLevel, LOADS_OPTION] = "spectral",
+    machine: Annotated[str | None, _MACHINE_OPTION] = None,
+    seed: Annotated[int | None, _SEED_OPTION] = None,
+    loads: Annotated[LoadLevel | None, _LOADS_OPTION] = None,
+    speed: Annotated[float | None, typer.Option(min=0.01, help="Speed of the cutterhead (r/min).")] = None,
+    torque: Annotated[float | None, typer.Option(min=0.1, help="Its mean torque (kN·m).")] = None,
+    thrust: Annotated[float | None, typer.Option(min=0.1, help="Mean thrust (kN).")] = None,
     schedule: Annotated[Path | None, SCHEDULE_OPTION] = None,
     schedule_column: Annotated[list[str] | None, COLUMN_OPTION] = None,
     schedule_where: Annotated[list[str] | None, WHERE_OPTION] = None,
@@ -55,7 +68,7 @@ def run(
         typer.Option(
             exists=True,
             dir_okay=False,
-            help="ROS parameter file of the nodes; --machine, --seed, --loads and --out hold whatever it says.",
+            help="ROS parameter file of the nodes; what the command line names holds whatever it says.",
         ),
     ] = None,
     foxglove: Annotated[
@@ -66,22 +79,26 @@ def run(
 ) -> None:
     """Run loads, dynamics and analysis as ROS 2 nodes and count what they publish."""
     keep_discovery_local()
-    described = load_machine(machine)
+    site = Site(params)
+    described = load_machine(machine or site.common(_NODES, "machine", "dz101"))
     described.assemble()
+    level = loads or _level(site)
+    plan = schedule_of(schedule, schedule_column, schedule_where)
     # Refused here, in one line, rather than by the node.
-    LoadStream(described, seed, 1e-3, 1, loads, schedule_of(schedule, schedule_column, schedule_where))
-    driven: dict[str, ParameterValue] = {"loads": loads}
+    stream = LoadStream(described, seed or 0, 1e-3, 1, level, plan)
+    point = _operating_point(described.operating_point, speed, torque, thrust)
+    if point is not None and plan is not None:
+        raise typer.BadParameter("--schedule with --speed, --torque or --thrust, allowed: one way to drive")
+    if point is not None:
+        stream.set_operating_point(point)
+    driven: dict[str, ParameterValue] = {"machine": described.origin, "loads": level}
     if schedule is not None:
         driven |= {"schedule": str(schedule.absolute()), "schedule_columns": schedule_column or [""]}
         driven |= {"schedule_where": schedule_where or [""]}
-    start = time.monotonic()
-    with watch(described.description.test_points) as watching, NodeProcesses(out / "logs") as nodes:
-        for command in node_commands(machine, seed, out, driven, params):
-            nodes.start(command)
-        if foxglove:
-            nodes.start(NodeCommand("live_view", LIVE_VIEW, {"port": foxglove}))
-        first_block = _wait_for_blocks(watching, nodes, start)
-        stopped = _follow(watching, nodes, duration)
+    commands = node_commands(driven, seed, out, site)
+    if foxglove:
+        commands.append(NodeCommand("live_view", LIVE_VIEW, {"port": foxglove}))
+    first_block, stopped, watching = _run(described.description.test_points, commands, out / "logs", point, duration)
     document = run_document(watching, first_block)
     if json:
         print_json(document)
@@ -91,22 +108,64 @@ def run(
         notes.print("stopped by Ctrl-C", highlight=False)
 
 
-def node_commands(
-    machine: str,
-    seed: int,
-    out: Path,
-    driven: Mapping[str, ParameterValue] = MappingProxyType({}),
-    params: Path | None = None,
-) -> list[NodeCommand]:
-    """Give the three nodes on the computer's clock; `driven` are parameters of the load node, `params` a file."""
-    common: dict[str, ParameterValue] = {"machine": machine, "seed": seed, "loads": driven.get("loads", "spectral")}
-    analysis: dict[str, ParameterValue] = {"machine": machine, "gsa.seed": seed, "gsa.folder": str(out / "studies")}
+def _level(site: Site) -> LoadLevel:
+    stated = site.common(_NODES[:2], "loads", LOAD_LEVELS[0])
+    for level in LOAD_LEVELS:
+        if level == stated:
+            return level
+    raise StudyError(f"{site.file}: loads: {stated}, allowed: {', '.join(LOAD_LEVELS)}")
+
+
+def _operating_point(
+    own: OperatingPoint, speed: float | None, torque: float | None, thrust: float | None
+) -> OperatingPoint | None:
+    """Operating point of the command line, in r/min, kN·m and kN; what it leaves open is the machine's own."""
+    if speed is None and torque is None and thrust is None:
+        return None
+    return OperatingPoint(
+        own.speed if speed is None else speed * 2.0 * math.pi / 60.0,
+        own.torque if torque is None else torque * 1e3,
+        own.thrust if thrust is None else thrust * 1e3,
+    )
+
+
+def node_commands(driven: Mapping[str, ParameterValue], seed: int | None, out: Path, site: Site) -> list[NodeCommand]:
+    """Give the three nodes on the computer's clock; `driven` are parameters of the load node."""
+    common: dict[str, ParameterValue] = {name: driven[name] for name in ("machine", "loads")}
+    analysis: dict[str, ParameterValue] = {"machine": driven["machine"]}
+    if site.stated("analysis_node", "gsa.folder") is None:
+        analysis["gsa.folder"] = str(out / "studies")
+    if seed is not None:
+        common["seed"] = analysis["gsa.seed"] = seed
     return [
-        NodeCommand("analysis_node", ANALYSIS_NODE, analysis, params),
-        NodeCommand("dynamics_node", DYNAMICS_NODE, common, params),
+        NodeCommand("analysis_node", ANALYSIS_NODE, analysis, site.file),
+        NodeCommand("dynamics_node", DYNAMICS_NODE, common, site.file),
         # Dynamics and this process: both see the stream from its first block.
-        NodeCommand("load_node", LOAD_NODE, {**common, **driven, "wait_for_subscribers": 2}, params),
+        NodeCommand("load_node", LOAD_NODE, {**common, **driven, "wait_for_subscribers": 2}, site.file),
     ]
+
+
+def _run(
+    points: Iterable[str],
+    commands: Iterable[NodeCommand],
+    logs: Path,
+    point: OperatingPoint | None,
+    duration: float | None,
+) -> tuple[float | None, bool, Watch]:
+    """Seconds to the first block, whether Ctrl-C ended it, and what was seen."""
+    start, first_block, stopped = time.monotonic(), None, True
+    with watch(points) as watching, NodeProcesses(logs) as nodes:
+        try:
+            if point is not None:
+                watching.operate(point.speed, point.torque, point.thrust)
+            for command in commands:
+                nodes.start(command)
+            first_block = _wait_for_blocks(watching, nodes, start)
+            _follow(watching, nodes, duration)
+            stopped = False
+        except KeyboardInterrupt:
+            pass
+    return first_block, stopped, watching
 
 
 def _wait_for_blocks(watching: Watch, nodes: NodeProcesses, start: float) -> float:
@@ -122,24 +181,20 @@ def _wait_for_blocks(watching: Watch, nodes: NodeProcesses, start: float) -> flo
     return time.monotonic() - start
 
 
-def _follow(watching: Watch, nodes: NodeProcesses, duration: float | None) -> bool:
-    """Watch until every stream has reached the duration; true when Ctrl-C came first."""
+def _follow(watching: Watch, nodes: NodeProcesses, duration: float | None) -> None:
+    """Watch until every stream has reached the duration."""
     counts = watching.seen.blocks.values()
     with progress_bar("running") as bar:
         task = bar.add_task("", total=duration)
-        try:
-            while True:
-                watching.spin(_LOOK_S)
-                nodes.check()
-                reached = min(count.stream_time for count in counts)
-                bar.update(task, completed=reached)
-                if duration is not None and reached >= duration:
-                    return False
-        except KeyboardInterrupt:
-            return True
+        reached = 0.0
+        while duration is None or reached < duration:
+            watching.spin(_LOOK_S)
+            nodes.check()
+            reached = min(count.stream_time for count in counts)
+            bar.update(task, completed=reached)
 
 
-def run_document(watching: Watch, first_block: float) -> dict[str, Any]:
+def run_document(watching: Watch, first_block: float | None) -> dict[str, Any]:
     """Gather what `run --json` prints: blocks by topic, diagnostics by status name, seconds to the first block."""
     seen = watching.seen
     return {
@@ -162,6 +217,7 @@ def _print_table(document: dict[str, Any]) -> None:
     for name, count in document["topics"].items():
         table.add_row(name, str(count["blocks"]), str(count["lost"]), f"{count['stream_time']:.2f}")
     results.print(table)
-    results.print(f"first block after {document['first_block_seconds']:.1f} s")
+    first = document["first_block_seconds"]
+    results.print("no block" if first is None else f"first block after {first:.1f} s")
     for name, status in document["diagnostics"].items():
         results.print(f"{name}: {status['message']}", highlight=False, markup=False)

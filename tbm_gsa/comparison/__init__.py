@@ -1,14 +1,17 @@
 """The model against a recording: conditioning, statistics, and the comparison afterwards and live."""
 
-from tbm_gsa.comparison.alarm import AlarmRule, UsualError
+from tbm_gsa.comparison.alarm import DEAD_SHARE, AlarmRule, UsualError, dead_axes
 from tbm_gsa.comparison.live import WindowedComparison, WindowResult
 from tbm_gsa.comparison.offline import Comparison, Record, compare_records
+from tbm_gsa.comparison.operation import Operation
 from tbm_gsa.comparison.settings import Settings
 from tbm_gsa.comparison.streams import StreamCounters
 
 __all__ = [
+    "DEAD_SHARE",
     "AlarmRule",
     "Comparison",
+    "Operation",
     "Record",
     "Settings",
     "StreamCounters",
@@ -16,4 +19,5 @@ __all__ = [
     "WindowResult",
     "WindowedComparison",
     "compare_records",
+    "dead_axes",
 ]

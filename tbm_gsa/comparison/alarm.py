@@ -3,19 +3,20 @@
 Without a baseline the threshold is absolute: a window counts when the relative error of a watched axis is over it. With
 one the change counts, for the model of a sound drive errs too: a window counts when the error lies farther from the
 baseline's mean than the threshold, and farther than three times the baseline's scatter. An alarm is a number of such
-windows in a row; windows without a known error neither raise nor clear it.
+windows in a row; windows without a known error, and sensors that measure next to nothing, neither raise nor clear it.
 """
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from tbm_gsa.arrays import Array
 from tbm_gsa.comparison.live import WindowResult
 
 SCATTERS = 3.0
+DEAD_SHARE = 0.01  # of what is usual; a sensor that measures less is dead, and its error as large as you like
 
 
 @dataclass(frozen=True, eq=False)
@@ -30,6 +31,11 @@ class UsualError:
 
     mean: ArrayLike
     scatter: ArrayLike = field(default_factory=lambda: np.zeros(3))
+
+
+def dead_axes(result: WindowResult) -> NDArray[np.bool_]:
+    """Along which axes (3,) the sensor measures less than a hundredth of what the model says."""
+    return np.asarray(result.field_rms < DEAD_SHARE * result.model_rms)
 
 
 class AlarmRule:
@@ -69,9 +75,10 @@ class AlarmRule:
 
     def update(self, result: WindowResult) -> bool:
         """Take the next window of a point; true when this window raises the alarm, once until it has fallen again."""
-        if np.isnan(result.relative_error[self._axes]).all():
+        known = (np.isfinite(result.relative_error) & ~dead_axes(result))[self._axes]
+        if result.operation != "steady" or not known.any():
             return False
-        over = bool(self._exceeds(result)[self._axes].any())
+        over = bool((self._exceeds(result)[self._axes] & known).any())
         self._over[result.point] = self._over.get(result.point, 0) + 1 if over else 0
         return self._over[result.point] == self._windows
 

@@ -1,11 +1,9 @@
 """The JSON document of a comparison; its keys are a contract, docs/comparison.md lists them."""
 
-import hashlib
 import math
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
-from importlib import resources
 from pathlib import Path
 from typing import Any
 
@@ -19,7 +17,7 @@ from tbm_gsa.comparison.field_side import FieldSide
 from tbm_gsa.comparison.intervals import CONFIDENCE, Interval
 from tbm_gsa.comparison.levels import Course
 from tbm_gsa.comparison.offline import AxisComparison, Comparison, G, PointComparison, Windows
-from tbm_gsa.study.document import package_versions
+from tbm_gsa.provenance import machine_sha256, package_versions
 from tbm_msgs_py.recording import RecordingReader
 
 STATISTICS = ("rms", "peak", "crest_factor", "kurtosis", "velocity_rms")
@@ -116,15 +114,6 @@ def axial_rows(document: Mapping[str, Any]) -> list[AxialRow]:
         )
         for point, axes in document["points"].items()
     ]
-
-
-def machine_sha256(machine: Machine) -> str:
-    """Digest of the file a machine came from, else of its description."""
-    shipped = resources.files("tbm_dynamics") / "machines" / f"{machine.origin}.yaml"
-    for file in (Path(machine.origin), shipped):
-        if file.is_file():
-            return hashlib.sha256(file.read_bytes()).hexdigest()
-    return hashlib.sha256(machine.base.model_dump_json().encode()).hexdigest()
 
 
 def _axis(point: PointComparison, compared: AxisComparison) -> dict[str, Any]:

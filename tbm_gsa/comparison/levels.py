@@ -168,7 +168,7 @@ def _stretches(record: OperatingRecord, begin_ns: int, end_ns: int) -> Iterator[
             before = float(borders[entry] - borders[held[first]])
             mean = (mean * before + values[entry] * hold) / (before + hold)
         following = values[held[place + 1]] if place + 1 < len(held) else None
-        if following is None or not _alike(mean, following):
+        if following is None or not alike(mean, following):
             yield _stretch(int(borders[held[first]]), int(borders[entry + 1]), mean)
             first = place + 1
 
@@ -180,7 +180,8 @@ def _stretch(begin_ns: int, end_ns: int, mean: Array) -> _Stretch:
     return _Stretch(begin_ns, end_ns, mean, "steady" if steady else "transient")
 
 
-def _alike(mean: Array, other: Array) -> bool:
+def alike(mean: Array, other: Array) -> bool:
+    """Whether operating points (3,) are of one stretch: both standstills, or each value within the tolerance."""
     if not ((mean > 0.0).all() and (other > 0.0).all()):
         return bool((mean > 0.0).all() == (other > 0.0).all())
     return bool(np.all(np.abs(other - mean) <= TOLERANCE * mean))
@@ -191,7 +192,7 @@ def _groups(steady: Sequence[_Stretch]) -> list[list[_Stretch]]:
     groups: list[list[_Stretch]] = []
     for stretch in sorted(steady, key=lambda one: -one.seconds):
         for group in groups:
-            if _alike(group[0].mean, stretch.mean):
+            if alike(group[0].mean, stretch.mean):
                 group.append(stretch)
                 break
         else:

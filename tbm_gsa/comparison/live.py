@@ -10,7 +10,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from tbm_gsa.arrays import Array
+from tbm_gsa.arrays import Array, Integers
+from tbm_gsa.comparison.levels import Kind
 from tbm_gsa.comparison.statistics import relative_error
 from tbm_gsa.comparison.streams import NANOSECONDS, SOURCES, ClosedWindow, PointStreams, Source, StreamCounters
 
@@ -31,6 +32,8 @@ class WindowResult:
         Equation (4); NaN where the coverage is too low to say.
     model_coverage, field_coverage : float
         Share of the window that really arrived, 0 … 1.
+    operation : {"steady", "transient", "standstill"}
+        How the machine was driven; only a steady window can be compared.
     """
 
     point: str
@@ -41,6 +44,7 @@ class WindowResult:
     relative_error: Array
     model_coverage: float
     field_coverage: float
+    operation: Kind = "steady"
 
     @property
     def coverage(self) -> float:
@@ -116,16 +120,19 @@ class WindowedComparison:
         times = stamp_ns + np.rint(offsets[finite] * NANOSECONDS).astype(np.int64)
         if not times.size:
             return []
-        streams = self._streams(point, source, int(times[0]))
+        streams = self._streams(point, source, times)
         closed = streams.feed(source, times, rows[finite], high_hz=self._high_hz, patience=self._patience)
         return [self._result(point, streams, window) for window in closed]
 
-    def _streams(self, point: str, source: Source, first_ns: int) -> PointStreams:
+    def _streams(self, point: str, source: Source, times: Integers) -> PointStreams:
         """Both signals of a point; afresh if this one's clock has jumped back, as a bag does that loops."""
         streams, counters = self._points.get(point), self.counters[point]
-        if streams is not None and not streams[source].jumps_back(first_ns):
+        if streams is not None and not streams[source].jumps_back(times):
             return streams
-        counters[source].restarts += streams is not None
+        if streams is not None:
+            counters[source].restarts += 1
+            for name in SOURCES:
+                counters[name].late -= streams[name].behind - (len(times) if name == source else 0)
         self._points[point] = PointStreams(self._window_ns, counters)
         return self._points[point]
 
@@ -134,4 +141,4 @@ class WindowedComparison:
         model, field = (closed.sums[source].rms(turning) for source in SOURCES)
         shares = [closed.sums[source].coverage(streams[source].rate_hz, length) for source in SOURCES]
         error = relative_error(field, model) if min(shares) >= self._least_coverage else np.full(3, np.nan)
-        return WindowResult(point, closed.index * length, length, model, field, error, *shares)
+        return WindowResult(point, closed.index * length, length, model, field, error, shares[0], shares[1])

@@ -38,8 +38,7 @@ class WelchCollector:
     ----------
     rate_hz : float
     resolution_hz : float
-        Distance of the frequencies. Until there is a segment as long as that, segments of a second are added up, for a
-        signal that has no longer stretch.
+        Distance of the frequencies. Segments of a second are added up too, for a level that has no longer stretch.
     level_of : callable
         Level of a segment.
     """
@@ -53,8 +52,6 @@ class WelchCollector:
         """Take the next stretch."""
         for total in self._sums:
             total.feed(stretch)
-            if total.sums:
-                break
 
     def finish(self) -> Mapping[int, SpectrumSum]:
         """Finest sum of each level that has any."""

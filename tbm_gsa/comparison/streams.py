@@ -17,6 +17,7 @@ SOURCES: tuple[Source, Source] = ("model", "field")
 NANOSECONDS = 1_000_000_000
 BATCH_NS = 200_000_000  # samples are worked off in batches; the first one gives the rate and the mean to start from
 LEAST_BATCH = 8  # samples
+JUMP_BACK_NS = 500_000_000  # a run of samples behind the present that is longer is a clock that jumped back
 SETTLE_NS = round(NANOSECONDS / HIGH_PASS_HZ)  # one period of the high-pass
 
 
@@ -127,12 +128,29 @@ class _Stream:
         self._pending_times: list[Integers] = []
         self._pending_rows: list[Array] = []
         self._latest_ns: int | None = None  # of all samples, pending or not
+        self._behind: tuple[int, int, int] | None = None  # begin, end and number of samples behind the present
         self._conditioner: CausalConditioner | None = None
         self._settled_ns: int | None = None
 
-    def jumps_back(self, first_ns: int) -> bool:
-        """Whether a block that starts at `first_ns` belongs to a new run of the clock."""
-        return self._latest_ns is not None and first_ns < self._latest_ns - self._window_ns
+    def jumps_back(self, times: Integers) -> bool:
+        """Whether samples at these times (n,), ns, belong to a new run of the clock: nothing else has come for a while.
+
+        What lies behind the present for a moment only is the signal of a second publisher.
+        """
+        first, last = int(times[0]), int(times[-1])
+        if self._latest_ns is None or first >= self._latest_ns - self._window_ns:
+            self._behind = None
+            return False
+        since, until, count = self._behind or (first, first, 0)
+        if not 0 <= first - until < self._window_ns:
+            since, count = first, 0
+        self._behind = since, last, count + len(times)
+        return last - since >= JUMP_BACK_NS
+
+    @property
+    def behind(self) -> int:
+        """Samples of the run that lies behind the present; none of them is late any more once it is the present."""
+        return self._behind[2] if self._behind else 0
 
     @property
     def _period_ns(self) -> int:

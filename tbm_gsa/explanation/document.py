@@ -14,7 +14,7 @@ from tbm_gsa.explanation.joint import JointPosterior
 from tbm_gsa.explanation.observed import Observed
 from tbm_gsa.explanation.shifts import Shifts
 from tbm_gsa.explanation.verdict import explains
-from tbm_gsa.study.document import package_versions
+from tbm_gsa.provenance import package_versions
 from tbm_gsa.study.inputs import InputSet
 
 

@@ -5,10 +5,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from tbm_gsa.comparison import UsualError
+from tbm_gsa.comparison import DEAD_SHARE, UsualError
 from tbm_gsa.history.entries import Window
 
-DEAD_SHARE = 0.01  # of the median RMS; a sensor that measures less is dead, and its error as large as you like
 LEAST_WINDOWS = 5  # a scatter of fewer means nothing
 _COLUMNS = {"x": (0,), "y": (1,), "z": (2,), "yz": (1, 2)}
 

@@ -101,9 +101,10 @@ def recording_entries(document: Mapping[str, Any], starts_ns: Mapping[str, int])
             windows = values["windows"]
             for place, start in enumerate(windows["start"]):
                 level, field_rms = windows["level"][place], windows["field_rms"][place]
-                if level is None or field_rms is None:
+                compared = {} if level is None else document["levels"][level]["points"].get(point, {})
+                if field_rms is None or axis not in compared:
                     continue
-                model_rms = document["levels"][level]["points"][point][axis]["model_rms"]
+                model_rms = compared[axis]["model_rms"]
                 error = windows["relative_error"][place]
                 yield Entry(
                     point,

@@ -5,6 +5,7 @@ from __future__ import annotations
 import sys
 from collections.abc import Mapping as AnyMapping
 from collections.abc import Sequence
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -12,23 +13,30 @@ from typing import Any
 import numpy as np
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from geometry_msgs.msg import Vector3Stamped
-from sensor_msgs.msg import PointCloud2
+from sensor_msgs.msg import JointState, PointCloud2
 from std_srvs.srv import Trigger
 
 from tbm_dynamics.machine import Machine, load_machine
-from tbm_gsa.comparison import AlarmRule, WindowedComparison, WindowResult
-from tbm_gsa.comparison.document import machine_sha256
+from tbm_gsa.comparison import AlarmRule, Operation, WindowedComparison, WindowResult
 from tbm_gsa.history import Source
 from tbm_gsa.nodes.field_topics import FieldTopics
 from tbm_gsa.nodes.gsa_process import GsaOptions, GsaProcess, GsaStatus
 from tbm_gsa.nodes.health import Condition, StreamHealth
 from tbm_gsa.nodes.history_writer import HistoryWriter
-from tbm_gsa.nodes.statuses import comparison_status, gsa_result_statuses, gsa_status, history_status
-from tbm_msgs_py import blocks, topics
+from tbm_gsa.nodes.statuses import (
+    comparison_status,
+    gsa_result_statuses,
+    gsa_status,
+    history_status,
+    surrogate_quality,
+)
+from tbm_gsa.provenance import machine_sha256
+from tbm_msgs_py import blocks, operating_point, topics
 from tbm_msgs_py.bags.mapping import Mapping, SensorMapping, contract_sensor, load_mapping
 from tbm_msgs_py.blocks import BlockError
 from tbm_msgs_py.nodes import messages, qos
 from tbm_msgs_py.nodes.managed import ManagedNode, Parameter, run_node
+from tbm_msgs_py.operating_point import OperatingPointError
 
 PARAMETERS = (
     Parameter("machine", "dz101", "machine: name of a shipped one, or path of a machine file"),
@@ -98,6 +106,8 @@ class AnalysisNode(ManagedNode):
         self._health = StreamHealth(lambda text: self.get_logger().warning(text))
         self._gsa = GsaProcess(self._gsa_options())
         self._gsa_shown: GsaStatus | None = None
+        self._gsa_quality: dict[str, Any] = {}
+        self._operation = {name: Operation() for name in (topics.OPERATING_POINT, topics.LOADS_OPERATING_POINT)}
         self._create_publishers()
         self._subscribe_model()
         self._field_topics = FieldTopics(
@@ -176,6 +186,14 @@ class AnalysisNode(ManagedNode):
             name = topics.model_block(point)
             options = qos.overridable()
             self.create_subscription(PointCloud2, name, callback, qos.BLOCK, qos_overriding_options=options)
+        for name in self._operation:  # what the machine does, and what the model does after it
+            self.create_subscription(
+                JointState,
+                name,
+                partial(self._on_operating_point, name),
+                qos.OPERATING_POINT,
+                qos_overriding_options=qos.overridable(),
+            )
 
     def activate(self) -> None:
         """Show where the analysis process stands."""
@@ -184,6 +202,8 @@ class AnalysisNode(ManagedNode):
     def deactivate(self) -> None:
         """End a running analysis; its store stays."""
         self._gsa.cancel("the node was stopped; `tbm-monitor gsa resume` goes on with it")
+        if self.context.ok():  # the latched status outlives the activity, not the process
+            self._publish_gsa()
 
     def cleanup(self) -> None:
         """Close what follows the field and the history."""
@@ -206,8 +226,16 @@ class AnalysisNode(ManagedNode):
         if self.active:
             self._feed(sensor, "field", stamp, offsets, values)
 
+    def _on_operating_point(self, name: str, message: Any) -> None:
+        try:
+            point = operating_point.from_joint_state(message)
+        except OperatingPointError:  # the load node says so
+            return
+        stamp = messages.stamp_to_ns(message.header.stamp) or self.get_clock().now().nanoseconds
+        self._operation[name].take(stamp, (point.speed, point.torque, point.thrust))
+
     def _feed(self, sensor: SensorMapping, source: Any, stamp: int, offsets: np.ndarray, values: np.ndarray) -> None:
-        self._health.arrived(sensor.point, source)
+        self._health.arrived(sensor.point, source, len(offsets))
         rows = values @ sensor.matrix().T
         for result in self._comparison.feed(sensor.point, source, stamp, offsets, rows):
             self._on_window(result)
@@ -215,6 +243,7 @@ class AnalysisNode(ManagedNode):
     def _on_window(self, result: WindowResult) -> None:
         if result.point not in self._points:
             return
+        result = self._operated(result)
         self._latest[result.point] = result
         self._history.add(result, result.point in self._rotating)
         for quantity in topics.ANALYSIS_QUANTITIES:
@@ -228,13 +257,24 @@ class AnalysisNode(ManagedNode):
             if self.value("gsa.on_threshold"):
                 self._start_gsa(reason)
 
+    def _operated(self, result: WindowResult) -> WindowResult:
+        """Leave a window without an error in which the machine, or the model after it, was not driven steadily."""
+        end_ns = result.start_ns + result.length_ns
+        kinds = [known.kind(result.start_ns, end_ns) for known in self._operation.values()]
+        apart = sorted({kind for kind in kinds if kind != "steady"})  # a standstill says more than a change
+        return replace(result, relative_error=np.full(3, np.nan), operation=apart[0]) if apart else result
+
     def _start_gsa(self, reason: str) -> bool:
+        self._look_at_gsa()
         try:
             started = self._gsa.start(reason)
         except OSError as error:
             self.get_logger().error(f"sensitivity analysis: {error}")
             return False
-        if started:
+        if not started:
+            self.get_logger().warning(f"sensitivity analysis: one is running already; not started: {reason}")
+        else:
+            self._gsa_quality = {}
             self.get_logger().info(f"sensitivity analysis started in {self._gsa.status.folder}: {reason}")
             self._publish_gsa()
         return started
@@ -251,6 +291,7 @@ class AnalysisNode(ManagedNode):
         return response
 
     def _on_cancel_gsa(self, _request: Any, response: Any) -> Any:
+        self._look_at_gsa()
         response.success = self._gsa.cancel(f"service {topics.CANCEL_GSA}")
         response.message = str(self._gsa.status.folder) if response.success else "no sensitivity analysis is running"
         self._publish_gsa()
@@ -258,9 +299,7 @@ class AnalysisNode(ManagedNode):
 
     def statuses(self) -> list[DiagnosticStatus]:
         """Comparison at every point, and the sensitivity analysis."""
-        if self._gsa.running:
-            self._gsa.poll()
-            self._publish_gsa()
+        self._look_at_gsa()
         health = self._health.look(self._comparison.counters, self.clock_stands)
         statuses = [
             comparison_status(
@@ -277,7 +316,13 @@ class AnalysisNode(ManagedNode):
         return [*statuses, own, self._gsa_status_now()]
 
     def _gsa_status_now(self) -> DiagnosticStatus:
-        return gsa_status(self.status_name("sensitivity analysis"), self.value("machine"), self._gsa.status)
+        name = self.status_name("sensitivity analysis")
+        return gsa_status(name, self.value("machine"), self._gsa.status, self._gsa_quality)
+
+    def _look_at_gsa(self) -> None:
+        if self._gsa.running:
+            self._gsa.poll()
+            self._publish_gsa()
 
     def _publish_gsa(self) -> None:
         """Publish the status of the analysis when it has changed, and the result once it is there."""
@@ -289,13 +334,15 @@ class AnalysisNode(ManagedNode):
         if ended:
             self.get_logger().info(f"sensitivity analysis {status.state}: {status.report or status.reason}")
         if ended and status.state == "finished":
-            self._gsa_result.publish(messages.diagnostics(now, self._result_statuses()))
+            document = self._gsa.result()
+            self._gsa_quality = surrogate_quality(document)
+            self._gsa_result.publish(messages.diagnostics(now, self._result_statuses(document)))
         self._gsa_status.publish(messages.diagnostics(now, [self._gsa_status_now()]))
         self._gsa_shown = status
 
-    def _result_statuses(self) -> list[DiagnosticStatus]:
+    def _result_statuses(self, document: AnyMapping[str, Any]) -> list[DiagnosticStatus]:
         prefix = self.status_name("sensitivity of")
-        return gsa_result_statuses(prefix, self.value("machine"), self._gsa.result(), self._gsa.status)
+        return gsa_result_statuses(prefix, self.value("machine"), document, self._gsa.status)
 
 
 def _check_axes(axes: Sequence[str]) -> None:

@@ -40,7 +40,8 @@ class FieldTopics:
     """Subscribes to every field topic.
 
     Topics of the contract are subscribed to at once, as the contract has them; any topic follows what its publishers
-    offer, be they there before the node or after it.
+    offer, be they there before the node or after it. Of a point that is published as blocks and as single samples only
+    the blocks are taken, as from a recording.
 
     Parameters
     ----------
@@ -83,18 +84,27 @@ class FieldTopics:
         self._subscriptions = {}
 
     def _look(self) -> None:
+        offered: dict[str, _Offer] = {}
         for name in self._sensors:
             publishers = self._node.get_publishers_info_by_topic(name)
             if not publishers:
                 continue
             self._health.publishers(self._sensors[name].point, name, [known.node_name for known in publishers])
-            offer = _Offer(publishers[0].topic_type, qos.offered(publishers).reliable)
-            if offer != self._offers.get(name):
+            offered[name] = _Offer(publishers[0].topic_type, qos.offered(publishers).reliable)
+        in_blocks = {self._sensors[name].point for name, offer in offered.items() if offer.type == _BLOCK}
+        for name, offer in offered.items():
+            if offer.type != _BLOCK and self._sensors[name].point in in_blocks:
+                self._leave(name)
+            elif offer != self._offers.get(name):
                 self._subscribe(name, offer)
 
-    def _subscribe(self, name: str, offer: _Offer) -> None:
+    def _leave(self, name: str) -> None:
+        self._offers.pop(name, None)
         if name in self._subscriptions:
             self._node.destroy_subscription(self._subscriptions.pop(name))
+
+    def _subscribe(self, name: str, offer: _Offer) -> None:
+        self._leave(name)
         self._offers[name] = offer
         if offer.type != _BLOCK and offer.type not in _SAMPLE:
             allowed = ", ".join([_BLOCK, *_SAMPLE])

@@ -14,12 +14,12 @@ from typing import Any, Literal
 
 from tbm_gsa.nodes.start import WITH_PARENT
 from tbm_gsa.study.errors import StudyError
-from tbm_gsa.study.run import REPORT_NAME, RESULT_NAME, STORE_NAME
+from tbm_gsa.study.files import REPORT_NAME, RESULT_NAME, STORE_NAME
 from tbm_gsa.study.store import Store
 
 State = Literal["idle", "running", "finished", "failed", "cancelled"]
 _LOG_NAME = "gsa.log"
-_GRACE_S = 3.0
+_GRACE_S = 1.5  # a node has 3 s to end, its study included
 
 
 @dataclass(frozen=True)

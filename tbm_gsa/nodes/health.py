@@ -9,11 +9,13 @@ from typing import Any
 
 from tbm_gsa.comparison import StreamCounters
 from tbm_msgs_py.nodes.faults import Faults
+from tbm_msgs_py.nodes.rate import Rate
 
 SILENCE_S = 2.0  # wall time after which a signal that came no longer comes
 _COUNTED = {
     "rejected": "{} samples of the {} that are not finite",
     "late": "{} samples of the {} late or twice: ",
+    "restarts": "{} jumps back of the stamps of the {}",
 }
 
 
@@ -29,11 +31,14 @@ class Condition:
         What is used, but is not right.
     silent : list of str
         Signals that came and come no more.
+    rates : dict of str to float
+        Samples that came in a second of wall time, by signal.
     """
 
     refused: list[str] = field(default_factory=list)
     doubts: list[str] = field(default_factory=list)
     silent: list[str] = field(default_factory=list)
+    rates: dict[str, float] = field(default_factory=dict)
 
 
 class StreamHealth:
@@ -48,12 +53,14 @@ class StreamHealth:
     def __init__(self, warn: Callable[[str], object]) -> None:
         self._faults: Faults[tuple[str, str, str]] = Faults(warn)
         self._came: dict[tuple[str, str], float] = {}
+        self._rates: dict[tuple[str, str], Rate] = {}
         self._counted: dict[tuple[str, Any, str], int] = {}
         self._publishers: dict[str, dict[str, list[str]]] = {}  # by point and topic
 
-    def arrived(self, point: str, source: str) -> None:
+    def arrived(self, point: str, source: str, samples: int) -> None:
         """Take note of samples that are used."""
         self._came[point, source] = time.monotonic()
+        self._rates.setdefault((point, source), Rate()).count(samples)
         self._faults.clear(("refused", point, source))
 
     def refuse(self, point: str, source: str, reason: str) -> None:
@@ -84,6 +91,8 @@ class StreamHealth:
             getattr(found.setdefault(point, Condition()), kind).append(text)
         for (point, source), silence in self._silences(clock_stands).items():
             found.setdefault(point, Condition()).silent.append(f"no signal of the {source} for {silence:.0f} s")
+        for (point, source), rate in self._rates.items():
+            found.setdefault(point, Condition()).rates[source] = rate.look()
         return found
 
     def _compare(self, point: str, source: Any, name: str, count: int, text: str) -> None:

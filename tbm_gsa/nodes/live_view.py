@@ -91,7 +91,8 @@ class LiveView(ManagedNode):
     def statuses(self) -> list[DiagnosticStatus]:
         """Where it listens."""
         values = {"port": self._server.port, "topics": len(self._channels)}
-        return [self.status("live view", "ok", "showing", values)]
+        address = f"{self.value('host')}:{self._server.port}"
+        return [self.status("live view", "ok", "showing", values, address)]
 
 
 def main() -> None:

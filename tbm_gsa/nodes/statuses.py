@@ -8,7 +8,8 @@ from typing import Any
 import numpy as np
 from diagnostic_msgs.msg import DiagnosticStatus
 
-from tbm_gsa.comparison import StreamCounters, WindowResult
+from tbm_gsa.comparison import StreamCounters, WindowResult, dead_axes
+from tbm_gsa.comparison.levels import Kind
 from tbm_gsa.nodes.gsa_process import GsaStatus
 from tbm_gsa.nodes.health import Condition
 from tbm_gsa.nodes.history_writer import HistoryWriter
@@ -21,6 +22,11 @@ _UNIT_FACTORS = {
     9.80665: "m/s² taken for g",
     1e3: "values in mm/s²",
     1e-3: "values in 1000 m/s²",
+}
+_OPERATION: dict[Kind, str] = {
+    "steady": "compared",
+    "transient": "not compared: the operating point changes",
+    "standstill": "not compared: the machine stands still",
 }
 _UNIT_DOUBT = 0.4  # of the logarithm: the model itself errs by up to 50 %
 
@@ -39,6 +45,7 @@ def comparison_status(
         values |= {f"{source}_{key}": value for key, value in vars(counts).items()}
     if latest is not None:
         values |= _figures(latest)
+    values |= {f"{source}_rate_hz": rate for source, rate in health.rates.items()}
     level, text = _judge(latest, alarm, health)
     return messages.status(name, level, text, values, point)
 
@@ -54,8 +61,10 @@ def _judge(latest: WindowResult | None, alarm: bool, health: Condition) -> tuple
     if missing:
         return "stale", "; ".join([f"no signal of the {' and the '.join(missing)}", *health.doubts])
     notes = ["relative error over its threshold"] if alarm else []
-    notes += [*health.doubts, *_holes(latest), *_units(latest)]
-    return ("warn", "; ".join(notes)) if notes else ("ok", "compared")
+    notes += [*health.doubts, *_holes(latest)]
+    if latest.operation == "steady":
+        notes += [*_dead(latest), *_units(latest)]
+    return ("warn" if notes else "ok", "; ".join(notes or [_OPERATION[latest.operation]]))
 
 
 def _figures(latest: WindowResult) -> dict[str, float]:
@@ -70,6 +79,12 @@ def _figures(latest: WindowResult) -> dict[str, float]:
 def _holes(latest: WindowResult) -> list[str]:
     shares = {"model": latest.model_coverage, "field": latest.field_coverage}
     return [f"{source} covers {share:.0%} of the window" for source, share in shares.items() if share < _WHOLE]
+
+
+def _dead(latest: WindowResult) -> list[str]:
+    """Say along which axes the sensor measures next to nothing."""
+    axes = [axis for axis, dead in zip("xyz", dead_axes(latest), strict=True) if dead]
+    return [f"field measures next to nothing along {', '.join(axes)}: a dead channel?"] if axes else []
 
 
 def _units(latest: WindowResult) -> list[str]:
@@ -90,8 +105,8 @@ def history_status(name: str, machine: str, history: HistoryWriter) -> Diagnosti
     return messages.status(name, "ok", "written" if history.path else "not kept", values, machine)
 
 
-def gsa_status(name: str, machine: str, status: GsaStatus) -> DiagnosticStatus:
-    """Where the sensitivity analysis stands."""
+def gsa_status(name: str, machine: str, status: GsaStatus, quality: Mapping[str, Any]) -> DiagnosticStatus:
+    """Where the sensitivity analysis stands, and what its surrogates were worth."""
     values: dict[str, Any] = {
         "state": status.state,
         "done": status.done,
@@ -100,9 +115,19 @@ def gsa_status(name: str, machine: str, status: GsaStatus) -> DiagnosticStatus:
     }
     paths = {"folder": status.folder, "report": status.report}
     values |= {key: path for key, path in paths.items() if path is not None}
+    values |= quality
     level: messages.Level = "error" if status.state == "failed" else "ok"
     text = f"{status.state}: {status.reason}" if status.reason else status.state
     return messages.status(name, level, text, values, machine)
+
+
+def surrogate_quality(document: Mapping[str, Any]) -> dict[str, Any]:
+    """Kind, ten-fold and test R² of every output's surrogate."""
+    return {
+        f"{key}_{name}": output[key]
+        for name, output in document["outputs"].items()
+        for key in ("surrogate", "r2_cv", "r2_test")
+    }
 
 
 def gsa_result_statuses(

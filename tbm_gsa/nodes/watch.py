@@ -18,12 +18,13 @@ from geometry_msgs.msg import Vector3Stamped
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
-from sensor_msgs.msg import PointCloud2
+from sensor_msgs.msg import JointState, PointCloud2
 from std_srvs.srv import Trigger
 
 from tbm_msgs_py import topics
 from tbm_msgs_py.blocks import BlockError
 from tbm_msgs_py.nodes import messages, qos
+from tbm_msgs_py.operating_point import OperatingPoint
 
 _ENDING = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 
@@ -145,6 +146,12 @@ class Watch:
             while not came and (left := until - time.monotonic()) > 0.0:
                 self._executor.spin_once(timeout_sec=left)
 
+    def operate(self, speed: float, torque: float, thrust: float) -> None:
+        """Publish an operating point in rad/s, N·m and N, for as long as this watch lasts."""
+        publisher = self._node.create_publisher(JointState, topics.OPERATING_POINT, qos.OPERATING_POINT)
+        now = self._node.get_clock().now().nanoseconds
+        publisher.publish(messages.operating_point_message(now, OperatingPoint(speed, torque, thrust)))
+
     def run_gsa(self) -> None:
         """Ask the analysis node for a sensitivity analysis; the status topic tells what came of it."""
         self._run_gsa.call_async(Trigger.Request())
@@ -160,7 +167,8 @@ class Watch:
             return
         samples = len(block.offsets)
         spacing = (block.offsets[-1] - block.offsets[0]) / max(1, samples - 1)
-        count.count(block.stamp_ns, round(samples * spacing * 1e9))
+        if spacing > 0.0:  # a single sample, or somebody's nonsense, has no length to count losses in
+            count.count(block.stamp_ns, round(samples * spacing * 1e9))
 
     def _on_gsa_status(self, message: Any) -> None:
         for status in message.status:

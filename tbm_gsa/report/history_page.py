@@ -12,9 +12,9 @@ from matplotlib.image import imsave
 from tbm_gsa.history.baseline import Baseline
 from tbm_gsa.history.entries import Window
 from tbm_gsa.history.summary import baseline_document, iso_time, summarise
+from tbm_gsa.provenance import package_versions
 from tbm_gsa.report.history_figures import by_point, trends
 from tbm_gsa.report.page import embed_figure, render_page
-from tbm_gsa.study.document import package_versions
 
 
 def history_page(path: Path, windows: Sequence[Window], baselines: Sequence[Baseline]) -> str:

@@ -4,11 +4,10 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from tbm_dynamics import Machine
-from tbm_gsa.comparison.document import machine_sha256
+from tbm_gsa.provenance import machine_sha256, package_versions
 from tbm_gsa.reproduction.readings import Reading
 from tbm_gsa.reproduction.response import ResponseEvidence
 from tbm_gsa.reproduction.row import Row, count_verdicts
-from tbm_gsa.study.document import package_versions
 
 
 def reproduction_document(

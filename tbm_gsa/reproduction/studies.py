@@ -13,9 +13,10 @@ from tbm_gsa.study.analysis import OutputAnalysis, OutputFit, fit_outputs
 from tbm_gsa.study.campaign import Progress, run_campaign
 from tbm_gsa.study.errors import StudyError
 from tbm_gsa.study.evaluate import MachineEvaluation
+from tbm_gsa.study.files import STORE_NAME
 from tbm_gsa.study.inputs import PAPER_INPUTS
 from tbm_gsa.study.problem import Problem
-from tbm_gsa.study.run import STORE_NAME, StudyOptions, run_study
+from tbm_gsa.study.run import StudyOptions, run_study
 from tbm_gsa.study.store import Store
 
 

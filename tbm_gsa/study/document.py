@@ -1,17 +1,15 @@
 """The JSON document of a study; its keys are a contract with whoever reads it."""
 
-import platform
 from collections.abc import Mapping
-from importlib.metadata import PackageNotFoundError, version
 from typing import Any
 
 from tbm_gsa.arrays import Array
+from tbm_gsa.provenance import package_versions
 from tbm_gsa.sobol import PathIndices, SobolIndices
 from tbm_gsa.study.analysis import Comparison, OutputAnalysis
 from tbm_gsa.study.candidates import Candidate
 from tbm_gsa.study.store import Store
 
-PACKAGES = ("tbm_monitor", "numpy", "scipy", "scikit-learn", "SALib")
 # Interactions below this share of the variance are left out.
 SMALLEST_INTERACTION = 1e-3
 
@@ -155,14 +153,3 @@ def _comparison(comparison: Comparison, codes: tuple[str, ...]) -> dict[str, Any
 def _by_code(codes: tuple[str, ...], values: Array | None) -> dict[str, Any]:
     """Rows of an array under the codes of the inputs."""
     return {} if values is None else dict(zip(codes, values.tolist(), strict=True))
-
-
-def package_versions() -> dict[str, str]:
-    """Versions of Python and of what the numbers come from; packages that are not installed are left out."""
-    found = {"python": platform.python_version()}
-    for package in PACKAGES:
-        try:
-            found[package] = version(package)
-        except PackageNotFoundError:  # run from the source tree
-            continue
-    return found

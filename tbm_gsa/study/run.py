@@ -5,22 +5,18 @@ import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Final
+from typing import Any
 
 from tbm_gsa.report.gsa_page import gsa_page
 from tbm_gsa.report.gsa_tables import gsa_tables
 from tbm_gsa.study.analysis import OutputAnalysis, analyse, check_methods
 from tbm_gsa.study.campaign import Progress, run_campaign
 from tbm_gsa.study.document import study_document
+from tbm_gsa.study.files import REPORT_NAME, RESULT_NAME, STORE_NAME, TABLES_NAME
 from tbm_gsa.study.problem import Problem
 from tbm_gsa.study.store import Store
 from tbm_gsa.study.worker import Evaluate
 from tbm_gsa.surrogates import SURROGATES
-
-STORE_NAME: Final = "store.sqlite"
-RESULT_NAME: Final = "result.json"
-REPORT_NAME: Final = "report.html"
-TABLES_NAME: Final = "tables"
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,11 +1,12 @@
 from collections.abc import Iterator
+from dataclasses import replace
 
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from tbm_gsa.comparison import AlarmRule, UsualError, WindowedComparison, WindowResult
+from tbm_gsa.comparison import AlarmRule, UsualError, WindowedComparison, WindowResult, dead_axes
 from tbm_gsa.comparison.conditioning import common_band, condition
 
 SECOND = 1_000_000_000
@@ -146,6 +147,24 @@ def test_a_bag_loop_starts_afresh_and_goes_on():
     assert starts(second)[-2:] == [4.0, 6.0]
     # The signal that jumps first restarts the point for both.
     assert [comparison.counters["shield"][source].restarts for source in RATES] == [1, 0]
+    assert [comparison.counters["shield"][source].late for source in RATES] == [0, 0]
+
+
+@pytest.mark.parametrize("behind", [3.0, 60.0])
+def test_a_second_publisher_far_behind_does_not_restart_the_point(behind):
+    """A replay beside live sensors: what lies behind between blocks of the present is dropped, and counted."""
+    comparison = WindowedComparison(2.0)
+    stream = interleaved(8.0)
+    both = []
+    for block in stream:
+        both.append(block)
+        if block[0] == "field":
+            both.append(("field", block[1] - round(behind * SECOND), *block[2:]))
+    results = run(comparison, both)
+    assert starts(results) == starts(run(WindowedComparison(2.0), stream))
+    assert all(result.coverage == 1.0 for result in results)
+    counters = comparison.counters["shield"]["field"]
+    assert (counters.restarts, counters.late) == (0, 8000)
 
 
 def test_values_that_are_not_finite_are_rejected_and_counted():
@@ -249,15 +268,25 @@ def test_points_and_axes_without_a_baseline_have_an_absolute_threshold():
     assert not rule.update(window([0.9, 0.2, 0.9]))
     assert rule.update(window([0.9, 0.4, 0.9]))
     assert rule.update(window([0.9, 0.2, 0.9], "gripper"))
-    assert AlarmRule(0.30, 1, baseline={"shield": UsualError([0.9] * 3)}).update(window([np.inf] * 3))
 
 
 def test_the_alarm_may_watch_one_axis():
     assert not AlarmRule(0.30, 1, axes=(0,)).update(window(HIGH))
 
 
-def test_a_dead_sensor_alarms():
-    assert AlarmRule(0.30, 1).update(window([np.inf] * 3))
+def test_a_dead_sensor_does_not_alarm():
+    """Its error is as large as you like, and says nothing of the machine; the axes that live still count."""
+    quiet = replace(window([np.inf, 400.0, 0.1]), field_rms=np.array([0.0, 0.0025, 1.0]))
+    assert dead_axes(quiet).tolist() == [True, True, False]
+    assert not AlarmRule(0.30, 1).update(quiet)
+    assert AlarmRule(0.30, 1).update(replace(quiet, relative_error=np.array([np.inf, 400.0, 0.4])))
+
+
+def test_a_window_at_no_steady_level_does_not_alarm():
+    rule = AlarmRule(0.30, 1)
+    assert not rule.update(replace(window(HIGH), operation="standstill"))
+    assert not rule.update(replace(window(HIGH), operation="transient"))
+    assert rule.update(window(HIGH))
 
 
 @pytest.mark.parametrize("wrong", [{"threshold": 0.0}, {"windows": 0}])

@@ -233,13 +233,14 @@ def test_live_windows_give_an_entry_an_axis():
 
 def test_windows_of_a_recording_without_those_at_no_level_and_without_samples():
     windows = {
-        "start": [0.0, 2.0, 4.0, 6.0],
-        "level": [0, None, 0, 1],
-        "field_rms": [1.0, 1.0, None, 0.0],
-        "relative_error": [0.5, None, None, None],
-        "coverage": [1.0, 1.0, 0.0, 0.5],
+        "start": [0.0, 2.0, 4.0, 6.0, 8.0],
+        "level": [0, None, 0, 1, 2],
+        "field_rms": [1.0, 1.0, None, 0.0, 1.0],
+        "relative_error": [0.5, None, None, None, None],
+        "coverage": [1.0, 1.0, 0.0, 0.5, 1.0],
     }
-    levels = [{"points": {"shield": {"x": {"model_rms": 1.5}}}}] * 2
+    # The third level is too short for a spectrum at this point: nothing was compared there.
+    levels = [*[{"points": {"shield": {"x": {"model_rms": 1.5}}}}] * 2, {"points": {}}]
     document = {"window_s": 2.0, "points": {"shield": {"x": {"windows": windows}}}, "levels": levels}
     first, dead = recording_entries(document, {"shield": START})
     assert first == Entry("shield", "x", START, LENGTH, 1.0, 1.5, 0.5, 1.0)

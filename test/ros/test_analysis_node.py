@@ -2,6 +2,7 @@
 
 import os
 import signal
+from weakref import WeakKeyDictionary
 
 import numpy as np
 import pytest
@@ -9,15 +10,15 @@ import pytest
 rclpy = pytest.importorskip("rclpy")
 
 from diagnostic_msgs.msg import DiagnosticArray  # noqa: E402
-from geometry_msgs.msg import Vector3Stamped  # noqa: E402
+from geometry_msgs.msg import AccelStamped, Vector3Stamped  # noqa: E402
 from peer import Peer, alive, children, command_line, stamps  # noqa: E402
 from processes import wait_for  # noqa: E402
-from sensor_msgs.msg import Imu, PointCloud2  # noqa: E402
+from sensor_msgs.msg import Imu, JointState, PointCloud2  # noqa: E402
 from std_srvs.srv import Trigger  # noqa: E402
 
 from tbm_gsa.history import Baseline, History  # noqa: E402
 from tbm_gsa.history.baseline import Usual  # noqa: E402
-from tbm_msgs_py import ACCELERATION  # noqa: E402
+from tbm_msgs_py import ACCELERATION, OperatingPoint  # noqa: E402
 from tbm_msgs_py.nodes import messages, qos  # noqa: E402
 from tbm_msgs_py.topics import ANALYSIS_QUANTITIES  # noqa: E402
 
@@ -29,6 +30,7 @@ START_NS = 1_700_000_000_000_000_000
 BLOCK_NS, SAMPLES, RATE = 50_000_000, 250, 5000.0
 OFFSETS = np.arange(SAMPLES) / RATE
 MODEL, FIELD = np.array([3.0, 1.0, 2.0]), np.array([2.0, 1.0, 4.0])  # amplitudes, m/s²
+FED = WeakKeyDictionary()  # blocks that a peer has published
 TINY = {"gsa.samples": 12, "gsa.test": 3, "gsa.duration": 0.1}
 
 
@@ -52,9 +54,9 @@ def listen_to(peer, point):
     return {q: peer.listen(Vector3Stamped, f"/tbm/analysis/{point}/{q}", qos.ANALYSIS) for q in ANALYSIS_QUANTITIES}
 
 
-def feed(peer, windows, count, pairs):
-    """Publish blocks of (publisher, block number → message) until so many whole windows came."""
-    block = 0
+def feed(peer, windows, count, pairs, until=lambda: True):
+    """Publish blocks of (publisher, block number → message) until so many whole windows came; streams go on."""
+    block = FED.get(peer, 0)
     peer.wait_for(lambda: all(publisher.get_subscription_count() for publisher, _ in pairs))
 
     def step():
@@ -62,9 +64,10 @@ def feed(peer, windows, count, pairs):
         for publisher, make in pairs:
             publisher.publish(make(block))
         block += 1
+        FED[peer] = block
         peer.spin_for(0.005)
 
-    wait_for(lambda: all(len(whole(values)) >= count for values in windows.values()), step=step)
+    wait_for(lambda: all(len(whole(values)) >= count for values in windows.values()) and until(), step=step)
 
 
 def vectors(received):
@@ -135,6 +138,7 @@ def test_windows_alarm_and_study(run_node, peer, tmp_path):
     refused = peer.call(Trigger, "/tbm/analysis/run_gsa")
     assert not refused.success
     assert "running already" in refused.message
+    assert not peer.value(GSA, "r2_cv_RDef_A")
     study.wait_for("finished")
     assert study.states[0] in ("idle", "running")
     results = peer.listen(DiagnosticArray, "/tbm/analysis/gsa_result", qos.GSA)  # latched: comes to the late
@@ -143,6 +147,10 @@ def test_windows_alarm_and_study(run_node, peer, tmp_path):
     assert names == {"RDef_A", "RDef_L", "RDef_R", "PAcc_A", "PAcc_L", "PAcc_R", "MF_M", "MF_Se"}
     assert len(list((tmp_path / "studies").glob("gsa_*/report.html"))) == 1
     peer.wait_for(lambda: peer.value(GSA, "state") == "finished")
+    quality = {pair.key: pair.value for pair in results[0].status[0].values}
+    output = results[0].status[0].name.rpartition(" ")[2]
+    for key in ("surrogate", "r2_cv", "r2_test"):
+        assert peer.value(GSA, f"{key}_{output}") == quality[key]
     assert "relative error over its threshold" in peer.said["tbm: comparison shield"]
     assert peer.text("tbm: comparison girder") == "no window yet"
 
@@ -150,7 +158,7 @@ def test_windows_alarm_and_study(run_node, peer, tmp_path):
     peer.wait_for(lambda: "not finite" in peer.text("tbm: comparison shield"))
     feed(peer, {"model_rms": windows["model_rms"]}, len(whole(windows["model_rms"])) + 1, pairs)
     peer.wait_for(lambda: "not finite" not in peer.text("tbm: comparison shield"))
-    assert len(node.output.strip().splitlines()) == 4, node.output  # alarm, start, end, wrong block
+    assert len(node.output.strip().splitlines()) == 5, node.output  # alarm, start, no second one, end, wrong block
 
 
 def test_one_study_at_a_time_cancelled_or_killed(run_node, peer, tmp_path):
@@ -186,7 +194,7 @@ def test_one_study_at_a_time_cancelled_or_killed(run_node, peer, tmp_path):
     left = children(node.process.pid)
     assert left
     node.send(signal.SIGTERM)
-    assert node.exit_code(6.0) == 0, node.output
+    assert node.exit_code(3.0) == 0, node.output
     wait_for(lambda: not any(map(alive, left)))
     assert "Traceback" not in node.output
     assert len(list(tmp_path.glob("gsa_*"))) == 3
@@ -272,6 +280,55 @@ def test_windows_go_into_the_history_and_alarms_are_set_against_its_baseline(run
     feed(peer, windows, 20, pairs)
     peer.wait_for(lambda: node.says("change of the relative error against sound over 0.3 for 2 windows"))
     peer.wait_for(lambda: peer.text("tbm: comparison shield") != "compared")
+
+
+def test_a_standstill_is_no_alarm_and_blocks_go_before_samples(run_node, peer):
+    """The PLC says that the machine stands; beside the blocks a driver sends single samples of the same sensor."""
+    windows = listen_to(peer, "shield")
+    node = run_node(ANALYSIS_NODE, window=0.5, threshold=0.6, threshold_windows=2, **{"gsa.on_threshold": False})
+    model = peer.node.create_publisher(PointCloud2, "/tbm/model/shield/block", qos.BLOCK)
+    field = peer.node.create_publisher(PointCloud2, "/tbm/field/shield/block", qos.BLOCK)
+    slow = peer.node.create_publisher(AccelStamped, "/tbm/field/shield/accel", qos.LIVE)
+    plc = peer.node.create_publisher(JointState, "/tbm/operating_point", qos.OPERATING_POINT)
+    level = {"field": FIELD}
+    latest = {}
+
+    def measured(k):
+        latest["stamp"] = START_NS + k * BLOCK_NS
+        slow.publish(messages.accel(latest["stamp"], sine(100.0 * FIELD, k)[0].tolist(), "shield"))
+        return block_message(k, sine(level["field"], k))
+
+    def drive(speed):
+        plc.publish(messages.operating_point_message(latest.get("stamp", START_NS), OperatingPoint(speed, 3e6, 1e7)))
+
+    pairs = [(model, lambda k: block_message(k, sine(MODEL, k))), (field, measured)]
+    drive(0.6)
+    status = "tbm: comparison shield"
+    feed(peer, windows, 5, pairs)
+    peer.wait_for(lambda: peer.text(status) == "compared")  # not one sample late
+    assert vectors(windows["field_rms"])[-1] == pytest.approx(FIELD / np.sqrt(2), rel=0.01)
+
+    def rates():
+        return [float(peer.value(status, f"{source}_rate_hz")) for source in ("model", "field")]
+
+    feed(peer, windows, 1, pairs, until=lambda: min(rates()) > 0.0)
+
+    drive(0.0)
+    level["field"] = 1e-3 * FIELD  # nothing but noise
+    still = {"model_rms": windows["model_rms"]}
+    feed(peer, still, len(whole(still["model_rms"])) + 8, pairs)
+    peer.wait_for(lambda: peer.text(status) == "not compared: the machine stands still")
+    assert peer.diagnostics[status].level == 0
+    assert np.isnan(vectors(windows["relative_error"])[-3:]).all()
+    assert not node.says("relative error over")
+
+    drive(0.6)
+    feed(peer, still, len(whole(still["model_rms"])) + 6, pairs)
+    peer.wait_for(lambda: "field measures next to nothing along x, y, z: a dead channel?" in peer.text(status))
+    assert not node.says("relative error over")
+    level["field"] = 0.1 * FIELD
+    feed(peer, still, len(whole(still["model_rms"])) + 8, pairs)
+    peer.wait_for(lambda: node.says("relative error over 0.6 for 2 windows"))
 
 
 @pytest.mark.parametrize(

@@ -10,6 +10,7 @@ from pathlib import Path
 import pytest
 from processes import wait_for
 
+from tbm_dynamics import load_machine
 from tbm_gsa.cli.main import main
 from tbm_gsa.cli.processes import NodeCommand, NodeProcesses
 from tbm_gsa.study.inputs import PAPER_INPUTS
@@ -182,6 +183,44 @@ def test_run_counts_no_loss(command):
         assert topic["lost"] == 0, name
         assert topic["stream_time"] >= 3.0, name
     assert document["diagnostics"]["tbm: dynamics"]["message"] == "integrating"
+
+
+@pytest.mark.ros
+def test_run_takes_machine_and_operating_point_from_file_and_options(command, tmp_path):
+    """The file alone names the machine; the options drive it."""
+    pytest.importorskip("rclpy")
+    (tmp_path / "site.yaml").write_text("/**:\n  ros__parameters: {machine: open380, seed: 3}\n")
+    code, out, err = command(
+        "run", "--duration", "1", "--params", "site.yaml", "--speed", "1.5", "--thrust", "9000", "--json"
+    )
+    assert code == 0, err
+    diagnostics = json.loads(out)["diagnostics"]
+    own = load_machine("open380").operating_point
+    values = diagnostics["tbm: loads"]["values"]
+    assert float(values["speed_r_min"]) == pytest.approx(1.5)
+    assert float(values["thrust_kn"]) == pytest.approx(9000.0)
+    assert float(values["torque_kn_m"]) == pytest.approx(own.torque / 1e3)
+    assert {status for status in diagnostics if "comparison" in status} == {
+        f"tbm: comparison {point}" for point in load_machine("open380").description.test_points
+    }
+
+
+@pytest.mark.parametrize(
+    ("file", "options", "named"),
+    [
+        ("machine: dz101", ["--speed", "99"], "allowed"),
+        ("loads: cuter", [], "loads: cuter, allowed: spectral, cutter"),
+        ("machine: dz1O1", [], "dz1O1"),
+        ("machine: dz101", ["--speed", "5", "--schedule", "plan.csv"], "allowed: one way to drive"),
+    ],
+)
+def test_run_refuses_before_a_node_starts(command, tmp_path, file, options, named):
+    (tmp_path / "site.yaml").write_text(f"/**:\n  ros__parameters: {{{file}}}\n")
+    (tmp_path / "plan.csv").write_text("time_s,speed_r_min,torque_kn_m,thrust_kn\n0,5,3000,12000\n9,5,3000,12000\n")
+    code, out, err = command("run", "--params", "site.yaml", *options)
+    assert (code, out) == (2, "")
+    assert len(err.strip().splitlines()) == 1, err
+    assert named in err
 
 
 @pytest.mark.ros

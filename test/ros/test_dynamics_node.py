@@ -123,7 +123,7 @@ def test_lost_and_wrong_blocks(run_node, peer):
     for wrong, reason in [
         ({"values": np.zeros((500, 3)), "layout": ACCELERATION}, "block channels ax ay az"),
         ({"values": nan}, "not finite"),
-        ({"values": loads.values(10)[::2], "spacing": 2e-4}, "load_rate 10000 Hz needs 0.0001 s"),
+        ({"values": loads.values(10)[::2], "spacing": 2e-4}, "allowed: 0.0001 s of load_rate 10000 Hz"),
     ]:
         loads.send(10, **wrong)
         peer.wait_for(lambda reason=reason: reason in peer.text(STATUS))
@@ -184,7 +184,8 @@ def end_all(nodes, number):
 @pytest.mark.parametrize(
     ("parameters", "named"),
     [
-        ({"block_rate": 3000}, "must divide"),
+        ({"block_rate": 3000}, "allowed: what divides"),
+        ({"sensor.rate": 3000}, "allowed: what divides"),
         ({"sensor.range": 1.0, "sensor.quantisation": 2.0}, "must not exceed the range"),
     ],
 )

@@ -126,6 +126,8 @@ def test_the_parameter_file_holds_the_defaults():
         assert set(given) <= set(declared)
         assert given.pop("wait_for_subscribers", 1) == 1
         assert given == {name: declared[name].default for name in given}
+        unusual = {"autostart", "wait_for_subscribers", "summary", "schedule", "schedule_columns", "schedule_where"}
+        assert set(declared) - set(given) <= unusual
 
 
 def test_the_layouts_show_topics_of_the_contract():

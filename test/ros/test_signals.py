@@ -1,6 +1,8 @@
 """SIGINT and SIGTERM at any moment of a node's life, its start included: an end without a word, code 0."""
 
 import signal
+import subprocess
+import sys
 import time
 from pathlib import Path
 
@@ -11,22 +13,34 @@ pytest.importorskip("rclpy")
 from processes import NodeProcess, wait_for
 from rclpy.executors import SingleThreadedExecutor
 
+from tbm_gsa.nodes import start
 from tbm_gsa.nodes.watch import Watch
 
 pytestmark = pytest.mark.ros
 
 END_S = 3.0
-NODES = {"dynamics_node": "tbm_dynamics.nodes.dynamics_node", "analysis_node": "tbm_gsa.nodes.analysis_node"}
+BAGS = Path(__file__).parents[2] / "bags"
+SLOWEST = ("dynamics_node", "analysis_node")  # to start; the others take minutes together
+NODES = [pytest.param(name, marks=() if name in SLOWEST else pytest.mark.verify) for name in start.NODES]
 
 
-def listens(node):
-    """Whether the process handles SIGTERM: Python itself is up, which no code of ours can hasten."""
+def listens(process):
+    """Whether a process handles SIGTERM: Python itself is up, which no code of ours can hasten."""
     try:
-        status = Path(f"/proc/{node.process.pid}/status").read_text()
+        status = Path(f"/proc/{process.pid}/status").read_text()
     except (FileNotFoundError, ProcessLookupError):
         return False
     caught = next(line for line in status.splitlines() if line.startswith("SigCgt"))
     return bool(int(caught.split()[1], 16) >> (signal.SIGTERM - 1) & 1)
+
+
+def needed(name, folder):
+    """Parameters without which a node does not start."""
+    return {
+        "bag_player": {"bag": BAGS / "field_dz101"},
+        "bag_recorder": {"output": folder, "topics": "[nothing]"},
+        "live_view": {"port": 0},
+    }.get(name, {})
 
 
 @pytest.mark.parametrize("name", NODES)
@@ -36,14 +50,25 @@ def test_a_signal_during_the_start(tmp_path, monkeypatch, name):
     moments = (0.0, 0.2, 0.6, 1.5, 3.0)  # s after the start
     faults = []
     for place, moment in enumerate(moments):
-        node = NodeProcess(tmp_path / f"{place}.log", NODES[name], [])
-        wait_for(lambda node=node: listens(node))
+        given = [f"{key}:={value}" for key, value in needed(name, tmp_path / f"{place}").items()]
+        arguments = ["--ros-args", *(part for one in given for part in ("-p", one))] if given else []
+        node = NodeProcess(tmp_path / f"{place}.log", start.NODES[name], arguments)
+        wait_for(lambda node=node: listens(node.process))
         started = time.monotonic()
         wait_for(lambda started=started, moment=moment: time.monotonic() >= started + moment)
         node.send((signal.SIGINT, signal.SIGTERM)[place % 2])
-        fault = node.fault_at_end(END_S) or node.output
+        fault = node.fault_at_end(END_S) or ("" if name == "live_view" else node.output)  # it says where it listens
         faults += [f"{moment} s: {fault}"] if fault else []
     assert not faults, "\n".join(faults)
+
+
+def test_ctrl_c_while_the_command_line_is_imported():
+    script = Path(sys.executable).with_name("tbm-monitor")
+    process = subprocess.Popen([script, "run"], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    wait_for(lambda: listens(process))
+    process.send_signal(signal.SIGINT)
+    out, err = process.communicate(timeout=30)
+    assert (process.returncode, out, err) == (130, "", "")
 
 
 def test_a_signal_waits_until_rclpy_is_done(monkeypatch):

@@ -1,5 +1,7 @@
 """What `/diagnostics` says of a comparison, in the order of what matters most."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -45,6 +47,20 @@ DOUBT = Condition(doubts=["2 publishers"])
             Condition(),
             DiagnosticStatus.WARN,
             "field is about 0.102 times the model on all axes: values in g?",
+        ),
+        (
+            window(rms=0.009),
+            False,
+            Condition(),
+            DiagnosticStatus.WARN,
+            "field measures next to nothing along x, y, z: a dead channel?",
+        ),
+        (
+            replace(window(rms=0.009), operation="standstill"),
+            False,
+            Condition(),
+            DiagnosticStatus.OK,
+            "not compared: the machine stands still",
         ),
     ],
 )

@@ -1,0 +1,69 @@
+"""What a parameter file says of a node, beside what rclpy makes of the same file."""
+
+import processes  # noqa: F401 - the domain of this test process, through the environment
+import pytest
+
+from tbm_gsa.cli.site import Site
+from tbm_gsa.study.errors import StudyError
+
+FILES = {
+    "any namespace": "/**/load_node: {ros__parameters: {machine: a}}",
+    "all nodes": "/**: {ros__parameters: {machine: a}}",
+    "by its full name": "/tbm/load_node: {ros__parameters: {machine: a}}",
+    "nested": "tbm: {load_node: {ros__parameters: {machine: a}}}",
+    "one level": "/*/load_node: {ros__parameters: {machine: a}}",
+    "the last one holds": "/**: {ros__parameters: {machine: b}}\n/**/load_node: {ros__parameters: {machine: a}}",
+    "not the other node": "/**/load_node: {ros__parameters: {machine: a}}\n/**/watch: {ros__parameters: {machine: b}}",
+}
+
+
+def site(tmp_path, text):
+    file = tmp_path / "site.yaml"
+    file.write_text(text)
+    return Site(file)
+
+
+@pytest.mark.parametrize("name", FILES)
+def test_what_a_file_says(tmp_path, name):
+    assert site(tmp_path, FILES[name]).stated("load_node", "machine") == "a"
+
+
+@pytest.mark.parametrize("name", FILES)
+def test_ros_reads_the_same(tmp_path, name):
+    rclpy = pytest.importorskip("rclpy")
+    (tmp_path / "site.yaml").write_text(FILES[name] + "\n")
+    context = rclpy.Context()
+    rclpy.init(args=["--ros-args", "--params-file", str(tmp_path / "site.yaml")], context=context)
+    node = rclpy.create_node("load_node", namespace="tbm", context=context, enable_rosout=False)
+    found = node.declare_parameter("machine", "").value
+    node.destroy_node()
+    rclpy.shutdown(context=context)
+    assert found == "a"
+
+
+@pytest.mark.parametrize(
+    "text",
+    ["/**/dynamics_node: {ros__parameters: {machine: b}}", "/south/load_node: {ros__parameters: {machine: b}}", "{}"],
+)
+def test_what_it_does_not_say(tmp_path, text):
+    assert site(tmp_path, text).stated("load_node", "machine") is None
+    assert Site(None).stated("load_node", "machine") is None
+
+
+def test_names_with_dots(tmp_path):
+    nested = site(tmp_path, "/**: {ros__parameters: {gsa: {folder: here}}}")
+    assert nested.stated("analysis_node", "gsa.folder") == "here"
+    assert site(tmp_path, "/**: {ros__parameters: {gsa.folder: here}}").stated("analysis_node", "gsa.folder") == "here"
+
+
+def test_what_nodes_share(tmp_path):
+    one = site(tmp_path, FILES["any namespace"])
+    assert one.common(["load_node"], "machine", "b") == "a"
+    with pytest.raises(StudyError, match=r"machine: a of load_node, b of dynamics_node; allowed: one for all of them"):
+        one.common(["load_node", "dynamics_node"], "machine", "b")
+
+
+@pytest.mark.parametrize("text", ["- a", "a: [", "\x00"])
+def test_what_is_no_parameter_file(tmp_path, text):
+    with pytest.raises(StudyError, match=r"site\.yaml: (not YAML|allowed: a mapping)"):
+        site(tmp_path, text)
