@@ -82,11 +82,11 @@ class AlarmRule:
         self._over[result.point] = self._over.get(result.point, 0) + 1 if over else 0
         return self._over[result.point] == self._windows
 
-    def _exceeds(self, result: WindowResult) -> Array:
+    def _exceeds(self, result: WindowResult) -> NDArray[np.bool_]:
         """Which axes are over their threshold, (3,)."""
         error, usual = result.relative_error, self._baseline.get(result.point)
         if usual is None:
-            return np.asarray(error > self._threshold)
+            return np.asarray(error > self._threshold, dtype=np.bool_)
         mean, scatter = np.asarray(usual.mean, dtype=np.float64), np.asarray(usual.scatter, dtype=np.float64)
         limit = np.maximum(self._threshold, SCATTERS * scatter)
         return np.where(np.isnan(mean), error > self._threshold, np.abs(error - mean) > limit)
