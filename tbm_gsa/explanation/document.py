@@ -1,4 +1,4 @@
-"""The JSON document of an explanation; its keys are a contract, docs/explanation.md lists them."""
+"""The JSON document of an explanation; its keys are a contract, docs/sensitivity.md lists them."""
 
 from __future__ import annotations
 

@@ -1,7 +1,7 @@
 """Machine files and the 25 inputs: what is refused, in one line, and what a variant changes.
 
-Source: design, sections 3 and 11, and Table 4's units; every expected number is arithmetic on the file as PyYAML reads
-it, so equality is exact up to one rounding of the unit's factor.
+Source: what docs/howto/machine.md says of a file, and the units of the paper's Table 4; every expected number is
+arithmetic on the file as PyYAML reads it, so equality is exact up to one rounding of the unit's factor.
 """
 
 import pickle
