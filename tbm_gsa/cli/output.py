@@ -41,9 +41,13 @@ def print_json(document: Any) -> None:
 
 
 @contextmanager
-def progress_bar(description: str) -> Iterator[Progress]:
-    """Progress on stderr, shown only on a terminal; add a task to it."""
-    columns = (TextColumn(description), BarColumn(), TextColumn("{task.percentage:>3.0f} %"))
+def progress_bar(title: str = "") -> Iterator[Progress]:
+    """Progress on stderr, shown only on a terminal; add a task to it, whose description follows the title."""
+    columns = (
+        TextColumn(f"{title} {{task.description}}".lstrip()),
+        BarColumn(),
+        TextColumn("{task.percentage:>3.0f} %"),
+    )
     with Progress(
         *columns,
         TimeElapsedColumn(),

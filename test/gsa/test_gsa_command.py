@@ -7,10 +7,15 @@ import sqlite3
 import subprocess
 import sys
 import time
+from io import StringIO
 
 import numpy as np
 import pytest
+from rich.console import Console
 
+from tbm_gsa.cli.output import progress_bar
+from tbm_gsa.cli.workers import analysis_progress, campaign_progress
+from tbm_gsa.study import analysis
 from tbm_gsa.study.store import Store
 
 QUICK = ("--samples", "12", "--test", "2", "--duration", "0.02", "--method", "prs")
@@ -29,7 +34,7 @@ def definition(tmp_path):
     return str(path)
 
 
-def test_a_study_grows(tmp_path, typed, definition):
+def test_a_study_grows(tmp_path, typed, definition, monkeypatch):
     out = str(tmp_path / "study")
     code, first, _ = typed(
         "gsa", "run", *QUICK, "--inputs", definition, "--out", out, "--design", "lhs-maximin", "--json"
@@ -50,6 +55,11 @@ def test_a_study_grows(tmp_path, typed, definition):
         assert store.counts().ok == 19
     np.testing.assert_array_equal(grown[0][:12], X)
     np.testing.assert_array_equal(grown[1][:12], Y)
+
+    monkeypatch.setattr(analysis, "local_processes", pytest.fail)  # one worker is this process
+    code, third, _ = typed("gsa", "report", "--out", out, "--method", "prs", "--workers", "1", "--json")
+    assert (code, json.loads(third)["outputs"]) == (0, json.loads(second)["outputs"])
+    monkeypatch.undo()
 
     code, _, err = typed("gsa", "run", *QUICK, "--inputs", definition, "--out", out, "--design", "lhs-maximin")
     assert code == 2
@@ -121,3 +131,19 @@ def test_a_store_of_an_earlier_format_is_refused(tmp_path, typed):
     assert code == 2
     assert "store.sqlite: written in format 1; this version reads 2 only: run the study again" in err
     assert err.count("\n") == 1
+
+
+def test_campaign_and_analysis_have_a_line_each():
+    with progress_bar("study") as bar:
+        campaign, analyses = campaign_progress(bar), analysis_progress(bar)
+        campaign(150, 220, 0)
+        campaign(220, 220, 3)
+        assert [task.percentage for task in bar.tasks] == [100.0]
+        analyses(0, 8)
+        analyses(2, 8)
+        assert [task.percentage for task in bar.tasks] == [100.0, 25.0]
+        shown = StringIO()
+        Console(file=shown, width=160).print(bar.make_tasks_table(bar.tasks))
+    lines = shown.getvalue().splitlines()
+    assert lines[0].startswith("study simulations 220 of 220, 3 failed ")
+    assert lines[1].startswith("study analysis 2 of 8 outputs ")
