@@ -193,7 +193,7 @@ def check_methods(methods: Sequence[str]) -> None:
     """Raise a `StudyError` unless there is at least one method and all are known."""
     unknown = [method for method in methods if method not in SURROGATES]
     if unknown or not methods:
-        raise StudyError(f"unknown surrogates {', '.join(unknown) or '(none)'}; available: {', '.join(SURROGATES)}")
+        raise StudyError(f"surrogates: {', '.join(unknown) or 'none'}, allowed: one or more of {', '.join(SURROGATES)}")
 
 
 def strongest(indices: SobolIndices, count: int = STRONGEST) -> list[int]:

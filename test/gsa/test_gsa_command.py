@@ -92,9 +92,9 @@ def test_ctrl_c_ends_a_study_and_says_how_to_go_on(tmp_path, definition):
     ("arguments", "message"),
     [
         (("--outputs", "MF_M,rms_nose_x"), "unknown output 'rms_nose_x'"),
-        (("--outputs", "MF_M,MF_M"), "output MF_M is given twice"),
-        (("--outputs", "rms_shield_x"), "duration 0.02 s: statistics of accelerations need at least 1 s"),
-        (("--design", "grid"), "unknown design 'grid'; available: lhs, lhs-discrepancy, lhs-maximin, sobol"),
+        (("--outputs", "MF_M,MF_M"), "output MF_M: given twice, allowed: once"),
+        (("--outputs", "rms_shield_x"), "duration 0.02 s, allowed: 1 s or more for accelerations"),
+        (("--design", "grid"), "unknown design 'grid', allowed: lhs, lhs-discrepancy, lhs-maximin, sobol"),
         (("--inputs", "none.yaml"), "none.yaml: cannot be read"),
         (("--samples", "5"), "10"),
         (("--high-hz", "6000"), "upper limit of the band 6000 Hz, allowed: 1 to below 5000 Hz"),
@@ -120,7 +120,7 @@ def test_a_range_that_no_machine_allows_is_refused_before_the_campaign(tmp_path,
 def test_there_is_nothing_to_extend(tmp_path, typed):
     code, _, err = typed("gsa", "extend", "--samples", "5", "--out", str(tmp_path))
     assert code == 2
-    assert "store.sqlite: no such store" in err
+    assert "store.sqlite: no such store, allowed: the folder of a study that was begun" in err
 
 
 def test_a_store_of_an_earlier_format_is_refused(tmp_path, typed):
@@ -129,7 +129,7 @@ def test_a_store_of_an_earlier_format_is_refused(tmp_path, typed):
     connection.close()
     code, _, err = typed("gsa", "resume", "--out", str(tmp_path))
     assert code == 2
-    assert "store.sqlite: written in format 1; this version reads 2 only: run the study again" in err
+    assert "store.sqlite: written in format 1, allowed: 2; run the study again" in err
     assert err.count("\n") == 1
 
 

@@ -56,7 +56,10 @@ MISTAKES = {
         ["history", "--history", "none.sqlite"],
         "none.sqlite: no such history; `compare` and the analysis node write one",
     ),
-    "a study that is not there": (["gsa", "resume", "--out", "new"], "new/store.sqlite: no such store"),
+    "a study that is not there": (
+        ["gsa", "resume", "--out", "new"],
+        "new/store.sqlite: no such store, allowed: the folder of a study that was begun",
+    ),
 }
 
 

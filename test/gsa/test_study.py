@@ -139,7 +139,7 @@ def test_failures_are_reported(tmp_path):
 
 def test_too_few_simulations_name_the_output(tmp_path):
     problem = Problem(THREE, OUTPUTS, train=5, test=0, seed=0)
-    with pytest.raises(StudyError, match="output force: a surrogate needs at least 10 samples, got 5"):
+    with pytest.raises(StudyError, match="output force: 5 samples for a surrogate, allowed: at least 10"):
         run_study(problem, analytic, tmp_path)
 
 
@@ -151,7 +151,7 @@ def test_a_study_without_test_points(tmp_path):
 
 @pytest.mark.parametrize("methods", [(), ("svr", "kriging")])
 def test_unknown_surrogates_are_refused_before_the_campaign(tmp_path, methods):
-    with pytest.raises(StudyError, match="available: rbf, krg, svr, prs"):
+    with pytest.raises(StudyError, match="allowed: one or more of rbf, krg, svr, prs"):
         run_study(PROBLEM, analytic, tmp_path, StudyOptions(methods=methods))
     assert not list(tmp_path.iterdir())  # nothing half-written
 
