@@ -4,7 +4,18 @@ from __future__ import annotations
 
 import numpy as np
 
-INDICATORS = ("RDef_A", "RDef_L", "RDef_R", "PAcc_A", "PAcc_L", "PAcc_R", "MF_M", "MF_Se")
+UNITS = {
+    "RDef_A": "m",
+    "RDef_L": "m",
+    "RDef_R": "rad",
+    "PAcc_A": "m/s²",
+    "PAcc_L": "m/s²",
+    "PAcc_R": "rad/s²",
+    "MF_M": "N",
+    "MF_Se": "N",
+}
+"""Unit of each, in the order of the table."""
+INDICATORS = tuple(UNITS)
 
 # axial, lateral, rotational among (x, y, z, rx, ry, rz)
 _AXES = (0, 1, 3)

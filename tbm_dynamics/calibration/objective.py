@@ -13,11 +13,9 @@ from itertools import pairwise
 import numpy as np
 
 from tbm_dynamics.calibration.prediction import Prediction
+from tbm_dynamics.calibration.targets import AXIAL_BAND_HZ, POWER_FLOW, PREDICTED_G
 
 G = 9.80665
-PREDICTED_G = {"cutterhead": 1.10, "shield": 0.56, "gripper": 0.04}
-POWER_FLOW = ("cutterhead", "girder", "gripper")
-AXIAL_BAND_HZ = (125.0, 135.0)
 LARGEST_FLUCTUATION = 0.20
 # The paper names these lines and gives no height: a fortieth of the static mesh force (assumed).
 MESH_LINE_N = 5e3

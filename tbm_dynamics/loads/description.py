@@ -7,6 +7,8 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict, Field, FiniteFloat, model_validator
 
+from tbm_dynamics.texts import Source
+
 COMPONENTS = ("fx", "fy", "fz", "mx", "my", "mz")
 LOWEST_HZ = 0.5  # nothing fluctuates below it, so that a mean over a run is the mean
 HIGHEST_HZ = 240.0  # what the grid of the spectral model carries
@@ -26,13 +28,13 @@ class LoadRegion(_Frozen):
         Lower and upper limit, Hz. A band that starts below 0.5 Hz is filled from 0.5 Hz on.
     rms : float
         Root mean square of the band, N (forces) or N·m (moments).
-    source : str
+    source : Source
         Where the amplitude comes from.
     """
 
     band: tuple[FiniteFloat, FiniteFloat]
     rms: FiniteFloat = Field(ge=0.0)
-    source: str
+    source: Source
 
     @property
     def filled(self) -> tuple[float, float]:
@@ -57,13 +59,13 @@ class LoadLine(_Frozen):
         Hz, above 0.5 and up to 240.
     amplitude : float
         Of the cosine, N or N·m.
-    source : str
+    source : Source
         Where the amplitude comes from.
     """
 
     frequency: FiniteFloat = Field(gt=LOWEST_HZ, le=HIGHEST_HZ)
     amplitude: FiniteFloat = Field(ge=0.0)
-    source: str
+    source: Source
 
 
 class LoadComponent(_Frozen):
@@ -77,7 +79,7 @@ class LoadComponent(_Frozen):
         Quantity of the operating point that scales mean and fluctuation alike.
     regions, lines
         The fluctuation.
-    source : str
+    source : Source
         Where the mean and the frequencies come from.
     """
 
@@ -85,7 +87,7 @@ class LoadComponent(_Frozen):
     scales_with: Literal["thrust", "torque"]
     regions: tuple[LoadRegion, ...] = ()
     lines: tuple[LoadLine, ...] = ()
-    source: str
+    source: Source
 
     @property
     def fluctuation_rms(self) -> float:

@@ -1,7 +1,8 @@
 """The machine file: what a YAML description may say, validated.
 
 Every entry carries `source`: `table1`, `table4`, `table5` (the paper), `assumed` (ours, adjusted only by the
-calibration) or `calibrated`. SI units, angles in degrees where the name says so.
+calibration), `calibrated`, `updated` (to explain a recording), or in words where else it is from. SI units, angles in
+degrees where the name says so.
 """
 
 from __future__ import annotations
@@ -18,14 +19,13 @@ from tbm_dynamics.machine.entries import (
     GROUND,
     ConnectionType,
     Entry,
-    Line,
     Node,
     NonNegative,
     Positive,
     SixPositiveOrZero,
-    Source,
     Vector3,
 )
+from tbm_dynamics.texts import Line, Source
 
 
 class OperatingPointEntry(Entry):

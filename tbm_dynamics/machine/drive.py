@@ -14,8 +14,8 @@ from tbm_dynamics.machine.entries import (
     NonNegative,
     Positive,
     SixPositiveOrZero,
-    Source,
 )
+from tbm_dynamics.texts import Source
 
 
 class Gear(Entry):

@@ -128,7 +128,8 @@ class Machine:
     def load_scale(self, point: OperatingPoint | None = None) -> np.ndarray:
         """Factors on the described loads at an operating point, shape (6,).
 
-        The description's own thrust and torque are its means of F_x and M_x (design, section 3).
+        The described loads are those at a thrust of their mean F_x and a torque of their mean M_x, whatever the
+        operating point of the file says.
         """
         point = point or self.operating_point
         loads = self.description.loads

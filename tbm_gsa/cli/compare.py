@@ -17,9 +17,9 @@ from tbm_gsa.comparison.document import axial_rows
 from tbm_gsa.comparison.ledger import COUNTS
 from tbm_gsa.comparison.settings import Settings
 from tbm_gsa.comparison.workflow import ComparisonResult, compare_recording
+from tbm_gsa.files import check_folder
 from tbm_gsa.history import History, HistoryError, Source, default_history, recording_entries
 from tbm_gsa.report.compare_page import stuck_texts, write_page
-from tbm_gsa.report.files import check_folder
 
 
 def compare(

@@ -14,7 +14,7 @@ from tbm_dynamics import Machine, load_machine
 from tbm_gsa.cli.output import JSON_OPTION, MACHINE_OPTION, SEED_OPTION, notes, print_json, progress_bar, results
 from tbm_gsa.cli.processes import NodeCommand, NodeProcesses, ParameterValue, keep_discovery_local
 from tbm_gsa.cli.ros import ANALYSIS_NODE, BAG_PLAYER, DYNAMICS_NODE, LOAD_NODE, watch
-from tbm_gsa.cli.shipped import shipped_bag
+from tbm_gsa.cli.shipped import is_shipped, shipped_bag
 from tbm_msgs_py.bags.mapping import default_mapping_file
 from tbm_msgs_py.recording import Recording, read_recording
 
@@ -56,7 +56,7 @@ def demo(
     if json:
         print_json(document)
     else:
-        _print_tables(document)
+        print_tables(document, synthetic=is_shipped(recording.path))
 
 
 def node_commands(
@@ -165,8 +165,9 @@ def demo_document(machine: Machine, seen: Seen, seconds: float) -> dict[str, Any
     }
 
 
-def _print_tables(document: dict[str, Any]) -> None:
-    table = Table(title="Axial acceleration, RMS (synthetic recording)")
+def print_tables(document: dict[str, Any], *, synthetic: bool) -> None:
+    """Print what was predicted and measured, and what the sensitivity analysis found."""
+    table = Table(title="Axial acceleration, RMS" + (" (synthetic recording)" if synthetic else ""))
     for heading in ("test point", "node", "predicted (g)", "measured (g)", "relative error"):
         table.add_column(heading, justify="left" if heading == "test point" else "right")
     for point, row in document["points"].items():

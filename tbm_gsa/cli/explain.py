@@ -38,7 +38,7 @@ def explain(
 
     document = _comparison(comparison)
     out.mkdir(parents=True, exist_ok=True)
-    with progress_bar("simulations") as bar, anonymous_main():
+    with progress_bar() as bar, anonymous_main():
         options = ExplainOptions(
             samples=samples,
             duration=duration,

@@ -14,7 +14,7 @@ from tbm_dynamics import load_machine
 from tbm_dynamics.indicators import INDICATORS
 from tbm_gsa.cli.explain import explain
 from tbm_gsa.cli.output import JSON_OPTION, MACHINE_OPTION, SEED_OPTION, notes, print_json, progress_bar, results
-from tbm_gsa.cli.workers import Scheduler, Workers, anonymous_main, campaign_progress
+from tbm_gsa.cli.workers import Scheduler, Workers, analysis_progress, anonymous_main, campaign_progress
 from tbm_gsa.study.definition import Definition, read_definition
 from tbm_gsa.study.design import KINDS
 from tbm_gsa.study.evaluate import MachineEvaluation
@@ -101,9 +101,16 @@ def extend(
 
 
 @app.command()
-def report(out: Folder = Path("gsa"), method: Methods = None, json: Annotated[bool, JSON_OPTION] = False) -> None:
+def report(
+    out: Folder = Path("gsa"),
+    method: Methods = None,
+    workers: Workers = 2,
+    json: Annotated[bool, JSON_OPTION] = False,
+) -> None:
     """Analyse a finished store again and write its report anew."""
-    show(report_study(out, _methods(method)), json)
+    with _options(method, workers) as options:
+        study = report_study(out, options)
+    show(study, json)
 
 
 app.command()(explain)
@@ -125,15 +132,27 @@ def _evaluation(problem: Problem) -> MachineEvaluation:
 
 
 @contextmanager
+def _options(method: list[str] | None, workers: int, scheduler: str | None = None) -> Iterator[StudyOptions]:
+    """Options of a study under way, with its progress."""
+    with progress_bar() as bar, anonymous_main():
+        yield StudyOptions(
+            _methods(method),
+            workers,
+            scheduler,
+            progress=campaign_progress(bar),
+            analysis_progress=analysis_progress(bar),
+        )
+
+
+@contextmanager
 def _running(out: Path, method: list[str] | None, workers: int, scheduler: str | None) -> Iterator[StudyOptions]:
-    """Options of a study under way, with its progress; after Ctrl-C, say how to go on."""
-    with progress_bar("simulations") as bar:
-        try:
-            with anonymous_main():
-                yield StudyOptions(_methods(method), workers, scheduler, campaign_progress(bar))
-        except KeyboardInterrupt:
-            notes.print(f"interrupted; what finished is stored: tbm-monitor gsa resume --out {out}", highlight=False)
-            raise
+    """Options of a study with a campaign; after Ctrl-C, say how to go on."""
+    try:
+        with _options(method, workers, scheduler) as options:
+            yield options
+    except KeyboardInterrupt:
+        notes.print(f"interrupted; what finished is stored: tbm-monitor gsa resume --out {out}", highlight=False)
+        raise
 
 
 def show(study: StudyResult, json: bool) -> None:

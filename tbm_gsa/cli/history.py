@@ -14,9 +14,9 @@ from rich.table import Table
 from rich.text import Text
 
 from tbm_gsa.cli.output import JSON_OPTION, notes, print_json, results
+from tbm_gsa.files import check_folder, write_whole
 from tbm_gsa.history import History, Selection, default_history, make_baseline
 from tbm_gsa.history.summary import baseline_document, history_document
-from tbm_gsa.report.files import check_folder, write_whole
 from tbm_gsa.report.history_page import history_page, history_picture
 
 app = typer.Typer(help="Windows of all comparisons over time, and baselines.", invoke_without_command=True)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import math
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -12,6 +11,8 @@ from typing import Any
 import typer
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
+
+from tbm_gsa.files import plain
 
 # Paths are never wrapped: rich would break them at 80 columns when its output is piped.
 results = Console(soft_wrap=True)
@@ -39,21 +40,14 @@ def print_json(document: Any) -> None:
     sys.stdout.write(json.dumps(plain(document), indent=2, ensure_ascii=False, allow_nan=False) + "\n")
 
 
-def plain(value: Any) -> Any:
-    """Give what JSON can hold: numbers that are not finite become null."""
-    if isinstance(value, dict):
-        return {str(key): plain(item) for key, item in value.items()}
-    if isinstance(value, list | tuple):
-        return [plain(item) for item in value]
-    if isinstance(value, float) and not math.isfinite(value):
-        return None
-    return value
-
-
 @contextmanager
-def progress_bar(description: str) -> Iterator[Progress]:
-    """Progress on stderr, shown only on a terminal; add a task to it."""
-    columns = (TextColumn(description), BarColumn(), TextColumn("{task.percentage:>3.0f} %"))
+def progress_bar(title: str = "") -> Iterator[Progress]:
+    """Progress on stderr, shown only on a terminal; add a task to it, whose description follows the title."""
+    columns = (
+        TextColumn(f"{title} {{task.description}}".lstrip()),
+        BarColumn(),
+        TextColumn("{task.percentage:>3.0f} %"),
+    )
     with Progress(
         *columns,
         TimeElapsedColumn(),

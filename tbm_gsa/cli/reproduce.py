@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
-import json as json_module
 from pathlib import Path
 from typing import Annotated, Any
 
 import typer
 from rich.table import Table
 
-from tbm_gsa.cli.output import JSON_OPTION, MACHINE_OPTION, SEED_OPTION, notes, plain, print_json, progress_bar, results
+from tbm_gsa.cli.output import JSON_OPTION, MACHINE_OPTION, SEED_OPTION, notes, print_json, progress_bar, results
 from tbm_gsa.cli.shipped import shipped_bag
 from tbm_gsa.cli.workers import Workers, anonymous_main
+from tbm_gsa.files import write_json
 
 DOCUMENT_NAME = "reproduction.json"
 PAGE_NAME = "reproduction.html"
@@ -28,7 +28,6 @@ def reproduce(
 ) -> None:
     """Give back Tables 1 to 6 and Figures 2 to 15 of the paper, each with a verdict; an interrupted run goes on."""
     # What they import takes a second, and other commands need none of it.
-    from tbm_gsa.report.files import write_whole  # noqa: PLC0415
     from tbm_gsa.report.reproduction_page import write_page  # noqa: PLC0415
     from tbm_gsa.reproduction.workflow import reproduce as find  # noqa: PLC0415
 
@@ -46,8 +45,7 @@ def reproduce(
         )
         bar.update(task, description="page", total=None)
         write_page(result, out / PAGE_NAME)
-    text = json_module.dumps(plain(result.document), indent=1, ensure_ascii=False, allow_nan=False)
-    write_whole(out / DOCUMENT_NAME, text.encode())
+    write_json(out / DOCUMENT_NAME, result.document)
     if json:
         print_json(result.document)
     else:

@@ -12,6 +12,7 @@ from rich.table import Table
 
 from tbm_dynamics import Machine, Response, load_machine
 from tbm_dynamics import simulate as run_model
+from tbm_dynamics.indicators import UNITS
 from tbm_dynamics.levels import LoadLevel
 from tbm_dynamics.schedule import Schedule, pairs, read_schedule
 from tbm_gsa.cli.output import (
@@ -28,16 +29,6 @@ from tbm_gsa.cli.output import (
 )
 
 G = 9.80665
-UNITS = {
-    "RDef_A": "m",
-    "RDef_L": "m",
-    "RDef_R": "rad",
-    "PAcc_A": "m/s²",
-    "PAcc_L": "m/s²",
-    "PAcc_R": "rad/s²",
-    "MF_M": "N",
-    "MF_Se": "N",
-}
 
 
 def simulate(

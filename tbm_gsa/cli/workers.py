@@ -3,32 +3,55 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import Annotated
 
 import typer
 from rich.progress import Progress as ProgressBar
+from rich.progress import TaskID
 
 from tbm_gsa.study.campaign import Progress
 
 Workers = Annotated[int, typer.Option("--workers", min=1, help="Processes.")]
 Scheduler = Annotated[
     str | None,
-    typer.Option("--scheduler", help="Dask scheduler, as tcp://host:8786: its workers are used instead of processes."),
+    typer.Option("--scheduler", help="Dask scheduler, as tcp://host:8786: its workers simulate, no processes here."),
 ]
 
 
+class _Line:
+    """A line of a progress bar that appears with its first number.
+
+    What was done before then, by a study that was interrupted, says nothing about the speed of this one.
+    """
+
+    def __init__(self, bar: ProgressBar) -> None:
+        self._bar = bar
+        self._task: TaskID | None = None
+
+    def show(self, text: str, done: int, total: int) -> None:
+        if self._task is None:
+            self._task = self._bar.add_task(text, total=total, completed=done)
+        self._bar.update(self._task, completed=done, description=text)
+
+
 def campaign_progress(bar: ProgressBar) -> Progress:
-    """Add a task to a progress bar and give what moves it."""
-    task = bar.add_task("", total=None)
+    """Give what shows a campaign as a line of a progress bar."""
+    line = _Line(bar)
 
     def update(done: int, total: int, failed: int) -> None:
-        if bar.tasks[0].total is None:
-            # What an interrupted study had done says nothing about the speed of this one.
-            bar.reset(task, total=total, completed=done)
-        text = f"{done} of {total}" + (f", {failed} failed" if failed else "")
-        bar.update(task, completed=done, description=text)
+        line.show(f"simulations {done} of {total}" + (f", {failed} failed" if failed else ""), done, total)
+
+    return update
+
+
+def analysis_progress(bar: ProgressBar) -> Callable[[int, int], None]:
+    """Give what shows the analysis after a campaign as a line of a progress bar."""
+    line = _Line(bar)
+
+    def update(done: int, total: int) -> None:
+        line.show(f"analysis {done} of {total} outputs", done, total)
 
     return update
 

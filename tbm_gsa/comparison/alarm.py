@@ -12,7 +12,6 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from tbm_gsa.arrays import Array
 from tbm_gsa.comparison.live import WindowResult
 
 SCATTERS = 3.0

@@ -1,4 +1,4 @@
-"""The JSON document of an explanation; its keys are a contract, docs/explanation.md lists them."""
+"""The JSON document of an explanation; its keys are a contract, docs/sensitivity.md lists them."""
 
 from __future__ import annotations
 
@@ -96,6 +96,9 @@ def _joint(found: Explained) -> dict[str, Any]:
             "interval": [_at(found, place, float(low[place])), _at(found, place, float(high[place]))],
             "machine_value": item.initial,
             "learnt": float(1.0 - (high[place] - low[place]) / 0.9),
+            "lower": item.lower,
+            "upper": item.upper,
+            "distribution": item.distribution.name,
         }
         for place, item in enumerate(found.inputs.inputs)
     }

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import time
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
@@ -17,6 +16,7 @@ from tbm_gsa.explanation.judgement import Judge, first_input, statistics_of
 from tbm_gsa.explanation.observed import observed
 from tbm_gsa.explanation.ranges import explaining_inputs
 from tbm_gsa.explanation.shifts import Lengths, Shifts
+from tbm_gsa.files import write_json
 from tbm_gsa.provenance import machine_sha256
 from tbm_gsa.study.campaign import Progress, run_campaign
 from tbm_gsa.study.errors import StudyError
@@ -113,7 +113,7 @@ def explain(comparison: Mapping[str, Any], folder: str | Path, options: ExplainO
         statistics_of(longer, sample),
     )
     document = explanation_document(comparison, explained, settings(evaluate, chosen), time.perf_counter() - start)
-    (Path(folder) / RESULT_NAME).write_text(json.dumps(document, indent=1, ensure_ascii=False), encoding="utf-8")
+    write_json(Path(folder) / RESULT_NAME, document)
     return document
 
 

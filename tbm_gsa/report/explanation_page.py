@@ -11,7 +11,9 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from tbm_gsa.explanation.verdict import verdict
+from tbm_gsa.files import write_whole
 from tbm_gsa.report.page import embed_figure, render_page
+from tbm_gsa.study.distributions import LogUniform, distribution_from
 from tbm_gsa.study.inputs import PAPER_INPUTS
 
 BEFORE, AFTER, RANGE = "#D55E00", "#0072B2", "#d8dee6"
@@ -19,7 +21,7 @@ BEFORE, AFTER, RANGE = "#D55E00", "#0072B2", "#d8dee6"
 
 def write_explanation_page(document: Mapping[str, Any], path: Path) -> None:
     """Write the page of an explanation."""
-    path.write_text(explanation_page(document), encoding="utf-8")
+    write_whole(path, explanation_page(document).encode())
 
 
 def explanation_page(document: Mapping[str, Any]) -> str:
@@ -61,26 +63,27 @@ def before_after(document: Mapping[str, Any]) -> Figure:
 
 
 def joint_intervals(document: Mapping[str, Any]) -> Figure:
-    """90 % intervals of all inputs over their ranges in Table 4."""
+    """90 % intervals of all inputs over the ranges that were searched, each in the space of its distribution."""
     inputs = document["joint"]["inputs"]
     figure = Figure(figsize=(12.0, 0.8 + 0.24 * len(inputs)), layout="constrained")
     panel: Axes = figure.subplots()
-    for place, (code, row) in enumerate(inputs.items()):
-        item = PAPER_INPUTS[code]
-        low, high = min(item.lower, row["machine_value"]), max(item.upper, row["machine_value"])
-
-        def share(value: float, low: float = low, high: float = high) -> float:
-            return (value - low) / (high - low)
-
+    for place, row in enumerate(inputs.values()):
+        law = distribution_from({key: row[key] for key in ("distribution", "lower", "upper")})
+        (begin, end), own = law.to_unit(row["interval"]), float(law.to_unit(row["machine_value"]))
         panel.barh(place, 1.0, height=0.75, color=RANGE)
-        begin, end = map(share, row["interval"])
         panel.barh(place, end - begin, left=begin, height=0.45, color=AFTER)
-        panel.plot([share(row["machine_value"])] * 2, [place - 0.38, place + 0.38], color=BEFORE, linewidth=1.5)
-    panel.set_yticks(range(len(inputs)), [f"{code} {PAPER_INPUTS[code].symbol}" for code in inputs], fontsize=8)
+        panel.plot([own, own], [place - 0.38, place + 0.38], color=BEFORE, linewidth=1.5)
+    panel.set_yticks(range(len(inputs)), [_range_label(code, row) for code, row in inputs.items()], fontsize=8)
     panel.invert_yaxis()
     panel.set_xlim(0.0, 1.0)
-    panel.set_xlabel("lower to upper bound")
+    panel.set_xlabel("share of the range searched, from lower to upper bound (log: of its logarithm)")
     return figure
+
+
+def _range_label(code: str, row: Mapping[str, Any]) -> str:
+    log = ", log" if row["distribution"] == LogUniform.name else ""
+    item = PAPER_INPUTS[code]
+    return f"{code} {item.symbol}: {row['lower']:.3g} to {row['upper']:.3g} {item.unit}".rstrip() + log
 
 
 def _provenance(document: Mapping[str, Any]) -> dict[str, object]:

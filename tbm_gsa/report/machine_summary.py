@@ -4,19 +4,19 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
-from typing import Any, get_args
+from typing import Any
 
 import numpy as np
 
 from tbm_dynamics import Machine
 from tbm_dynamics.loads.cutters.layout import TYPES
 from tbm_dynamics.machine.description import Connection, MachineDescription, Subsystem
-from tbm_dynamics.machine.entries import Source
 from tbm_dynamics.mesh.planetary import stage_law
 from tbm_dynamics.structure.assembly import node_positions
 from tbm_dynamics.structure.couplings import STAGE_HARMONICS, planetary_stages
 from tbm_dynamics.structure.drive import drive_angles, drive_nodes, gear_pair
 from tbm_dynamics.structure.system import System
+from tbm_dynamics.texts import SOURCES
 from tbm_gsa.arrays import Array
 
 STRUCTURES = ("cutterhead_bearing_gear", "carrier_girder")
@@ -26,6 +26,8 @@ PLACES = ("front_seat", "mesh", "rear_seat", "gearbox", "rotor")
 """Keys of their x in the placement of the drives."""
 DRIVE_CONNECTIONS = ("pinion_bearing", "spline", "gearbox_mount")
 BETWEEN = "between subsystems"
+OWN = "measured or documented"
+"""What all sources in the words of a user count as."""
 
 # Keys whose numbers name nodes, or count them out: they have no source.
 _REFERENCES = frozenset(
@@ -300,10 +302,11 @@ def motion_parts(system: System, shape: Array) -> dict[str, Array]:
 
 
 def count_sources(description: MachineDescription) -> dict[str, int]:
-    """Count the numbers of a machine file by their source; node numbers are none."""
+    """Count the numbers of a machine file by their source, the user's own words as one; node numbers are none."""
     written = description.model_dump(exclude_unset=True)
-    found = Counter(source for source in _sources(written, None) if source is not None)
-    return {**{name: found.pop(name, 0) for name in get_args(Source)}, **found}
+    given = [source for source in _sources(written, None) if source is not None]
+    found = Counter(source if source in SOURCES else OWN for source in given)
+    return {name: found[name] for name in (*SOURCES, OWN)}
 
 
 def _sources(value: object, source: str | None) -> Iterator[str | None]:

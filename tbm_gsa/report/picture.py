@@ -4,11 +4,14 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Callable
+from io import BytesIO
 from pathlib import Path
 from typing import Final
 
 from matplotlib import rc_context
 from matplotlib.figure import Figure
+
+from tbm_gsa.files import check_folder, write_whole
 
 FORMATS: Final = (".png", ".svg")
 
@@ -23,8 +26,7 @@ def check_path(path: Path) -> None:
     """
     if path.suffix not in FORMATS:
         raise ValueError(f"{path}: unknown kind of picture, allowed: a name that ends in {' or '.join(FORMATS)}")
-    if not path.parent.is_dir():
-        raise ValueError(f"{path}: no folder {path.parent}, allowed: a file in a folder that is there")
+    check_folder(path)
 
 
 def write_picture(draw: Callable[[], Figure], path: Path) -> None:
@@ -33,7 +35,7 @@ def write_picture(draw: Callable[[], Figure], path: Path) -> None:
     # Fixed salt and no date. Names of others are no mathematics, which a text is told when it is made.
     with rc_context({"svg.hashsalt": "tbm_monitor", "text.parse_math": False}), warnings.catch_warnings():
         warnings.filterwarnings("ignore", "Glyph .* missing from font")  # it draws a box
-        try:
-            draw().savefig(path, dpi=150, metadata={"Date": None} if path.suffix == ".svg" else None)
-        except OSError as error:
-            raise OSError(error.errno, error.strerror, str(path)) from None
+        drawn = BytesIO()
+        metadata = {"Date": None} if path.suffix == ".svg" else None
+        draw().savefig(drawn, format=path.suffix.removeprefix("."), dpi=150, metadata=metadata)
+    write_whole(path, drawn.getvalue())

@@ -6,9 +6,9 @@ from typing import Any, Final
 
 from matplotlib.figure import Figure
 
+from tbm_gsa.files import write_whole
 from tbm_gsa.paper.vibration import ACCELERATION_LINE_HZ
 from tbm_gsa.report import compare_figures, gsa_figures
-from tbm_gsa.report.files import write_whole
 from tbm_gsa.report.load_figure import load_figure
 from tbm_gsa.report.machine_drawing import draw_machine
 from tbm_gsa.report.page import embed_figure, render_page

@@ -9,12 +9,13 @@ import numpy as np
 import scipy.signal
 
 from tbm_dynamics import Response, simulate
+from tbm_dynamics.calibration.targets import AXIAL_BAND_HZ
 from tbm_dynamics.structure.system import System
 from tbm_gsa.arrays import Array
 from tbm_gsa.comparison.expected import expected_lines
 from tbm_gsa.comparison.offline import G
 from tbm_gsa.comparison.workflow import ComparisonResult, compare_recording
-from tbm_gsa.paper.vibration import ACCELERATION_LINE_HZ, AXIAL_BAND_HZ, MESH_LINES_HZ
+from tbm_gsa.paper.vibration import ACCELERATION_LINE_HZ, MESH_LINES_HZ
 from tbm_gsa.report.load_summary import found_line
 from tbm_gsa.reproduction.readings import Reading
 

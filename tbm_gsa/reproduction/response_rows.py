@@ -3,14 +3,13 @@
 from collections.abc import Iterator
 from typing import Final
 
-from tbm_dynamics.indicators import INDICATORS
+from tbm_dynamics.calibration.targets import AXIAL_BAND_HZ, POWER_FLOW
+from tbm_dynamics.indicators import UNITS
 from tbm_gsa.comparison.document import AxialRow, axial_rows
 from tbm_gsa.paper.vibration import (
     ACCELERATION_LINE_HZ,
-    AXIAL_BAND_HZ,
     CUTTERHEAD_PEAK_G,
     MESH_LINES_HZ,
-    POWER_FLOW,
     TABLE_2,
     PointRow,
 )
@@ -19,7 +18,6 @@ from tbm_gsa.reproduction.response import MULTIPLES, ResponseEvidence
 from tbm_gsa.reproduction.row import Row, Value
 from tbm_gsa.reproduction.verdict import Verdict
 
-UNITS: Final = dict(zip(INDICATORS, ("m", "m", "rad", "m/s²", "m/s²", "rad/s²", "N", "N"), strict=True))
 _MEANINGS: Final = {
     "RDef": "RMS displacement of the ring gear's mesh node",
     "PAcc": "peak acceleration of the first pinion's mesh node",

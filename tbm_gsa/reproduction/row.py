@@ -1,8 +1,8 @@
 """One line of the reproduction: a value or statement of the paper, and ours."""
 
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass
-from typing import Any, Final
+from dataclasses import asdict, dataclass, replace
+from typing import Any, Final, Self
 
 from tbm_gsa.reproduction.verdict import VERDICTS, Verdict
 
@@ -49,6 +49,10 @@ class Row:
         """Ours less the paper's, where both are numbers."""
         both = isinstance(self.paper, int | float) and isinstance(self.ours, int | float)
         return float(self.ours) - float(self.paper) if both else None  # type: ignore[arg-type]
+
+    def noted(self, text: str) -> Self:
+        """Give the same row with more in its note."""
+        return replace(self, note=f"{self.note}; {text}" if self.note else text)
 
     def to_dict(self) -> dict[str, Any]:
         """Plain data, for JSON."""

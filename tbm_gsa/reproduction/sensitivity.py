@@ -11,9 +11,9 @@ from tbm_gsa.paper.sensitivity import (
     CURVES_OF,
     DISPLACEMENTS,
     FIGURE_OF,
-    LARGEST_SAMPLE,
     LOADS,
     MAIN,
+    SAMPLE_SIZES,
     SHARES,
     SHOWN_WITHOUT_STATEMENT,
     STIFFNESSES,
@@ -147,7 +147,7 @@ class _Rows:
         """Show how far the largest sample is from the indices reported."""
         what = "first indices by sampling, largest distance from those reported"
         paper, note = (
-            f"converged at {LARGEST_SAMPLE:,}".replace(",", " "),
+            f"converged at {SAMPLE_SIZES[-1]:,}".replace(",", " "),
             "read as Saltelli's base size; no tolerance given",
         )
         return self._row("figure11.convergence", "Figure 11", what, paper, gap, "no number", note)

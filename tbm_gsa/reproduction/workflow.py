@@ -169,9 +169,16 @@ def _rows(
     for response in responses:
         found += response_rows(response)
     for study in studies:
-        found += surrogate_rows(study.reading, study.study)
-        found += sensitivity_rows(study)
+        found += _study_rows(study)
     return sorted(found, key=lambda row: SOURCES.index(row.source))
+
+
+def _study_rows(evidence: SensitivityEvidence) -> Iterator[Row]:
+    """Rows that rest on a campaign; those of the other reading say on how many points, for it may have fewer."""
+    study = evidence.study
+    failed = f", {study.failed} simulations failed" if study.failed else ""
+    for row in (*surrogate_rows(evidence.reading, study), *sensitivity_rows(evidence)):
+        yield row if evidence.reading.own else row.noted(f"{study.train} points{failed}")
 
 
 class _Clock:

@@ -54,15 +54,15 @@ def fast_indices(
     if samples is None:
         samples = max(FEWEST, 4 * HARMONICS**2 * (problem["num_vars"] - 1) + 1)
     if samples <= 4 * HARMONICS**2:
-        raise ValueError(f"FAST needs more than {4 * HARMONICS**2} samples, got {samples}")
+        raise ValueError(f"{samples} samples of FAST, allowed: more than {4 * HARMONICS**2}")
     if curves < 2:
-        raise ValueError(f"FAST needs at least 2 curves for an interval, got {curves}")
+        raise ValueError(f"{curves} curves of FAST, allowed: at least 2, for an interval")
     orders, values = [], []
     for number in range(curves):
         points = _curves(tuple(map(tuple, problem["bounds"])), samples, salib_seed(seed, number))
         values.append(np.asarray(function(points), dtype=float))
         if np.ptp(values[-1]) == 0.0:
-            raise ValueError(f"the function is constant ({values[-1][0]:g}): there is no variance to explain")
+            raise ValueError(f"the function is constant ({values[-1][0]:g}), allowed: one with a variance to explain")
         swing = (samples - 1) // (2 * HARMONICS)
         orders.append([compute_orders(part, samples, HARMONICS, swing) for part in values[-1].reshape(-1, samples)])
     found = np.array(orders, dtype=float)  # curves, inputs, first and total

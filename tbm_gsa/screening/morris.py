@@ -72,7 +72,7 @@ def morris_effects(
     """
     problem = salib_problem(bounds)
     if trajectories < 2:
-        raise ValueError(f"Morris screening needs at least 2 trajectories, got {trajectories}")
+        raise ValueError(f"{trajectories} trajectories of Morris screening, allowed: at least 2")
     if groups is not None:
         problem["groups"] = _group_names(groups, problem["num_vars"])
     points = sampling.sample(problem, trajectories, num_levels=LEVELS, seed=salib_seed(seed))
@@ -95,5 +95,5 @@ def _group_names(groups: Groups, inputs: int) -> list[str]:
         for k in members:
             names[k] = f"{number:06d}"
     if "" in names:
-        raise ValueError(f"input {names.index('')} is in no group: Morris screening moves every input")
+        raise ValueError(f"input {names.index('')} is in no group, allowed: each in one, as Morris screening moves all")
     return names

@@ -3,7 +3,7 @@
 from tbm_gsa.sobol.closed_form import sobol_closed_form
 from tbm_gsa.sobol.indices import Groups, SobolIndices, of_a_constant
 from tbm_gsa.sobol.monte_carlo import ConvergenceStep, convergence_sizes, sobol_convergence, sobol_monte_carlo
-from tbm_gsa.sobol.of_surrogate import has_closed_form, is_constant, sobol_of_surrogate
+from tbm_gsa.sobol.of_surrogate import is_constant, sobol_of_surrogate
 from tbm_gsa.sobol.paths import PathIndices, sobol_of_paths
 
 __all__ = [
@@ -12,7 +12,6 @@ __all__ = [
     "PathIndices",
     "SobolIndices",
     "convergence_sizes",
-    "has_closed_form",
     "is_constant",
     "of_a_constant",
     "sobol_closed_form",

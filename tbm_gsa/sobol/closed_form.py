@@ -89,7 +89,7 @@ def sobol_closed_form(
     """
     if model.samples.transform != "none":
         raise ValueError(
-            f"an output fitted on its {model.samples.transform} has no indices in closed form; sample the surrogate"
+            f"an output fitted on its {model.samples.transform} has no indices in closed form, allowed: sampling"
         )
     indices = _scaled(expansion_indices(model.expansion, groups, second=second), model)
     if validation is None:

@@ -64,10 +64,10 @@ def checked_groups(groups: Groups | None, inputs: int) -> tuple[tuple[int, ...],
     checked = tuple(tuple(int(k) for k in group) for group in groups)
     members = [k for group in checked for k in group]
     if not checked or not all(checked):
-        raise ValueError("a group needs at least one input")
+        raise ValueError("a group of no input, allowed: at least one")
     for k in members:
         if not 0 <= k < inputs:
-            raise ValueError(f"group with input {k}: inputs are numbered from 0 to {inputs - 1}")
+            raise ValueError(f"group with input {k}, allowed: 0 to {inputs - 1}")
         if members.count(k) > 1:
-            raise ValueError(f"input {k} is in more than one group")
+            raise ValueError(f"input {k} is in more than one group, allowed: one")
     return checked

@@ -9,6 +9,7 @@ from numpy.typing import ArrayLike
 from SALib.analyze.sobol import first_order, second_order, total_order
 
 from tbm_gsa.arrays import Array
+from tbm_gsa.paper.sensitivity import SAMPLE_SIZES
 from tbm_gsa.sobol.indices import Groups, SobolIndices
 from tbm_gsa.sobol.pick_freeze import Design, Values
 
@@ -16,8 +17,6 @@ CONFIDENCE: Final = 0.95
 RESAMPLES: Final = 200
 # Resamples are drawn in groups so that their counts never need more than this many numbers.
 GROUP_NUMBERS: Final = 1_000_000
-# Section 4.2 of the paper; read as the base N of the scheme.
-PAPER_SAMPLES: Final = (20_000, 40_000, 60_000, 80_000, 100_000)
 
 
 def sobol_monte_carlo(
@@ -87,7 +86,7 @@ class ConvergenceStep:
 def sobol_convergence(
     function: Callable[[Array], Array],
     bounds: ArrayLike,
-    samples: Sequence[int] = PAPER_SAMPLES,
+    samples: Sequence[int] = SAMPLE_SIZES,
     seed: int = 0,
     *,
     groups: Groups | None = None,
@@ -99,7 +98,7 @@ def sobol_convergence(
     function, bounds, seed, groups
         As for `sobol_monte_carlo`.
     samples : sequence of int
-        Base sizes N; each is rounded up to a power of two.
+        Base sizes N, by default those of the paper; each is rounded up to a power of two.
 
     Returns
     -------
@@ -111,7 +110,7 @@ def sobol_convergence(
     return tuple(ConvergenceStep(asked, size, estimate(values.prefix(size), seed)) for size, asked in sizes.items())
 
 
-def convergence_sizes(samples: Sequence[int] = PAPER_SAMPLES) -> dict[int, tuple[int, ...]]:
+def convergence_sizes(samples: Sequence[int] = SAMPLE_SIZES) -> dict[int, tuple[int, ...]]:
     """Round sample sizes up to powers of two: which were asked for, by base size, smallest first."""
     rounded = {asked: 1 << (asked - 1).bit_length() for asked in sorted(samples)}
     sizes = sorted(set(rounded.values()))

@@ -16,7 +16,7 @@ SAMPLES: Final = 2**13
 FOLD_SAMPLES: Final = 2**10
 
 
-def has_closed_form(model: Surrogate) -> bool:
+def _has_closed_form(model: Surrogate) -> bool:
     """Say whether `sobol_closed_form` takes this surrogate."""
     return model.samples.transform == "none"
 
@@ -51,7 +51,7 @@ def sobol_of_surrogate(
         ``evaluations`` is 0 where they are in closed form. Where they are sampled, the intervals of first and total
         indices hold both the jackknife's deviation and the bootstrap's; those of second-order ones the bootstrap's.
     """
-    if has_closed_form(model):
+    if _has_closed_form(model):
         return sobol_closed_form(model, validation, groups=groups, second=second)
     if is_constant(model):
         return of_a_constant(len(checked_groups(groups, len(model.bounds))), float(model.samples.y.mean()))

@@ -141,7 +141,7 @@ def analyse(
     workers : int
         Processes that share the outputs. The result does not depend on it.
     progress : callable, optional
-        Called with the outputs that are done and their number.
+        Called at the start and after every output, with how many are done and how many there are.
 
     Returns
     -------
@@ -180,11 +180,12 @@ def _by_output(
         _Task(name, Data(unit, Y[:, column], test_unit, Y_test[:, column]), inputs, tuple(methods), seed)
         for column, name in enumerate(names)
     ]
-    analyses = {}
+    analyses: dict[str, Found] = {}
+    report = progress or (lambda *_: None)
+    report(0, len(names))
     for analysis in _run(work, tasks, min(workers, len(tasks))):
         analyses[analysis.name] = analysis
-        if progress is not None:
-            progress(len(analyses), len(names))
+        report(len(analyses), len(names))
     return {name: analyses[name] for name in names}
 
 
@@ -192,7 +193,7 @@ def check_methods(methods: Sequence[str]) -> None:
     """Raise a `StudyError` unless there is at least one method and all are known."""
     unknown = [method for method in methods if method not in SURROGATES]
     if unknown or not methods:
-        raise StudyError(f"unknown surrogates {', '.join(unknown) or '(none)'}; available: {', '.join(SURROGATES)}")
+        raise StudyError(f"surrogates: {', '.join(unknown) or 'none'}, allowed: one or more of {', '.join(SURROGATES)}")
 
 
 def strongest(indices: SobolIndices, count: int = STRONGEST) -> list[int]:

@@ -40,7 +40,7 @@ def cluster(address: str) -> Iterator[Workers]:
         try:
             client.wait_for_workers(1, timeout=CONNECT_TIMEOUT_S)
         except TimeoutError:
-            raise StudyError(f"scheduler {address}: has no workers") from None
+            raise StudyError(f"scheduler {address}: has no workers, allowed: at least 1") from None
         threads = sum(client.nthreads().values())
         yield Workers(client.get_executor(), slots=IN_FLIGHT * threads, died=(KilledWorker,), retries=0)
 
@@ -49,7 +49,7 @@ def _check_reachable(address: str) -> None:
     """Raise a StudyError unless something listens there; a client that fails to connect complains until it is gone."""
     found = re.fullmatch(r"(?:tcp|tls)://\[?([^\]]+)\]?:(\d{1,5})", address)
     if found is None:
-        raise StudyError(f"scheduler {address}: expected an address such as tcp://host:8786")
+        raise StudyError(f"scheduler {address}: no address, allowed: one such as tcp://host:8786")
     try:
         socket.create_connection((found[1], int(found[2])), CONNECT_TIMEOUT_S).close()
     except (OSError, OverflowError) as error:

@@ -59,9 +59,9 @@ def read_definition(path: str | Path) -> Definition:
     try:
         document = strict_yaml(Path(path).read_text(encoding="utf-8"))
     except OSError as error:
-        raise StudyError(f"{path}: cannot be read ({error.strerror})") from None
+        raise StudyError(f"{path}: cannot be read ({error.strerror}), allowed: a YAML file") from None
     except (yaml.YAMLError, UnicodeDecodeError) as error:
-        raise StudyError(f"{path}: not YAML ({' '.join(str(error).split())})") from None
+        raise StudyError(f"{path}: not YAML ({' '.join(str(error).split())}), allowed: a YAML file") from None
     try:
         return _definition(document)
     except StudyError as error:
@@ -71,14 +71,14 @@ def read_definition(path: str | Path) -> Definition:
 def _definition(document: object) -> Definition:
     """Build the definition of a parsed file."""
     if not isinstance(document, dict) or not isinstance(document.get("inputs"), dict):
-        raise StudyError("expected the key 'inputs', with a mapping of codes to distributions")
+        raise StudyError("inputs: missing or no mapping, allowed: codes of inputs with their distributions")
     for key in document:
         if key not in KEYS:
-            raise StudyError(f"unknown key {key!r}; allowed: {', '.join(KEYS)}")
+            raise StudyError(f"unknown key {key!r}, allowed: {', '.join(KEYS)}")
     inputs = tuple(_input(str(code), given) for code, given in document["inputs"].items())
     groups = document.get("groups") or {}
     if not isinstance(groups, dict):
-        raise StudyError("groups: expected a mapping of names to lists of inputs")
+        raise StudyError(f"groups: {groups!r}, allowed: a mapping of names to lists of inputs")
     named = {str(name): _names(f"group {name}", members) for name, members in groups.items()}
     return Definition(InputSet(inputs, named), _names("outputs", document.get("outputs") or []))
 
@@ -90,7 +90,7 @@ def _input(code: str, given: object) -> Input:
         return known
     try:
         if not isinstance(given, dict):
-            raise StudyError(f"expected a mapping such as {{lower: 1, upper: 2}}, got {given!r}")
+            raise StudyError(f"{given!r}, allowed: a mapping such as {{lower: 1, upper: 2}}")
         law = distribution_from({key: value for key, value in given.items() if key != "initial"})
         initial = _initial(known, law.lower, law.upper, given)
     except StudyError as error:
@@ -110,5 +110,5 @@ def _initial(known: Input, lower: float, upper: float, given: Mapping[str, Any])
 def _names(where: str, given: object) -> tuple[str, ...]:
     """Take a list of names."""
     if not isinstance(given, list) or not all(isinstance(name, str) for name in given):
-        raise StudyError(f"{where}: expected a list of names, got {given!r}")
+        raise StudyError(f"{where}: {given!r}, allowed: a list of names")
     return tuple(given)

@@ -53,7 +53,7 @@ def make_design(inputs: InputSet, train: int, test: int, seed: int, kind: str = 
     Design
     """
     if train < 1 or test < 0:
-        raise StudyError(f"a design needs at least one training point and no negative number, got {train} and {test}")
+        raise StudyError(f"{train} training and {test} test points, allowed: at least 1 and at least 0")
     check_kind(kind)
     points = KINDS[kind](train, len(inputs), _stream(seed, 0))
     return Design(inputs.from_unit(points), inputs.from_unit(_random(test, len(inputs), _stream(seed, 1))))
@@ -80,7 +80,7 @@ def add_points(inputs: InputSet, existing: Array, count: int, seed: int, kind: s
     ndarray, shape (count, d)
     """
     if count < 1:
-        raise StudyError(f"at least one point can be added, got {count}")
+        raise StudyError(f"{count} points to add, allowed: at least 1")
     check_kind(kind)
     if kind == "sobol":
         return inputs.from_unit(_sobol(len(existing) + count, len(inputs), _stream(seed, 0))[len(existing) :])
@@ -92,7 +92,7 @@ def add_points(inputs: InputSet, existing: Array, count: int, seed: int, kind: s
 def check_kind(kind: str) -> None:
     """Raise a StudyError unless there is such a design."""
     if kind not in KINDS:
-        raise StudyError(f"unknown design {kind!r}; available: {', '.join(KINDS)}")
+        raise StudyError(f"unknown design {kind!r}, allowed: {', '.join(KINDS)}")
 
 
 def _stream(seed: int, number: int) -> np.random.SeedSequence:

@@ -34,9 +34,9 @@ class Distribution(ABC):
     def __post_init__(self) -> None:
         for key, value in asdict(self).items():
             if not np.isfinite(value):
-                raise StudyError(f"{key} must be finite, got {value}")
+                raise StudyError(f"{key} {value}, allowed: a finite number")
         if self.lower >= self.upper:
-            raise StudyError(f"lower {self.lower:g} must be below upper {self.upper:g}")
+            raise StudyError(f"lower {self.lower:g}, allowed: below upper, {self.upper:g}")
         self._check()
 
     def to_unit(self, values: ArrayLike) -> Array:
@@ -56,7 +56,7 @@ class Distribution(ABC):
 
     def _check_inside(self, key: str, value: float) -> None:
         if not self.lower <= value <= self.upper:
-            raise StudyError(f"{key} {value:g} must lie in [{self.lower:g}, {self.upper:g}]")
+            raise StudyError(f"{key} {value:g}, allowed: {self.lower:g} to {self.upper:g}")
 
     @cached_property
     @abstractmethod
@@ -83,7 +83,7 @@ class LogUniform(Distribution):
 
     def _check(self) -> None:
         if self.lower <= 0.0:
-            raise StudyError(f"lower must be positive for a log-uniform distribution, got {self.lower:g}")
+            raise StudyError(f"lower {self.lower:g} of a log-uniform distribution, allowed: above 0")
 
     @cached_property
     def _law(self) -> Any:
@@ -100,7 +100,7 @@ class Normal(Distribution):
 
     def _check(self) -> None:
         if self.std <= 0.0:
-            raise StudyError(f"std must be positive, got {self.std:g}")
+            raise StudyError(f"std {self.std:g}, allowed: above 0")
         self._check_inside("mean", self.mean)
 
     @cached_property
@@ -145,20 +145,20 @@ def distribution_from(given: Mapping[str, object]) -> Distribution:
     """
     name = given.get("distribution", Uniform.name)
     if not isinstance(name, str) or name not in DISTRIBUTIONS:
-        raise StudyError(f"unknown distribution {name!r}; available: {', '.join(DISTRIBUTIONS)}")
+        raise StudyError(f"unknown distribution {name!r}, allowed: {', '.join(DISTRIBUTIONS)}")
     kind = DISTRIBUTIONS[name]
     allowed = [field.name for field in fields(kind)]
     for key in given:
         if key not in {*allowed, "distribution"}:
-            raise StudyError(f"unknown key {key!r}; a {name} distribution takes {', '.join(allowed)}")
+            raise StudyError(f"unknown key {key!r} of a {name} distribution, allowed: {', '.join(allowed)}")
     missing = [key for key in allowed if key not in given]
     if missing:
-        raise StudyError(f"a {name} distribution needs {', '.join(allowed)}; missing: {', '.join(missing)}")
+        raise StudyError(f"{', '.join(missing)}: missing, allowed: a {name} distribution with {', '.join(allowed)}")
     return kind(**{key: number(key, given[key]) for key in allowed})
 
 
 def number(key: str, value: object) -> float:
     """Take a number from plain data."""
     if isinstance(value, bool) or not isinstance(value, int | float):
-        raise StudyError(f"{key} must be a number, got {value!r}")
+        raise StudyError(f"{key} {value!r}, allowed: a number")
     return float(value)

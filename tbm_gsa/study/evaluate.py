@@ -53,7 +53,7 @@ class MachineEvaluation:
             raise StudyError(f"upper limit of the band {self.high_hz:g} Hz, allowed: {allowed}")
         if self._vibrations and self.duration < SHORTEST_VIBRATION_S:
             raise StudyError(
-                f"duration {self.duration:g} s: statistics of accelerations need at least {SHORTEST_VIBRATION_S:g} s"
+                f"duration {self.duration:g} s, allowed: {SHORTEST_VIBRATION_S:g} s or more for accelerations"
             )
 
     @classmethod
@@ -125,7 +125,9 @@ class MachineEvaluation:
             None if high_hz is None else float(high_hz),
         )
         if evaluation.settings["machine_sha256"] != settings["machine_sha256"]:
-            raise StudyError(f"machine {evaluation.machine} has changed since the study was begun")
+            raise StudyError(
+                f"machine {evaluation.machine} has changed since the study was begun, allowed: the file as it was"
+            )
         return evaluation
 
     @cached_property

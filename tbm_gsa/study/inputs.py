@@ -41,9 +41,7 @@ class Input:
 
     def __post_init__(self) -> None:
         if not self.lower <= self.initial <= self.upper:
-            raise StudyError(
-                f"input {self.code}: initial {self.initial:g} must lie in [{self.lower:g}, {self.upper:g}]"
-            )
+            raise StudyError(f"input {self.code}: initial {self.initial:g}, allowed: {self.lower:g} to {self.upper:g}")
 
     @property
     def lower(self) -> float:
@@ -86,10 +84,10 @@ class InputSet:
 
     def __post_init__(self) -> None:
         if not self.inputs:
-            raise StudyError("a study needs at least one input")
+            raise StudyError("inputs: none, allowed: at least one")
         for code in self.codes:
             if self.codes.count(code) > 1:
-                raise StudyError(f"input {code} is given twice")
+                raise StudyError(f"input {code}: given twice, allowed: once")
         check_groups(self.groups, self.codes)
 
     def __len__(self) -> int:
@@ -99,7 +97,7 @@ class InputSet:
         for item in self.inputs:
             if item.code == code:
                 return item
-        raise StudyError(f"unknown input {code!r}; available: {', '.join(self.codes)}")
+        raise StudyError(f"unknown input {code!r}, allowed: {', '.join(self.codes)}")
 
     @property
     def codes(self) -> tuple[str, ...]:
@@ -123,7 +121,7 @@ class InputSet:
         for item, column in zip(self.inputs, values.T, strict=True):
             outside = column[~((column >= item.lower) & (column <= item.upper))]
             if outside.size:
-                raise StudyError(f"input {item.code}: {outside[0]:g} is outside [{item.lower:g}, {item.upper:g}]")
+                raise StudyError(f"input {item.code}: {outside[0]:g}, allowed: {item.lower:g} to {item.upper:g}")
         return np.column_stack(
             [item.distribution.to_unit(column) for item, column in zip(self.inputs, values.T, strict=True)]
         )
@@ -153,7 +151,7 @@ class InputSet:
         """Points as an array (n, d)."""
         values = np.asarray(points, dtype=np.float64)
         if values.ndim != 2 or values.shape[1] != len(self):
-            raise StudyError(f"points must have shape (n, {len(self)}), one column per input, not {values.shape}")
+            raise StudyError(f"points of shape {values.shape}, allowed: (n, {len(self)}), one column per input")
         return values
 
 
@@ -162,14 +160,14 @@ def check_groups(groups: Mapping[str, Sequence[str]], codes: Sequence[str]) -> N
     seen: dict[str, str] = {}
     for name, members in groups.items():
         if name in codes:
-            raise StudyError(f"group {name}: an input has this name")
+            raise StudyError(f"group {name}: an input has this name, allowed: another one")
         if not members:
-            raise StudyError(f"group {name}: at least one input is needed")
+            raise StudyError(f"group {name}: no input, allowed: at least one")
         for code in members:
             if code not in codes:
-                raise StudyError(f"group {name}: unknown input {code!r}; available: {', '.join(codes)}")
+                raise StudyError(f"group {name}: unknown input {code!r}, allowed: {', '.join(codes)}")
             if code in seen:
-                raise StudyError(f"group {name}: input {code} is in group {seen[code]} already")
+                raise StudyError(f"group {name}: input {code} is in group {seen[code]} already, allowed: one group")
             seen[code] = name
 
 

@@ -59,7 +59,7 @@ def _vibration(name: str, points: Collection[str]) -> Vibration:
     found = _NAME.fullmatch(name)
     if found is None or found["point"] not in points or found["axis"] not in AXES:
         raise StudyError(
-            f"unknown output {name!r}; available: {', '.join(INDICATORS)}, and rms_POINT_AXIS, peak_POINT_AXIS, "
+            f"unknown output {name!r}, allowed: {', '.join(INDICATORS)}, and rms_POINT_AXIS, peak_POINT_AXIS, "
             f"kurtosis_POINT_AXIS, rms_LOW-HIGH_hz_POINT_AXIS with POINT one of {', '.join(points)} and AXIS one of "
             f"{', '.join(AXES)}"
         )
@@ -67,5 +67,5 @@ def _vibration(name: str, points: Collection[str]) -> Vibration:
     if found["low"] is not None:
         band = float(found["low"]), float(found["high"])
         if found["statistic"] != "rms" or band[0] >= band[1]:
-            raise StudyError(f"output {name!r}: a band goes with rms, and its lower limit lies below its upper")
+            raise StudyError(f"output {name!r}: its band, allowed: of rms only, the lower limit below the upper")
     return Vibration(name, found["statistic"], band, found["point"], found["axis"])

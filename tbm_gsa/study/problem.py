@@ -44,10 +44,10 @@ class Problem:
     def __post_init__(self) -> None:
         check_kind(self.design)
         if not self.outputs:
-            raise StudyError("a study needs at least one output")
+            raise StudyError("outputs: none, allowed: at least one")
         for name in self.outputs:
             if self.outputs.count(name) > 1:
-                raise StudyError(f"output {name} is given twice")
+                raise StudyError(f"output {name}: given twice, allowed: once")
 
     def to_json(self) -> dict[str, str]:
         """Every part as one JSON text."""
@@ -71,7 +71,7 @@ class Problem:
         parts: dict[str, Any] = {key: json.loads(text) for key, text in texts.items()}
         written = parts.pop("format", None)
         if written != FORMAT:
-            raise StudyError(f"written in format {written}; this version reads {FORMAT} only: run the study again")
+            raise StudyError(f"written in format {written}, allowed: {FORMAT}; run the study again")
         inputs = InputSet.from_list(parts.pop("inputs"), parts.pop("groups"))
         return cls(inputs, tuple(parts.pop("outputs")), added=tuple(parts.pop("added")), **parts)
 

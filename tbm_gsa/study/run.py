@@ -1,12 +1,12 @@
 """A whole study in one folder: campaign, analysis, result.json and report.html."""
 
-import json
 import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from tbm_gsa.files import write_json, write_whole
 from tbm_gsa.report.gsa_page import gsa_page
 from tbm_gsa.report.gsa_tables import gsa_tables
 from tbm_gsa.study.analysis import OutputAnalysis, analyse, check_methods
@@ -51,11 +51,13 @@ class StudyOptions:
     methods : sequence of str
         Surrogates to choose from.
     workers : int
-        Processes of the campaign.
+        Processes of campaign and analysis.
     scheduler : str, optional
-        Address of a Dask scheduler whose workers are used instead.
+        Address of a Dask scheduler whose workers simulate instead.
     progress : callable, optional
-        See `Progress`.
+        Of the campaign, see `Progress`.
+    analysis_progress : callable, optional
+        Of the analysis, see `analyse`.
     cancelled : callable
         Asked during the campaign; see `run_campaign`.
     """
@@ -64,6 +66,7 @@ class StudyOptions:
     workers: int = 2
     scheduler: str | None = None
     progress: Progress | None = None
+    analysis_progress: Callable[[int, int], None] | None = None
     cancelled: Callable[[], bool] = lambda: False
 
 
@@ -137,11 +140,11 @@ def extend_study(
         return _finish(store, evaluate, options)
 
 
-def report_study(folder: str | Path, methods: Sequence[str] = tuple(SURROGATES)) -> StudyResult:
+def report_study(folder: str | Path, options: StudyOptions | None = None) -> StudyResult:
     """Analyse what the store of a folder holds and write its result and report anew, without any simulation."""
     with Store.open(Path(folder) / STORE_NAME) as store:
         start = time.perf_counter()
-        return _write(store, methods, start, campaign_seconds=0.0)
+        return _write(store, options or StudyOptions(), start, campaign_seconds=0.0)
 
 
 def _finish(store: Store, evaluate: Evaluate, options: StudyOptions) -> StudyResult:
@@ -156,25 +159,24 @@ def _finish(store: Store, evaluate: Evaluate, options: StudyOptions) -> StudyRes
         progress=options.progress,
         cancelled=options.cancelled,
     )
-    return _write(store, options.methods, start, campaign_seconds=time.perf_counter() - start)
+    return _write(store, options, start, campaign_seconds=time.perf_counter() - start)
 
 
-def _write(store: Store, methods: Sequence[str], start: float, *, campaign_seconds: float) -> StudyResult:
+def _write(store: Store, options: StudyOptions, start: float, *, campaign_seconds: float) -> StudyResult:
     """Analyse a store and write result and report beside it."""
-    analyses = analyse(store, methods, seed=store.problem.seed)
+    analyses = analyse(
+        store,
+        options.methods,
+        seed=store.problem.seed,
+        workers=options.workers,
+        progress=options.analysis_progress,
+    )
     seconds = time.perf_counter() - start
     document = study_document(store, analyses, seconds=seconds, campaign_seconds=campaign_seconds)
     folder = store.path.parent
-    _replace(folder / RESULT_NAME, json.dumps(document, indent=1, ensure_ascii=False, allow_nan=False))
-    _replace(folder / REPORT_NAME, gsa_page(document, analyses))
+    write_json(folder / RESULT_NAME, document)
+    write_whole(folder / REPORT_NAME, gsa_page(document, analyses).encode())
     (folder / TABLES_NAME).mkdir(exist_ok=True)
     for name, text in gsa_tables(document).items():
-        _replace(folder / TABLES_NAME / name, text)
+        write_whole(folder / TABLES_NAME / name, text.encode())
     return StudyResult(folder, document, analyses)
-
-
-def _replace(path: Path, text: str) -> None:
-    """Write a file so that a reader sees the old one or the new one, never half of it."""
-    unfinished = path.with_name(path.name + ".new")
-    unfinished.write_text(text, encoding="utf-8")
-    unfinished.replace(path)

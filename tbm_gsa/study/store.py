@@ -99,7 +99,7 @@ class Store:
             differs = difference(store.problem, problem)
             if differs:
                 store.close()
-                raise StudyError(f"{path}: holds another study: {differs}")
+                raise StudyError(f"{path}: holds another study ({differs}), allowed: the same one, or another folder")
             store._take_over(problem)
             return store
         path.parent.mkdir(parents=True, exist_ok=True)
@@ -115,14 +115,16 @@ class Store:
     def open(cls, path: Path) -> Self:
         """Open an existing store."""
         if not path.is_file():
-            raise StudyError(f"{path}: no such store")
+            raise StudyError(f"{path}: no such store, allowed: the folder of a study that was begun")
         connection = _connect(path)
         try:
             connection.execute("PRAGMA journal_mode=WAL")
             problem = Problem.from_json(dict(connection.execute("SELECT key, value FROM problem")))
         except sqlite3.DatabaseError as error:
             connection.close()
-            raise StudyError(f"{path}: not a store of a sensitivity study ({error})") from None
+            raise StudyError(
+                f"{path}: not a store of a sensitivity study ({error}), allowed: that of `gsa run`"
+            ) from None
         except StudyError as error:
             connection.close()
             raise StudyError(f"{path}: {error}") from None

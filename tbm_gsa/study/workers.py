@@ -37,7 +37,7 @@ class Workers:
 def local_processes(count: int) -> Iterator[Workers]:
     """Start processes here, each limited to one thread; they end at once where an exception leaves the block."""
     if count < 1:
-        raise StudyError(f"a campaign needs at least one worker, got {count}")
+        raise StudyError(f"{count} workers, allowed: at least 1")
     executor = _Processes(count)
     try:
         yield Workers(executor, slots=count, died=(BrokenProcessPool,), retries=1)

@@ -58,7 +58,7 @@ def fit_surrogate(
         An unknown method, or samples no surrogate can be fitted to; the message says which and where.
     """
     if method not in SURROGATES:
-        raise ValueError(f"unknown surrogate {method!r}; available: {', '.join(SURROGATES)}")
+        raise ValueError(f"unknown surrogate {method!r}, allowed: {', '.join(SURROGATES)}")
     return SURROGATES[method].fit(checked_samples(X, y, bounds).under(transform), seed=seed)
 
 

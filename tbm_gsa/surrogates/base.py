@@ -101,7 +101,7 @@ class Surrogate(ABC):
         """
         count = len(self.samples.y)
         if not 2 <= folds <= count:
-            raise ValueError(f"folds must be from 2 to the number of samples ({count}), got {folds}")
+            raise ValueError(f"{folds} folds, allowed: 2 to the number of samples, {count}")
         shuffled = np.random.default_rng(self.seed).permutation(count)
         predicted = np.empty(count)
         models = []

@@ -9,17 +9,20 @@ import zipfile
 import zlib
 from collections.abc import Mapping
 from dataclasses import fields
+from io import BytesIO
 from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
 
 from tbm_gsa.arrays import Array
+from tbm_gsa.files import write_whole
 from tbm_gsa.surrogates.base import Surrogate
 from tbm_gsa.surrogates.expansion import Expansion, KernelExpansion, PolynomialExpansion
 from tbm_gsa.surrogates.samples import checked_samples
 
 FORMAT: Final = "tbm_monitor surrogate 1"
+_WRITTEN: Final = "a file that `save_surrogate` wrote"
 
 # What the zip reader, zlib, numpy and json say of bytes that are not what they should be.
 _DAMAGED: Final = (
@@ -51,8 +54,9 @@ def save_surrogate(model: Surrogate, path: str | Path) -> None:
     }
     arrays: dict[str, Any] = {field.name: getattr(model.expansion, field.name) for field in fields(model.expansion)}
     arrays |= {"X": model.samples.X, "y": model.samples.y, "bounds": model.samples.bounds}
-    with Path(path).open("wb") as file:
-        np.savez_compressed(file, header=np.array(json.dumps(header)), **arrays)
+    content = BytesIO()
+    np.savez_compressed(content, header=np.array(json.dumps(header)), **arrays)
+    write_whole(Path(path), content.getvalue())
 
 
 def read_surrogate(path: str | Path, methods: Mapping[str, type[Surrogate]]) -> Surrogate:
@@ -77,10 +81,10 @@ def read_surrogate(path: str | Path, methods: Mapping[str, type[Surrogate]]) -> 
             raise ValueError(f"its format is {header['format']!r}")
         return _surrogate(header, parts, methods)
     except OSError as error:
-        raise ValueError(f"{path}: cannot be read ({error.strerror or error})") from None
+        raise ValueError(f"{path}: cannot be read ({error.strerror or error}), allowed: {_WRITTEN}") from None
     except _DAMAGED as error:
         reason = f"no {error}" if isinstance(error, KeyError) else " ".join(str(error).split())
-        raise ValueError(f"{path}: not a surrogate of this program ({reason})") from None
+        raise ValueError(f"{path}: not a surrogate of this program ({reason}), allowed: {_WRITTEN}") from None
 
 
 def _surrogate(header: Mapping[str, Any], parts: dict[str, Array], methods: Mapping[str, type[Surrogate]]) -> Surrogate:

@@ -54,7 +54,7 @@ class PolynomialResponseSurface(Surrogate):
             if failures == 2:  # an even function gains nothing from one odd degree, so one failure is not the end
                 break
         if best is None:
-            raise ValueError(f"a polynomial response surface takes up to {LARGEST_BASIS - 1} inputs")
+            raise ValueError(f"{unit.shape[1]} inputs of a polynomial surface, allowed: up to {LARGEST_BASIS - 1}")
         error, terms, degrees = best
         basis = legendre_basis(unit, degrees)
         chosen, directions = matching_pursuit(basis, standardised, terms)

@@ -70,6 +70,24 @@ def test_keys_of_documents_are_described(given, monkeypatch, capsys):
     assert set(document) <= described
 
 
+def with_json(group=COMMAND_LINE, names=()):
+    """Names of every command that prints a document."""
+    for name, command in getattr(group, "commands", {}).items():
+        if any("--json" in parameter.opts for parameter in command.params):
+            yield *names, name
+        yield from with_json(command, (*names, name))
+
+
+def test_every_document_has_its_place():
+    text = (ROOT / "docs" / "reference" / "json.md").read_text(encoding="utf-8")
+    sections = {part.splitlines()[0]: part for part in re.split(r"^## ", text, flags=re.MULTILINE)[1:]}
+    found = list(with_json())
+    assert {("reproduce",), ("gsa", "report")} <= set(found)
+    for first, *rest in found:
+        assert first in sections
+        assert all(re.search(rf"`(\w+ )?{name}`", sections[first]) for name in rest), (first, *rest)
+
+
 @pytest.mark.parametrize(
     ("shown", "printed", "expected"),
     [

@@ -10,8 +10,9 @@ from machine_files import TEXT
 
 from tbm_dynamics import Machine, load_machine, simulate
 from tbm_dynamics.calibration.free_values import FREE_VALUES, with_values
-from tbm_dynamics.calibration.objective import PREDICTED_G, G, objective
+from tbm_dynamics.calibration.objective import G, objective
 from tbm_dynamics.calibration.prediction import Prediction, predict
+from tbm_dynamics.calibration.targets import PREDICTED_G
 from tbm_dynamics.machine.description import MachineDescription
 
 

@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from tbm_dynamics import load_machine, simulate
-from tbm_dynamics.indicators import INDICATORS, indicators
+from tbm_dynamics.indicators import INDICATORS, UNITS, indicators
 
 TIME = np.arange(1000) / 1000.0
 
@@ -61,3 +61,16 @@ def test_a_response_uses_ring_first_pinion_and_the_static_share():
     share = 3.04e6 / (10 * 1.672 * np.cos(np.radians(25.0)))
     deviation = np.sqrt(np.mean((response.mesh_force - share) ** 2, axis=0))
     assert found["MF_Se"] == pytest.approx(deviation.mean())
+
+
+def test_units_are_those_that_change_with_the_units_of_the_motion():
+    # Lengths in another unit, times in another, forces in a third: each number changes by what its unit says.
+    random = np.random.default_rng(0)
+    q, a, f = random.standard_normal((50, 6)), random.standard_normal((50, 6)), random.uniform(1.0, 2.0, (50, 3))
+    length, time, force = 1e3, 60.0, 1e-3
+    along = np.array([length] * 3 + [1.0] * 3)
+    one = indicators(q, a, f, 1.5)
+    other = indicators(along * q, along * a / time**2, force * f, force * 1.5)
+    factors = {"m": length, "rad": 1.0, "m/s²": length / time**2, "rad/s²": time**-2, "N": force}
+    for name in INDICATORS:
+        assert other[name] == pytest.approx(factors[UNITS[name]] * one[name])

@@ -1,7 +1,7 @@
 """Machine files and the 25 inputs: what is refused, in one line, and what a variant changes.
 
-Source: design, sections 3 and 11, and Table 4's units; every expected number is arithmetic on the file as PyYAML reads
-it, so equality is exact up to one rounding of the unit's factor.
+Source: what docs/howto/machine.md says of a file, and the units of the paper's Table 4; every expected number is
+arithmetic on the file as PyYAML reads it, so equality is exact up to one rounding of the unit's factor.
 """
 
 import pickle
@@ -15,6 +15,7 @@ from machine_files import TEXT, all_connections, built, plain, without
 
 from tbm_dynamics import MachineError, load_machine, shipped_machines
 from tbm_dynamics.machine.inputs import INPUT_CODES
+from tbm_dynamics.texts import SOURCES
 
 
 def refused(path, text):
@@ -78,7 +79,9 @@ WRONG = {
     "loads without thrust": ("mean: -1.20e+7", "mean: 0.0", "loads.fx.mean", "not be 0"),
     "loads without torque": ("mean: -3.04e+6", "mean: 0.0", "loads.mx.mean", "not be 0"),
     "ring of nothing": ("ring_shaft_nodes: [7, 8, 9]", "ring_shaft_nodes: []", "ring_shaft_nodes", "at least 1"),
-    "unknown source": ("source: table5", "source: paper", "connections.0.source", "'table5', 'assumed'"),
+    "source of nothing": ("source: table5", 'source: ""', "connections.0.source", "at least 1 character"),
+    "source of two lines": ("source: table5", 'source: "a\\nb"', "connections.0.source", "one line of printable"),
+    "source of a load": ("1.5e+5, source: assumed", '1.5e+5, source: "a\\nb"', "loads.fx.lines.0.source", "one line"),
     "value without source": (
         "rotor: {mass: 1100, inertia: [5, 60, 60], source: assumed}",
         "rotor: {mass: 1100, inertia: [5, 60, 60]}",
@@ -134,6 +137,12 @@ def test_a_machine_that_cannot_be_built(tmp_path, old, new, where):
     assert where in message
 
 
+def test_a_source_may_be_told_in_any_words(tmp_path):
+    path = tmp_path / "mine.yaml"
+    path.write_text(TEXT.replace("source: table5", 'source: "drawing 4711, rev. B"', 1))
+    assert load_machine(path).description.all_connections()[0].source == "drawing 4711, rev. B"
+
+
 def test_an_assembly_that_fails_names_the_changed_inputs(machine):
     # Hardly any stiffness: the machine floats.
     with pytest.raises(MachineError, match=r"^dz101 with x16=1e-30, x17=1e-30: .*zero-energy mode") as caught:
@@ -174,6 +183,7 @@ def test_every_value_carries_its_source(name):
     found = dict(entries(data))
     assert len(found) > 30
     assert [place for place, entry in found.items() if "source" not in entry] == []
+    assert {entry["source"] for entry in found.values()} <= set(SOURCES)  # no word misspelt
 
 
 @pytest.mark.parametrize("text", ["", "- a list", "just text", "a: b: c", "name: [", "\x00", "!!python/name:os.system"])

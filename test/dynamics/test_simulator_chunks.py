@@ -1,6 +1,6 @@
 """The simulator in pieces and in trouble: the same bits in any pieces, and errors that say when.
 
-Source: one call over the whole run; equality is exact by design (section 4), so there is no tolerance.
+Source: one call over the whole run; docs/model.md promises the same bits, so there is no tolerance.
 """
 
 import re

@@ -85,7 +85,7 @@ def test_no_scheduler(store):
     with pytest.raises(StudyError, match=r"scheduler tcp://127\.0\.0\.1:9: cannot be reached"):
         run_campaign(store, analytic, scheduler="tcp://127.0.0.1:9")
     for address in ("nowhere", "nonsense://x:1", "tcp://127.0.0.1"):
-        with pytest.raises(StudyError, match=f"scheduler {address}: expected an address such as tcp://host:8786"):
+        with pytest.raises(StudyError, match=f"scheduler {address}: no address, allowed: one such as tcp://host:8786"):
             run_campaign(store, analytic, scheduler=address)
     with pytest.raises(StudyError, match="cannot be reached"):
         run_campaign(store, analytic, scheduler="tcp://127.0.0.1:99999")

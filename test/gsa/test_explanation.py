@@ -21,11 +21,13 @@ from tbm_dynamics.machine.writing import machine_text, write_machine
 from tbm_gsa.cli.main import main
 from tbm_gsa.comparison.settings import Settings
 from tbm_gsa.comparison.workflow import compare_recording
+from tbm_gsa.explanation import workflow
 from tbm_gsa.explanation.causes import Misfit, rank_causes
 from tbm_gsa.explanation.joint import joint_posterior
 from tbm_gsa.explanation.observed import observed
 from tbm_gsa.explanation.shifts import Lengths, chance, shrunk_covariance
 from tbm_gsa.explanation.workflow import ExplainOptions, explain
+from tbm_gsa.report.explanation_page import joint_intervals
 from tbm_gsa.study.errors import StudyError
 
 SLOPES = np.array([[1.0, 0.2, 0.0], [0.5, -1.0, 0.3]])  # of two statistics along three inputs
@@ -149,6 +151,19 @@ def test_explained_and_written_as_a_machine(compared, folder, command):
     assert document["misfit"]["checked"] < document["misfit"]["model"]
     assert document["explained"]
     assert "x16 alone explains the recording" in (folder / "found" / "explanation.html").read_text("utf-8")
+    searched = document["joint"]["inputs"]
+    assert {code: (row["lower"], row["upper"], row["distribution"]) for code, row in searched.items()} == {
+        **dict.fromkeys((f"x{k}" for k in range(16, 26)), (pytest.approx(1.0 / 3.0), 3.0, "log-uniform")),
+        **dict.fromkeys(("x4", *(f"x{k}" for k in range(11, 16))), (2e-4, 5e-3, "log-uniform")),
+        "x5": (200.0, 220.0, "uniform"),
+        "x6": (0.29, 0.31, "uniform"),
+        "x7": (100.0, 500.0, "uniform"),
+        "x8": (0.8, 1.2, "uniform"),
+        "x9": (7.5e9, 8.5e9, "uniform"),
+        "x10": (0.03, 0.17, "uniform"),
+    }
+    for row in searched.values():
+        assert row["lower"] <= row["interval"][0] <= row["interval"][1] <= row["upper"]
     code, out, err = command("machine update dz101 --from found --out mine.yaml")
     assert (code, err) == (0, "")
     assert out.startswith("mine.yaml: x16 (Stiffness of cutterhead–rock) 1 to 0.")
@@ -168,16 +183,40 @@ def test_explained_and_written_as_a_machine(compared, folder, command):
         assert err.startswith(f"tbm-monitor: {message}")
 
 
-def test_what_no_input_explains(compared, folder, command):
+def test_intervals_are_drawn_over_what_was_searched():
+    whole = {"lower": 1.0 / 3.0, "upper": 3.0, "distribution": "log-uniform"}
+    rows = {
+        "x16": {**whole, "interval": [3.0**-0.5, 3.0], "machine_value": 1.0},
+        "x5": {
+            "lower": 200.0,
+            "upper": 220.0,
+            "distribution": "uniform",
+            "interval": [205.0, 215.0],
+            "machine_value": 210.0,
+        },
+    }
+    (panel,) = joint_intervals({"joint": {"inputs": rows}}).axes
+    ends = [(patch.get_x(), patch.get_x() + patch.get_width()) for patch in panel.patches]
+    np.testing.assert_allclose(ends, [(0.0, 1.0), (0.25, 1.0), (0.0, 1.0), (0.25, 0.75)], atol=1e-12)
+    np.testing.assert_allclose([line.get_xdata() for line in panel.lines], 0.5)
+    assert panel.get_xlim() == (0.0, 1.0)
+    labels = [label.get_text() for label in panel.get_yticklabels()]
+    assert labels == ["x16 k_r,ct: 0.333 to 3, log", "x5 E: 200 to 220 GPa"]
+
+
+def test_what_no_input_explains(compared, folder, command, monkeypatch):
     """Sensors that read nine times too much: the causes are ranked all the same, and none is taken."""
     wrong = json.loads(json.dumps(compared))
     for axis in (axis for axes in wrong["points"].values() for axis in axes.values()):
         axis["field_rms"] *= 9.0
         axis["field_band_rms"] = {band: 9.0 * value for band, value in axis["field_band_rms"].items()}
     (folder / "wrong.json").write_text(json.dumps(wrong), "utf-8")
+    real = workflow.explanation_document
+    monkeypatch.setattr(workflow, "explanation_document", lambda *given: {**real(*given), "seconds": float("nan")})
     code, out, err = command("gsa explain wrong.json --out found --samples 60 --duration 2")
     assert (code, err) == (0, "page: found/explanation.html\n")
-    document = json.loads((folder / "found" / "explanation.json").read_text("utf-8"))
+    text = (folder / "found" / "explanation.json").read_text("utf-8")
+    document = json.loads(text, parse_constant=pytest.fail)  # which JSON does not have
     first, off = document["causes"][0]["input"], document["standardised_misfit"]["checked"]
     assert not document["explained"]
     rows = document["statistics"]

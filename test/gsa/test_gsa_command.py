@@ -7,10 +7,15 @@ import sqlite3
 import subprocess
 import sys
 import time
+from io import StringIO
 
 import numpy as np
 import pytest
+from rich.console import Console
 
+from tbm_gsa.cli.output import progress_bar
+from tbm_gsa.cli.workers import analysis_progress, campaign_progress
+from tbm_gsa.study import analysis
 from tbm_gsa.study.store import Store
 
 QUICK = ("--samples", "12", "--test", "2", "--duration", "0.02", "--method", "prs")
@@ -29,7 +34,7 @@ def definition(tmp_path):
     return str(path)
 
 
-def test_a_study_grows(tmp_path, typed, definition):
+def test_a_study_grows(tmp_path, typed, definition, monkeypatch):
     out = str(tmp_path / "study")
     code, first, _ = typed(
         "gsa", "run", *QUICK, "--inputs", definition, "--out", out, "--design", "lhs-maximin", "--json"
@@ -50,6 +55,11 @@ def test_a_study_grows(tmp_path, typed, definition):
         assert store.counts().ok == 19
     np.testing.assert_array_equal(grown[0][:12], X)
     np.testing.assert_array_equal(grown[1][:12], Y)
+
+    monkeypatch.setattr(analysis, "local_processes", pytest.fail)  # one worker is this process
+    code, third, _ = typed("gsa", "report", "--out", out, "--method", "prs", "--workers", "1", "--json")
+    assert (code, json.loads(third)["outputs"]) == (0, json.loads(second)["outputs"])
+    monkeypatch.undo()
 
     code, _, err = typed("gsa", "run", *QUICK, "--inputs", definition, "--out", out, "--design", "lhs-maximin")
     assert code == 2
@@ -82,9 +92,9 @@ def test_ctrl_c_ends_a_study_and_says_how_to_go_on(tmp_path, definition):
     ("arguments", "message"),
     [
         (("--outputs", "MF_M,rms_nose_x"), "unknown output 'rms_nose_x'"),
-        (("--outputs", "MF_M,MF_M"), "output MF_M is given twice"),
-        (("--outputs", "rms_shield_x"), "duration 0.02 s: statistics of accelerations need at least 1 s"),
-        (("--design", "grid"), "unknown design 'grid'; available: lhs, lhs-discrepancy, lhs-maximin, sobol"),
+        (("--outputs", "MF_M,MF_M"), "output MF_M: given twice, allowed: once"),
+        (("--outputs", "rms_shield_x"), "duration 0.02 s, allowed: 1 s or more for accelerations"),
+        (("--design", "grid"), "unknown design 'grid', allowed: lhs, lhs-discrepancy, lhs-maximin, sobol"),
         (("--inputs", "none.yaml"), "none.yaml: cannot be read"),
         (("--samples", "5"), "10"),
         (("--high-hz", "6000"), "upper limit of the band 6000 Hz, allowed: 1 to below 5000 Hz"),
@@ -110,7 +120,7 @@ def test_a_range_that_no_machine_allows_is_refused_before_the_campaign(tmp_path,
 def test_there_is_nothing_to_extend(tmp_path, typed):
     code, _, err = typed("gsa", "extend", "--samples", "5", "--out", str(tmp_path))
     assert code == 2
-    assert "store.sqlite: no such store" in err
+    assert "store.sqlite: no such store, allowed: the folder of a study that was begun" in err
 
 
 def test_a_store_of_an_earlier_format_is_refused(tmp_path, typed):
@@ -119,5 +129,21 @@ def test_a_store_of_an_earlier_format_is_refused(tmp_path, typed):
     connection.close()
     code, _, err = typed("gsa", "resume", "--out", str(tmp_path))
     assert code == 2
-    assert "store.sqlite: written in format 1; this version reads 2 only: run the study again" in err
+    assert "store.sqlite: written in format 1, allowed: 2; run the study again" in err
     assert err.count("\n") == 1
+
+
+def test_campaign_and_analysis_have_a_line_each():
+    with progress_bar("study") as bar:
+        campaign, analyses = campaign_progress(bar), analysis_progress(bar)
+        campaign(150, 220, 0)
+        campaign(220, 220, 3)
+        assert [task.percentage for task in bar.tasks] == [100.0]
+        analyses(0, 8)
+        analyses(2, 8)
+        assert [task.percentage for task in bar.tasks] == [100.0, 25.0]
+        shown = StringIO()
+        Console(file=shown, width=160).print(bar.make_tasks_table(bar.tasks))
+    lines = shown.getvalue().splitlines()
+    assert lines[0].startswith("study simulations 220 of 220, 3 failed ")
+    assert lines[1].startswith("study analysis 2 of 8 outputs ")

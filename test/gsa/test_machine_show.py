@@ -136,8 +136,11 @@ def test_sources_are_counted(data, command):
     # Every value that a file may leave out is stated, so that all there is to count stands in the file.
     data["driveshaft"]["pinion_shaft"]["inner_diameter"] = 0.0
     data["driveshaft"]["mesh"].update(variation=1.0, error_factor=1.0)
+    data["steel"]["source"] = "data sheet 4711, rev. B"  # three numbers
+    data["loads"]["fx"]["source"] = "torque meter"  # the mean
     Path("stated.yaml").write_text(yaml.safe_dump(data), "utf-8")
     expected = {name: number_sources(data).count(name) for name in SOURCES}
+    expected["measured or documented"] = 4
     assert document(command, "show stated.yaml")["sources"] == expected
 
 

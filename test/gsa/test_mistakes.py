@@ -7,8 +7,9 @@ from pathlib import Path
 
 import pytest
 
+from tbm_gsa.cli.demo import print_tables
 from tbm_gsa.cli.main import main
-from tbm_gsa.cli.shipped import recording_path, shipped_bag
+from tbm_gsa.cli.shipped import is_shipped, recording_path, shipped_bag
 
 SENSOR = "topics:\n  /rig: {point: girder, gravity: removed, frame: fixed, %s}\n"
 MISTAKES = {
@@ -55,7 +56,10 @@ MISTAKES = {
         ["history", "--history", "none.sqlite"],
         "none.sqlite: no such history; `compare` and the analysis node write one",
     ),
-    "a study that is not there": (["gsa", "resume", "--out", "new"], "new/store.sqlite: no such store"),
+    "a study that is not there": (
+        ["gsa", "resume", "--out", "new"],
+        "new/store.sqlite: no such store, allowed: the folder of a study that was begun",
+    ),
 }
 
 
@@ -89,6 +93,15 @@ def test_the_shipped_recording_goes_by_its_name(folder):
     assert recording_path(name) == shipped_bag()
     (folder / name).mkdir()
     assert recording_path(name) == name  # what is there goes first
+
+
+def test_the_demo_calls_the_shipped_recording_synthetic_and_no_other(folder, capsys):
+    (folder / "link").symlink_to(shipped_bag())
+    document = {"points": {}, "outputs": {}, "blocks": {}, "seconds": 1.0, "report": "report.html"}
+    for path, synthetic in ((shipped_bag(), True), (Path("link"), True), (Path("old"), False), (Path("none"), False)):
+        assert is_shipped(path) is synthetic
+        print_tables(document, synthetic=is_shipped(path))
+        assert ("synthetic" in capsys.readouterr().out) is synthetic
 
 
 def test_a_reader_that_has_seen_enough_is_no_error(folder):

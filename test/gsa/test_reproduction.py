@@ -26,7 +26,7 @@ from tbm_gsa.study.problem import Problem
 from tbm_gsa.study.store import Store
 
 TINY = Sizes(
-    train=12, test=3, other_train=12, simulation_s=0.02, run_s=4.0, model_s=4.0, loads_s=20.0, whole_study=False
+    train=12, test=3, other_train=11, simulation_s=0.02, run_s=4.0, model_s=4.0, loads_s=20.0, whole_study=False
 )
 
 # Section by section what the paper says, as ids of rows: written by hand, not taken from the code.
@@ -103,6 +103,13 @@ def test_both_readings_of_the_dampings_are_shown(result):
     assert [one["name"] for one in result.document["readings"]] == ["stiffness_proportional", "ratio"]
     # Fitted under the first only: under the other nothing is calibrated.
     assert not any(row["verdict"] == "calibrated" for row in result.document["rows"] if row["id"].endswith("@ratio"))
+
+
+def test_rows_of_the_smaller_campaign_say_how_small_it_was(result):
+    rests = re.compile(r"(table6|figure(9|1[0-5]))\..*@ratio")
+    noted = {row["id"] for row in result.document["rows"] if "11 points" in row["note"]}
+    assert noted == {row["id"] for row in result.document["rows"] if rests.fullmatch(row["id"])}
+    assert len(noted) > 80
 
 
 def test_again_it_redoes_no_simulation_and_says_the_same(result, folder, monkeypatch):

@@ -49,9 +49,9 @@ def test_fast_against_exact_indices(name):
 @pytest.mark.parametrize(
     ("call", "message"),
     [
-        (lambda: morris_effects(linear, BOUNDS, 1), "at least 2 trajectories, got 1"),
-        (lambda: fast_indices(linear, BOUNDS, 64), "more than 64 samples, got 64"),
-        (lambda: fast_indices(linear, BOUNDS, 100, 1), "curves"),
+        (lambda: morris_effects(linear, BOUNDS, 1), "1 trajectories of Morris screening, allowed: at least 2"),
+        (lambda: fast_indices(linear, BOUNDS, 64), "64 samples of FAST, allowed: more than 64"),
+        (lambda: fast_indices(linear, BOUNDS, 100, 1), "1 curves of FAST, allowed: at least 2"),
     ],
 )
 def test_too_little_is_refused(call, message):

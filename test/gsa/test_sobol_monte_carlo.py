@@ -61,10 +61,10 @@ def test_the_function_is_called_in_blocks():
 @pytest.mark.parametrize(
     ("function", "bounds", "samples", "message"),
     [
-        (lambda X: X[:, 0], [[0.0, 1.0]], 100, "power of two"),
-        (lambda X: X[:, 0], [[1.0, 1.0]], 64, "lower must be below upper"),
-        (lambda X: np.ones(len(X)), [[0.0, 1.0]], 64, "constant"),
-        (lambda X: X[:, :1], [[0.0, 1.0]], 64, "values"),
+        (lambda X: X[:, 0], [[0.0, 1.0]], 100, "100 samples, allowed: a power of two"),
+        (lambda X: X[:, 0], [[1.0, 1.0]], 64, "allowed: lower below upper"),
+        (lambda X: np.ones(len(X)), [[0.0, 1.0]], 64, "constant .*, allowed: one with a variance"),
+        (lambda X: X[:, :1], [[0.0, 1.0]], 64, r"values have shape \(64, 1\), allowed: \(64,\)"),
         (lambda X: np.full(len(X), np.nan), [[0.0, 1.0]], 64, "not finite"),
     ],
 )

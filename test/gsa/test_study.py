@@ -12,6 +12,7 @@ from evaluations import OUTPUTS, analytic, fails_above
 
 from tbm_gsa import fit_surrogate, sobol_closed_form
 from tbm_gsa.report.page import render_page
+from tbm_gsa.study import analysis
 from tbm_gsa.study.errors import StudyCancelled, StudyError
 from tbm_gsa.study.inputs import PAPER_INPUTS, InputSet
 from tbm_gsa.study.problem import Problem
@@ -95,8 +96,25 @@ def test_a_page_with_a_gap_is_an_error():
 
 def test_reporting_again_gives_the_same_numbers(study, tmp_path):
     (tmp_path / "store.sqlite").write_bytes((study.folder / "store.sqlite").read_bytes())
-    again = report_study(tmp_path, methods=("svr", "krg", "prs"))
+    again = report_study(tmp_path, StudyOptions(methods=("svr", "krg", "prs")))
     assert again.document["outputs"] == study.document["outputs"]
+
+
+@pytest.mark.parametrize("workers", [1, 2])
+def test_workers_and_progress_hold_for_the_analysis_too(study, tmp_path, monkeypatch, workers):
+    started, seen = [], []
+    local_processes = analysis.local_processes
+
+    def start(count):
+        started.append(count)
+        return local_processes(count)
+
+    monkeypatch.setattr(analysis, "local_processes", start)
+    (tmp_path / "store.sqlite").write_bytes((study.folder / "store.sqlite").read_bytes())
+    options = StudyOptions(("prs",), workers=workers, analysis_progress=lambda *counts: seen.append(counts))
+    report_study(tmp_path, options)
+    assert started == [workers][: workers - 1]  # one works here, in this process
+    assert seen == [(done, len(OUTPUTS)) for done in range(len(OUTPUTS) + 1)]
 
 
 def test_a_cancelled_study_resumes_to_the_same_numbers(study, tmp_path):
@@ -121,7 +139,7 @@ def test_failures_are_reported(tmp_path):
 
 def test_too_few_simulations_name_the_output(tmp_path):
     problem = Problem(THREE, OUTPUTS, train=5, test=0, seed=0)
-    with pytest.raises(StudyError, match="output force: a surrogate needs at least 10 samples, got 5"):
+    with pytest.raises(StudyError, match="output force: 5 samples for a surrogate, allowed: at least 10"):
         run_study(problem, analytic, tmp_path)
 
 
@@ -133,7 +151,7 @@ def test_a_study_without_test_points(tmp_path):
 
 @pytest.mark.parametrize("methods", [(), ("svr", "kriging")])
 def test_unknown_surrogates_are_refused_before_the_campaign(tmp_path, methods):
-    with pytest.raises(StudyError, match="available: rbf, krg, svr, prs"):
+    with pytest.raises(StudyError, match="allowed: one or more of rbf, krg, svr, prs"):
         run_study(PROBLEM, analytic, tmp_path, StudyOptions(methods=methods))
     assert not list(tmp_path.iterdir())  # nothing half-written
 

@@ -226,18 +226,24 @@ def _with(array, place, value):
 @pytest.mark.parametrize(
     ("method", "X", "y", "bounds", "message"),
     [
-        ("kriging", X0, Y0, BOX, "unknown surrogate 'kriging'; available: rbf, krg, svr, prs"),
-        ("krg", X0, Y0[:-1], BOX, r"y must have shape \(20,\) to match X, got \(19,\)"),
-        ("krg", X0[:, 0], Y0, BOX, r"X must have shape \(n, 2\)"),
-        ("krg", X0, Y0, BOX * 2, r"X must have shape \(n, 4\)"),
-        ("krg", X0, Y0, [0.0, 1.0], r"bounds must have shape \(d, 2\)"),
-        ("krg", X0, Y0, [[0.0, 1.0], [1.0, 0.0]], "bounds of input 1: lower must be below upper"),
-        ("krg", _with(X0, (3, 1), np.nan), Y0, BOX, r"X\[3, 1\] is nan"),
-        ("krg", _with(X0, (3, 1), 1.2), Y0, BOX, r"X\[3, 1\] = 1.2 is outside its bounds \[0, 1\]"),
-        ("krg", X0, _with(Y0, 4, np.inf), BOX, r"y\[4\] is inf"),
-        ("krg", X0, np.full(20, 7.0), BOX, r"the output is constant \(7\)"),
-        ("krg", X0[:9], Y0[:9], BOX, "at least 10 samples, got 9"),
-        ("krg", _with(X0, 5, X0[2]), Y0, BOX, "rows 2 and 5 of X are the same point but y differs"),
+        ("kriging", X0, Y0, BOX, "unknown surrogate 'kriging', allowed: rbf, krg, svr, prs"),
+        ("krg", X0, Y0[:-1], BOX, r"y of shape \(19,\), allowed: \(20,\)"),
+        ("krg", X0[:, 0], Y0, BOX, r"X of shape \(20,\), allowed: \(n, 2\)"),
+        ("krg", X0, Y0, BOX * 2, r"X of shape \(20, 2\), allowed: \(n, 4\)"),
+        ("krg", X0, Y0, [0.0, 1.0], r"bounds of shape \(2,\), allowed: \(d, 2\)"),
+        ("krg", X0, Y0, [[0.0, 1.0], [1.0, 0.0]], r"bounds of input 1: \[1.0, 0.0\], allowed: lower below upper"),
+        ("krg", _with(X0, (3, 1), np.nan), Y0, BOX, r"X\[3, 1\] is nan, allowed: finite"),
+        ("krg", _with(X0, (3, 1), 1.2), Y0, BOX, r"X\[3, 1\] = 1.2, allowed: 0 to 1"),
+        ("krg", X0, _with(Y0, 4, np.inf), BOX, r"y\[4\] is inf, allowed: finite"),
+        ("krg", X0, np.full(20, 7.0), BOX, r"the output is constant \(7\), allowed: one with a variance"),
+        ("krg", X0[:9], Y0[:9], BOX, "9 samples for a surrogate, allowed: at least 10"),
+        (
+            "krg",
+            _with(X0, 5, X0[2]),
+            Y0,
+            BOX,
+            "rows 2 and 5 of X are the same point, y differs; allowed: one value",
+        ),
     ],
 )
 def test_bad_samples_are_refused(method, X, y, bounds, message):
@@ -253,7 +259,7 @@ def test_repeated_points_with_equal_values_are_accepted():
 
 def test_prediction_outside_the_bounds_is_refused():
     model = fit_surrogate("prs", X0, Y0, bounds=BOX)
-    with pytest.raises(ValueError, match="outside its bounds"):
+    with pytest.raises(ValueError, match=r"X\[0, 1\] = 1.5, allowed: 0 to 1"):
         model.predict([[0.5, 1.5]])
 
 
@@ -265,5 +271,5 @@ def test_the_smallest_training_set(method):
 
 @pytest.mark.parametrize("folds", [1, 21])
 def test_impossible_numbers_of_folds_are_refused(folds):
-    with pytest.raises(ValueError, match="folds must be from 2"):
+    with pytest.raises(ValueError, match="folds, allowed: 2 to the number of samples, 20"):
         fit_surrogate("prs", X0, Y0, bounds=BOX).cross_validate(folds)
