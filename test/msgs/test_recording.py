@@ -121,6 +121,42 @@ def test_declared_count_that_is_not_reached_is_lost(tmp_path, folder):
     assert Bag(copy).info().lost == recording.lost
 
 
+def several_files(path):
+    """A recording in several files, each of some blocks."""
+    with BagWriter(path, max_bytes=20_000) as writer:
+        fill(writer)
+    return path
+
+
+def test_what_was_not_read_yet_is_not_lost(tmp_path):
+    bag = Bag(several_files(tmp_path / "bag"))
+    assert len(bag.files) > 2
+    for _ in range(2):  # a reading that stops early, after none and after one that went to the end
+        messages = bag.messages()
+        next(messages)
+        assert bag.lost == 0
+        messages.close()
+        assert len(list(bag.messages())) > 0
+        assert bag.lost == 0
+
+
+def test_a_reading_that_stops_early_counts_the_losses_it_met(tmp_path):
+    bag = Bag(several_files(tmp_path / "bag"))
+    first = bag.files[0].path
+    data = bytearray(first.read_bytes())
+    with first.open("rb") as file:
+        chunk = make_reader(file).get_summary().chunk_indexes[0]
+    data[chunk.chunk_start_offset + chunk.chunk_length // 2] ^= 255
+    first.write_bytes(data)
+    damaged = sum(1 for _ in bag.messages())
+    whole = bag.lost
+    assert whole > 0
+    messages = bag.messages()
+    for _ in range(damaged // 2):
+        next(messages)
+    assert bag.lost == whole
+
+
 def test_killed_recorder_leaves_a_readable_folder(tmp_path):
     writer = BagWriter(tmp_path / "bag")
     writer.open()
