@@ -24,8 +24,6 @@ from tbm_msgs_py.blocks import NANOSECONDS, BlockLayout
 from tbm_msgs_py.operating_point import OperatingPoint
 from tbm_msgs_py.topics import Quality
 
-ACCEL_TYPE = "geometry_msgs/msg/AccelStamped"
-
 
 class BagWriter:
     """Writer of one recording; in a `with` block a half-written one is removed when an exception passes.
@@ -217,17 +215,6 @@ class BagWriter:
             is_dense=True,
         )
         self._serialise(topic, BLOCK_TYPE, stamp_ns if log_ns is None else log_ns, message)
-
-    def write_accel(
-        self, topic: str, stamp_ns: int, xyz: ArrayLike, *, log_ns: int | None = None, frame_id: str = ""
-    ) -> None:
-        """Write one acceleration sample (3,) in m/s² as AccelStamped."""
-        types = typestore().types
-        vector = types["geometry_msgs/msg/Vector3"]
-        linear = vector(**dict(zip("xyz", map(float, np.asarray(xyz)), strict=True)))
-        accel = types["geometry_msgs/msg/Accel"](linear=linear, angular=vector(x=0.0, y=0.0, z=0.0))
-        message = types[ACCEL_TYPE](header=_header(stamp_ns, frame_id), accel=accel)
-        self._serialise(topic, ACCEL_TYPE, stamp_ns if log_ns is None else log_ns, message)
 
     def write_operating_point(
         self, stamp_ns: int, point: OperatingPoint, *, topic: str | None = None, log_ns: int | None = None

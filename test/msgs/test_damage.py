@@ -5,7 +5,7 @@ import struct
 import numpy as np
 import pytest
 import zstandard
-from bag_files import KINDS, rewrite
+from bag_files import KINDS, rewrite, write_accel
 from mcap.reader import make_reader
 from mcap.writer import CompressionType
 from mcap.writer import Writer as McapWriter
@@ -52,7 +52,7 @@ def test_cut_anywhere_gives_the_messages_before_the_cut(tmp_path, folder, compre
 def test_cut_chunk_is_read_as_far_as_its_frame_goes(tmp_path, compression):
     with BagWriter(tmp_path / "noise") as writer:  # a frame of many blocks
         for k in range(5000):
-            writer.write_accel("/a", START_NS + k, np.random.default_rng(k).normal(size=3))
+            write_accel(writer, "/a", START_NS + k, np.random.default_rng(k).normal(size=3))
     path = rewrite(tmp_path / "noise", tmp_path / "one.mcap", compression, chunk_size=1 << 30)
     (index,) = chunk_index(path)
     cut = tmp_path / "cut.mcap"

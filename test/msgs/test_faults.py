@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from bag_files import write_accel
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from sample_bag import START_NS
@@ -21,7 +22,7 @@ def written(path, stamps, values=None, logs=None):
     with BagWriter(path) as writer:
         for k, (stamp, xyz) in enumerate(zip(stamps, values, strict=True)):
             log = stamp if logs is None else logs[k]
-            writer.write_accel(TOPIC, START_NS + round(stamp * MS), xyz, log_ns=START_NS + round(log * MS))
+            write_accel(writer, TOPIC, START_NS + round(stamp * MS), xyz, log_ns=START_NS + round(log * MS))
     return path
 
 
@@ -142,8 +143,8 @@ def test_drift_over_pieces_and_clocks_between_points(tmp_path):
     with BagWriter(tmp_path / "bag") as writer:
         for k in range(0, 400_000, 50):
             log = START_NS + k * MS
-            writer.write_accel("/tbm/field/shield/accel", log + k * 40, (k, 1, 2), log_ns=log)  # 40 ppm
-            writer.write_accel("/tbm/field/girder/accel", log - 7 * HOUR, (k, 1, 2), log_ns=log)
+            write_accel(writer, "/tbm/field/shield/accel", log + k * 40, (k, 1, 2), log_ns=log)  # 40 ppm
+            write_accel(writer, "/tbm/field/girder/accel", log - 7 * HOUR, (k, 1, 2), log_ns=log)
     health = check_recording(tmp_path / "bag")
     assert health.points["shield"].clock_drift == pytest.approx(40.0, rel=1e-3)
     assert health.points["girder"].clock_offset == pytest.approx(-7 * 3600.0)
@@ -154,9 +155,9 @@ def test_drift_over_pieces_and_clocks_between_points(tmp_path):
 def test_one_dead_sensor_is_a_problem_and_no_error(tmp_path):
     with BagWriter(tmp_path / "bag") as writer:
         for k in range(20):
-            writer.write_accel(TOPIC, START_NS + k * MS, (k, 0, 0))
-            writer.write_accel("/tbm/field/girder/accel", START_NS + k * MS, (np.nan, 0, 0))
-            writer.write_accel("/tbm/field/gripper/accel", 0, (k, 0, 0), log_ns=START_NS + k * MS)
+            write_accel(writer, TOPIC, START_NS + k * MS, (k, 0, 0))
+            write_accel(writer, "/tbm/field/girder/accel", START_NS + k * MS, (np.nan, 0, 0))
+            write_accel(writer, "/tbm/field/gripper/accel", 0, (k, 0, 0), log_ns=START_NS + k * MS)
     recording = read_recording(tmp_path / "bag")
     assert set(recording.points) == {"shield"}
     assert "finite" in recording.problems["girder"]

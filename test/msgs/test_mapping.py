@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from bag_files import write_accel
 from sample_bag import START_NS
 
 from tbm_msgs_py import BagWriter, RecordingError, SensorMapping, load_mapping, read_acceleration, read_recording
@@ -26,7 +27,7 @@ def bag(tmp_path):
     path = tmp_path / "bag"
     with BagWriter(path) as writer:
         for k in range(4):
-            writer.write_accel("/imu", START_NS + k * 10**6, (1.0, 2.0, float(k)))
+            write_accel(writer, "/imu", START_NS + k * 10**6, (1.0, 2.0, float(k)))
     return path
 
 

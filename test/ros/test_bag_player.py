@@ -18,6 +18,7 @@ from sensor_msgs.msg import JointState, PointCloud2  # noqa: E402
 
 from tbm_msgs_py import ACCELERATION, Bag, BagWriter, OperatingPoint  # noqa: E402
 from tbm_msgs_py.nodes import messages, qos  # noqa: E402
+from tbm_msgs_py.operating_point import from_joint_state  # noqa: E402
 
 pytestmark = pytest.mark.ros
 
@@ -79,7 +80,7 @@ def test_every_block_and_the_clock_arrive(run_node, listener, bag):
     decoded = [messages.block_from(message) for message in listener.blocks]
     assert [block.stamp_ns for block in decoded] == [START_NS + k * PERIOD for k in range(BLOCKS)]
     assert [float(block.values[0, 0]) for block in decoded] == list(range(BLOCKS))
-    assert messages.operating_point_from(listener.points[0]) == OperatingPoint(0.586, 3.04e6, 1.2e7)
+    assert from_joint_state(listener.points[0]) == OperatingPoint(0.586, 3.04e6, 1.2e7)
     times = [stamp for _, stamp in listener.clock]
     assert times == sorted(times)
     assert START_NS <= times[0] < START_NS + 500_000_000  # its subscription may be matched after that of the blocks
