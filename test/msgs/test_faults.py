@@ -152,6 +152,28 @@ def test_drift_over_pieces_and_clocks_between_points(tmp_path):
     assert set(health.points["girder"].stuck_s) == {"y", "z"}
 
 
+def test_drift_is_from_the_first_piece_to_the_last(tmp_path):
+    """A buffer that fills up within a minute makes every piece drift by -100 ppm of its own."""
+    true = np.arange(0.0, 420_000.0, 200.0)
+    latency = 6.0 * (true % 60_000) / 60_000
+    health = check_recording(written(tmp_path / "bag", true * (1 + 40e-6), logs=true + latency))
+    assert health.points["shield"].clock_drift == pytest.approx(40.0, rel=0.02)
+
+
+def test_a_clock_that_is_set_does_not_drift(tmp_path):
+    true = np.arange(0.0, 480_000.0, 200.0)
+    shown = true * (1 + 40e-6) + np.where(true < 240_000, 0.0, HOUR / MS)
+    shield = check_recording(written(tmp_path / "bag", shown, logs=true)).points["shield"]
+    assert shield.faults.clock_steps == 1
+    assert shield.clock_drift == pytest.approx(40.0, rel=0.02)
+
+
+def test_rate_is_that_of_all_pieces(tmp_path):
+    stamps = np.concatenate([np.arange(0.0, 120_000.0, 50.0), np.arange(120_000.0, 240_000.0, 100.0)])
+    shield = check_recording(written(tmp_path / "bag", stamps)).points["shield"]
+    assert shield.rate_hz == pytest.approx(15.0, rel=1e-3)  # half of the time 20 Hz, half 10 Hz
+
+
 def test_one_dead_sensor_is_a_problem_and_no_error(tmp_path):
     with BagWriter(tmp_path / "bag") as writer:
         for k in range(20):
