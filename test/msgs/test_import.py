@@ -251,6 +251,16 @@ def test_mdf(tmp_path):
     assert "not an MDF file" in refused(damaged, stated, tmp_path / "other")
 
 
+def test_mdf_sample_that_its_file_calls_invalid(tmp_path):
+    asammdf = pytest.importorskip("asammdf")
+    path = tmp_path / "a.mf4"
+    with asammdf.MDF(version="4.10") as file:
+        bits = np.arange(ROWS) == 41
+        file.append([asammdf.Signal(VALUES[:, k], TIME, name=f"a{'xyz'[k]}", invalidation_bits=bits) for k in range(3)])
+        file.save(path)
+    assert "a.mf4: sample 42, column ax: marked as invalid, allowed: " in refused(path, description(), tmp_path / "bag")
+
+
 @pytest.mark.parametrize(
     ("label", "unit", "same"),
     [
