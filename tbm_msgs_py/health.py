@@ -19,8 +19,8 @@ class _Drift:
     """Drift of a clock over a recording.
 
     From piece to piece, which is from the first to the last: the scatter of the latency is divided by the length of the
-    recording, while the drifts of the pieces would divide it by that of a piece. Where the offset jumps from one piece to
-    the next the clock was set, or the log times stood still: that is no drift.
+    recording, while the drifts of the pieces would divide it by that of a piece. Where the offset jumps from one piece
+    to the next the clock was set, or the log times stood still: that is no drift.
     """
 
     def __init__(self) -> None:
@@ -115,7 +115,7 @@ class PointHealth:
         return seconds
 
     def counts(self) -> dict[str, int]:
-        """Number of each fault of `COUNTS`."""
+        """Give the number of each fault of `COUNTS`."""
         return {"clipped": self.clipped, **asdict(self.faults)}
 
     def add(self, record: AccelerationRecord) -> None:

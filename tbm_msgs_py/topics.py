@@ -97,7 +97,7 @@ def analysis(point: str, quantity: str) -> str:
         One of `ANALYSIS_QUANTITIES`.
     """
     if quantity not in ANALYSIS_QUANTITIES:
-        raise ValueError(f"quantity {quantity!r} is not one of {', '.join(ANALYSIS_QUANTITIES)}")
+        raise ValueError(f"quantity {quantity!r}, allowed: {', '.join(ANALYSIS_QUANTITIES)}")
     return f"analysis/{point}/{quantity}"
 
 

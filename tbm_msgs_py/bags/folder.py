@@ -53,7 +53,7 @@ def _find_files(path: Path) -> Files:
     names = stated.names if stated else []
     files = [file for file in (path / name for name in names) if file.is_file()]
     if missing := [name for name in names if not (path / name).is_file()]:
-        problem = f"{path / missing[0]}: named by {metadata.FILE_NAME} and not there"
+        problem = f"{path / missing[0]}: named by {metadata.FILE_NAME} and not there, allowed: every file that it names"
     if not files:
         files = sorted(path.glob("*.mcap"), key=lambda file: (len(file.name), file.name))
     if not files and any(path.glob("*.db3")):

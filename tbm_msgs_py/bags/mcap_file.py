@@ -133,8 +133,8 @@ class McapFile:
         file.seek(max(0, size - len(MAGIC)))
         if file.read() != MAGIC and head[len(MAGIC) : len(MAGIC) + 1] != bytes([Opcode.HEADER]):
             raise RecordingError(
-                f"{self.path}: not an MCAP file, its first bytes are not the MCAP magic; "
-                "tables of other systems become one by `tbm-monitor bag import`"
+                f"{self.path}: not an MCAP file, its first bytes are not the MCAP magic, "
+                "allowed: a recording; `tbm-monitor bag import` makes one of tables of other systems"
             )
         self.damaged += 1
         file.seek(0)

@@ -240,7 +240,8 @@ class BagWriter:
         if definition is None:
             if message_type not in typestore().types:
                 raise RecordingError(
-                    f"{self.path}: topic {topic}: type {message_type} is not known and has no definition"
+                    f"{self.path}: topic {topic}: type {message_type} without a definition, "
+                    "allowed: a type of ROS 2 Jazzy's common interfaces, or a definition"
                 )
             text, _ = typestore().generate_msgdef(message_type, ros_version=2)
             definition = text, typestore().hash_rihs01(message_type)
@@ -299,7 +300,7 @@ class BagWriter:
 
     def _open_part(self) -> Part:
         if self._part is None:
-            raise RecordingError(f"{self.path}: the recording is not open")
+            raise RecordingError(f"{self.path}: the recording is not open, allowed: to write between open and close")
         return self._part
 
 

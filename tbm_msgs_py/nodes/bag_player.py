@@ -62,7 +62,7 @@ class BagPlayer(ManagedNode):
         self._bag = Bag(self.value("bag"))
         self._info = info = self._bag.info()
         if info.messages == 0:
-            raise RecordingError(f"{self._bag.path}: no message could be read")
+            raise RecordingError(f"{self._bag.path}: no message could be read, allowed: at least one")
         self._start_ns = info.start_ns + round(self.value("start") * NANOSECONDS)
         length = round(self.value("duration") * NANOSECONDS)
         self._end_ns = min(info.end_ns, self._start_ns + length) if length else info.end_ns
@@ -149,7 +149,7 @@ class BagPlayer(ManagedNode):
                 message_type, topic.name, qos.profile(quality)
             )
         if not self._publishers_by_topic:
-            raise RecordingError(f"{self._bag.path}: no topic can be played")
+            raise RecordingError(f"{self._bag.path}: no topic can be played, allowed: one of an installed type")
 
     def _tick(self) -> None:
         if not self._playing and not self._ready():

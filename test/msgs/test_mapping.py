@@ -79,6 +79,7 @@ def test_bad_mapping_is_one_line_with_the_key(tmp_path, old, new, named):
         load_mapping(file)
     assert "\n" not in str(caught.value)
     assert str(file) in str(caught.value)
+    assert "allowed: " in str(caught.value)
 
 
 def test_missing_mapping_is_one_line(tmp_path):
@@ -89,5 +90,5 @@ def test_missing_mapping_is_one_line(tmp_path):
 def test_two_topics_of_one_point_are_refused(tmp_path):
     file = tmp_path / "mapping.yaml"
     file.write_text(FILE + FILE.split("topics:\n")[1].replace("/imu", "/imu2"))
-    with pytest.raises(RecordingError, match="girder has more than one topic"):
+    with pytest.raises(RecordingError, match="point girder: 2 topics, allowed: one"):
         load_mapping(file)

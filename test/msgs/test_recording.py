@@ -231,6 +231,7 @@ def refusal(call):
     with pytest.raises(RecordingError) as caught:
         call()
     assert "\n" not in str(caught.value)
+    assert "allowed: " in str(caught.value)
     return str(caught.value)
 
 
