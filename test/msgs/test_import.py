@@ -175,9 +175,9 @@ def _real_operating():
     return {key: {"column": column, "unit": unit} for key, (column, unit) in names.items()}
 
 
-def test_tdms(tmp_path):
+def write_tdms(path):
+    """Acceleration in two segments, and slow channels of the operating point, the thrust in N."""
     nptdms = pytest.importorskip("nptdms")
-    path = tmp_path / "a.tdms"
     start = np.datetime64("2026-03-01T07:00:00")
     base = {"wf_increment": 1 / RATE, "wf_start_offset": 0.0, "wf_start_time": start, "unit_string": "g"}
     with nptdms.TdmsWriter(path) as writer:
@@ -196,6 +196,11 @@ def test_tdms(tmp_path):
                 for name, data in operating.items()
             ]
         )
+
+
+def test_tdms(tmp_path):
+    path = tmp_path / "a.tdms"
+    write_tdms(path)
     named = {key: entry | {"column": f"PLC/{entry['column']}"} for key, entry in OPERATING.items()}
     stated = describe(
         None,
