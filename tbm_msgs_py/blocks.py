@@ -148,7 +148,7 @@ def decode(layout: BlockLayout, data: Any) -> tuple[NDArray[np.float64], NDArray
     """Unpack the data of a block into views of it: offsets (n,) in s and channels (n, c)."""
     size = len(memoryview(data).cast("B"))
     if size % layout.point_step:
-        raise BlockError(f"block of {size} bytes: not a multiple of the point_step {layout.point_step}")
+        raise BlockError(f"block of {size} bytes, allowed: a multiple of the point_step {layout.point_step}")
     records = np.frombuffer(data, layout.dtype)
     return records["t"], records["values"]
 
@@ -175,7 +175,7 @@ def from_cloud(message: Cloud) -> Block:
     _check_sizes(message, layout)
     offsets, values = decode(layout, message.data)
     if not all(math.isfinite(t) for t in (offsets[0], offsets[-1])) or not np.isfinite(offsets).all():
-        raise BlockError("block field t: a time that is not finite")
+        raise BlockError("block field t: a time that is not finite, allowed: finite times")
     return Block(layout, stamp_to_ns(message.header.stamp), offsets, values, message.header.frame_id)
 
 
@@ -203,5 +203,5 @@ def split_ns(stamp_ns: int) -> tuple[int, int]:
     """Seconds and nanoseconds of a stamp, as `builtin_interfaces/Time` holds them."""
     seconds, nanoseconds = divmod(int(stamp_ns), NANOSECONDS)
     if not -(2**31) <= seconds < 2**31:
-        raise BlockError(f"stamp {stamp_ns} ns: outside the 32-bit seconds of a ROS time")
+        raise BlockError(f"stamp {stamp_ns} ns, allowed: 32-bit seconds, as a ROS time has them")
     return seconds, nanoseconds

@@ -69,5 +69,5 @@ def from_joint_state(message: Any) -> OperatingPoint:
         advance=float(message.velocity[thrust]),
     )
     if not all(map(math.isfinite, (point.speed, point.torque, point.thrust, point.head_angle, point.advance))):
-        raise OperatingPointError("operating point: a value that is not finite")
+        raise OperatingPointError("operating point: a value that is not finite, allowed: finite numbers")
     return point

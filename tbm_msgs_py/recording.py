@@ -182,7 +182,7 @@ class RecordingReader:
     def problems(self) -> Dictionary[str, str]:
         """Why a test point has given no samples so far."""
         return {
-            point: f"topic {self._topics[point].name}: {line.problem or 'no sample is a finite number'}"
+            point: f"topic {self._topics[point].name}: {line.problem or 'no finite sample, allowed: at least one'}"
             for point, line in self._lines.items()
             if point not in self._given
         }
@@ -377,4 +377,4 @@ def _point_of(topic: str) -> str:
 
 
 def _listing(found: list[Topic]) -> str:
-    return "topics there: " + ", ".join(f"{topic.name} ({topic.type})" for topic in sorted(found, key=lambda t: t.name))
+    return "allowed: " + ", ".join(f"{topic.name} ({topic.type})" for topic in sorted(found, key=lambda t: t.name))

@@ -15,8 +15,6 @@ MODEL_BLOCK_RATE = 5000.0  # Hz
 MODEL_BLOCK_SAMPLES = 250
 LOAD_BLOCK_RATE = 10000.0  # Hz
 LOAD_BLOCK_SAMPLES = 500
-MESH_BLOCK_RATE = 5000.0  # Hz
-MESH_BLOCK_SAMPLES = 250
 LIVE_RATE = 100.0  # Hz
 WINDOW = 2.0  # s
 ERROR_THRESHOLD = 0.30
@@ -99,7 +97,7 @@ def analysis(point: str, quantity: str) -> str:
         One of `ANALYSIS_QUANTITIES`.
     """
     if quantity not in ANALYSIS_QUANTITIES:
-        raise ValueError(f"quantity {quantity!r} is not one of {', '.join(ANALYSIS_QUANTITIES)}")
+        raise ValueError(f"quantity {quantity!r}, allowed: {', '.join(ANALYSIS_QUANTITIES)}")
     return f"analysis/{point}/{quantity}"
 
 

@@ -14,12 +14,12 @@ from tbm_gsa.cli.history import HISTORY_HELP
 from tbm_gsa.cli.output import JSON_OPTION, MACHINE_OPTION, SEED_OPTION, notes, print_json, progress_bar, results
 from tbm_gsa.cli.shipped import RECORDING_ARGUMENT, recording_path
 from tbm_gsa.comparison.document import axial_rows
-from tbm_gsa.comparison.ledger import COUNTS
 from tbm_gsa.comparison.settings import Settings
 from tbm_gsa.comparison.workflow import ComparisonResult, compare_recording
 from tbm_gsa.files import check_folder
 from tbm_gsa.history import History, HistoryError, Source, default_history, recording_entries
 from tbm_gsa.report.compare_page import stuck_texts, write_page
+from tbm_msgs_py.health import COUNTS
 
 
 def compare(

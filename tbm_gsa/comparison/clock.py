@@ -9,7 +9,10 @@ from numpy.typing import ArrayLike
 
 from tbm_gsa.arrays import Array
 
-GAP_PERIODS = 1.9  # a step longer than this misses a sample; jitter below ±0.45 periods does not
+# A step longer than this misses a sample: two neighbours that jitter by 0.45 periods each are 1.9 apart. Reading tells
+# of a gap from 1.5 periods on (GAP_FACTOR of tbm_msgs_py), where a wrong guess is one too many in a list. Here a gap
+# cuts the run, and both parts lose their ends to the filters: jitter must not do that, the spline takes care of it.
+GAP_PERIODS = 1.9
 STAMP_TOLERANCE = 0.1  # periods; stamps closer to a uniform clock than this are taken as uniform
 RATE_TOLERANCE = 0.05  # relative; another rate than this is another sensor setting
 MARGIN = 32  # samples beyond which a cubic spline no longer feels its end

@@ -18,6 +18,7 @@ from tbm_gsa.comparison.intervals import CONFIDENCE, Interval
 from tbm_gsa.comparison.levels import Course
 from tbm_gsa.comparison.offline import AxisComparison, Comparison, G, PointComparison, Windows
 from tbm_gsa.provenance import machine_sha256, package_versions
+from tbm_msgs_py.health import PointHealth
 from tbm_msgs_py.recording import RecordingReader
 
 STATISTICS = ("rms", "peak", "crest_factor", "kurtosis", "velocity_rms")
@@ -204,7 +205,23 @@ def _recording(field: FieldSide, provenance: Provenance) -> dict[str, Any]:
         "damaged": reader.damaged,
         "sha256": reader.sha256,
         "duration": (field.end_ns - field.begin_ns) * 1e-9,
-        "points": {point: ledger.to_dict() for point, ledger in field.ledgers.items()},
+        "points": {point: _recorded(health) for point, health in field.health.items()},
+    }
+
+
+def _recorded(health: PointHealth) -> dict[str, Any]:
+    return {
+        "topic": health.topic,
+        "samples": health.samples,
+        "rate_hz": health.rate_hz,
+        "duration": health.duration,
+        "gaps": [list(gap) for gap in health.gaps],
+        "stuck": [list(stretch) for stretch in health.stuck],
+        **health.counts(),
+        "clock_offset": health.clock_offset,
+        "clock_drift": health.clock_drift,
+        "gravity": health.gravity,
+        "frame": health.frame,
     }
 
 

@@ -7,12 +7,12 @@ import numpy as np
 
 from tbm_gsa.comparison.clock import sampling_rate
 from tbm_gsa.comparison.conditioning import Frame
-from tbm_gsa.comparison.ledger import PointLedger
 from tbm_gsa.comparison.levels import Course
 from tbm_gsa.comparison.model_run import MODEL_RATE_HZ
 from tbm_gsa.comparison.offline import compared_band
 from tbm_gsa.comparison.reduction import ReducedSignal, SignalReducer, one_level
 from tbm_gsa.comparison.settings import Settings
+from tbm_msgs_py.health import PointHealth, Tally
 from tbm_msgs_py.recording import AccelerationRecord, RecordingReader
 
 LEAST_SAMPLES = 1000  # that a sampling rate is taken from, if there are as many
@@ -26,25 +26,25 @@ class FieldSide:
     ----------
     signals : mapping of str to ReducedSignal
         By test point.
-    ledgers : mapping of str to PointLedger
+    health : mapping of str to PointHealth
         Of every recorded point.
     failed : mapping of str to str
         Points whose signal cannot be conditioned, with the reason.
     """
 
     signals: Mapping[str, ReducedSignal]
-    ledgers: Mapping[str, PointLedger]
+    health: Mapping[str, PointHealth]
     failed: Mapping[str, str]
 
     @property
     def begin_ns(self) -> int:
         """Header time of the first sample of all."""
-        return min(ledger.start_ns for ledger in self.ledgers.values())
+        return min(health.start_ns for health in self.health.values())
 
     @property
     def end_ns(self) -> int:
         """Header time of the last sample of all."""
-        return max(ledger.start_ns + round(ledger.end * 1e9) for ledger in self.ledgers.values())
+        return max(health.start_ns + round(health.duration * 1e9) for health in self.health.values())
 
 
 def reduce_field(
@@ -67,19 +67,19 @@ def reduce_field(
     progress : callable
         Called with the seconds of the recording that are done.
     """
-    ledgers: dict[str, PointLedger] = {}
+    tally = Tally(reader)
     intakes = {point: _Intake(reader.points[point].frame, settings, course) for point in points}
     for piece in reader.pieces():
+        tally.add(piece)
         for point, record in piece.items():
-            ledgers.setdefault(point, PointLedger.of(record)).add(record)
             if point in intakes:
                 intakes[point].feed(record)
-        if ledgers:
-            progress(max(ledger.end for ledger in ledgers.values()))
+        if tally.points:
+            progress(max(health.duration for health in tally.points.values()))
     signals = {point: intakes[point].finish() for point in points}
     return FieldSide(
         {point: signal for point, signal in signals.items() if isinstance(signal, ReducedSignal)},
-        ledgers,
+        tally.finish(),
         {point: signal for point, signal in signals.items() if isinstance(signal, str)},
     )
 

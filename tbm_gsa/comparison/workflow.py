@@ -115,7 +115,7 @@ def compare_recording(
     return ComparisonResult(
         comparison,
         lines,
-        {point: field.ledgers[point].start_ns for point in comparison.points},
+        {point: field.health[point].start_ns for point in comparison.points},
         comparison_document(field, comparison, provenance),
     )
 

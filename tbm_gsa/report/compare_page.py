@@ -5,11 +5,11 @@ from pathlib import Path
 from typing import Any, Final
 
 from tbm_gsa.comparison.document import axial_rows
-from tbm_gsa.comparison.ledger import COUNTS
 from tbm_gsa.comparison.workflow import ComparisonResult
 from tbm_gsa.files import write_whole
 from tbm_gsa.report import compare_figures
 from tbm_gsa.report.page import embed_figure, render_page
+from tbm_msgs_py.health import COUNTS
 
 LOW_COVERAGE: Final = 0.9
 ALWAYS_SHOWN: Final = ("clipped", "duplicates", "invalid", "undecodable")

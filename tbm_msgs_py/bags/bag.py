@@ -61,12 +61,18 @@ class Bag:
         self.files = [McapFile(file) for file in found.paths]
         self.problem = found.problem
         self._declared = found.declared
+        self._read_through = False  # by the last reading
 
     @property
     def lost(self) -> int:
-        """Messages of the last reading that could not be read; a declared count that was not reached counts too."""
-        missing = (self.declared or 0) - sum(file.messages for file in self.files)
-        return max(sum(file.lost for file in self.files), missing)
+        """Messages of the last reading that could not be read.
+
+        A declared count that was not reached counts too, once the reading has come to the end.
+        """
+        known = sum(file.lost for file in self.files)
+        if not self._read_through:
+            return known
+        return max(known, (self.declared or 0) - sum(file.messages for file in self.files))
 
     @property
     def damaged(self) -> int:
@@ -96,11 +102,15 @@ class Bag:
     def stretches(self) -> Iterator[Stretch]:
         """All messages in file order, as arrays."""
         problem: RecordingError | None = None
+        self._read_through = False
+        for file in self.files:
+            file.restart()  # one that is not reached holds nothing of the reading before
         for file in self.files:
             try:
                 yield from file.stretches()
             except RecordingError as error:  # one of several files is none
                 problem, file.damaged = error, 1
+        self._read_through = True
         if problem is not None and not any(file.messages for file in self.files):
             raise problem
 

@@ -140,8 +140,8 @@ def _decoded(message: bytes) -> blocks.Block:
     block = blocks.from_cloud(typestore().deserialize_cdr(message, BLOCK_TYPE))  # type: ignore[arg-type]
     if block.layout != ACCELERATION:
         raise BlockError(f"block channels {' '.join(block.layout.channels)}, allowed: ax ay az")
-    if np.abs(block.offsets).max() >= LONGEST_S:
-        raise BlockError(f"block field t: more than {LONGEST_S:g} s from the stamp")
+    if (longest := np.abs(block.offsets).max()) >= LONGEST_S:
+        raise BlockError(f"block field t: {longest:g} s from the stamp, allowed: below {LONGEST_S:g} s")
     return block
 
 

@@ -8,7 +8,9 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-GAP_FACTOR = 1.5  # a step longer than this many sample periods is a gap
+# A step longer than this many median steps is a gap: half way from one period to two, so that jitter hides a missing
+# sample as rarely as it makes one up.
+GAP_FACTOR = 1.5
 STUCK_S = 1.0  # an axis that holds one value for so long, and for
 STUCK_SAMPLES = 100  # so many samples, is stuck
 CLOCK_JUMP_NS = 10_000_000_000  # stamps that part from the log times by more come from another clock

@@ -5,15 +5,10 @@ from __future__ import annotations
 from pathlib import Path
 from typing import NamedTuple
 
-import yaml
-
+from tbm_msgs_py.bags import metadata
 from tbm_msgs_py.bags.errors import RecordingError
 
 ALLOWED = "a rosbag2 folder with MCAP files or a .mcap file"
-METADATA = "metadata.yaml"
-_Loader = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
-_LONGEST = 16 << 20  # bytes of metadata that are read
-_UNREADABLE = (yaml.YAMLError, ValueError, KeyError, TypeError, AttributeError, RecursionError)
 
 
 class Files(NamedTuple):
@@ -54,18 +49,18 @@ def _find_files(path: Path) -> Files:
         raise RecordingError(f"{path}: no such file or folder, allowed: {ALLOWED}")
     if not path.is_dir():
         return Files(_filled([path]), None, "")
-    metadata, problem = _read(path / METADATA)
-    names = metadata.names if metadata else []
+    stated, problem = _read(path)
+    names = stated.names if stated else []
     files = [file for file in (path / name for name in names) if file.is_file()]
     if missing := [name for name in names if not (path / name).is_file()]:
-        problem = f"{path / missing[0]}: named by {METADATA} and not there"
+        problem = f"{path / missing[0]}: named by {metadata.FILE_NAME} and not there, allowed: every file that it names"
     if not files:
         files = sorted(path.glob("*.mcap"), key=lambda file: (len(file.name), file.name))
     if not files and any(path.glob("*.db3")):
         raise RecordingError(f"{path}: rosbag2 with SQLite storage, allowed: MCAP, as `ros2 bag convert` writes it")
     if not files:
         raise RecordingError(problem or f"{path}: no .mcap file in this folder, allowed: {ALLOWED}")
-    return Files(_filled(files), metadata.declared if metadata else None, problem)
+    return Files(_filled(files), stated.declared if stated else None, problem)
 
 
 def _filled(files: list[Path]) -> list[Path]:
@@ -75,20 +70,20 @@ def _filled(files: list[Path]) -> list[Path]:
     return filled
 
 
-def _read(file: Path) -> tuple[_Metadata | None, str]:
+def _read(folder: Path) -> tuple[_Metadata | None, str]:
     """Metadata, and what is wrong with them."""
+    file = folder / metadata.FILE_NAME
     if not file.is_file():
         return None, ""
-    if file.stat().st_size > _LONGEST:
-        return None, f"{file}: more than {_LONGEST} bytes, not the metadata of a rosbag2 recording"
     try:
-        content = yaml.load(file.read_text(encoding="utf-8"), _Loader)  # noqa: S506  a safe one
-        content = content["rosbag2_bagfile_information"]
+        content = metadata.read(folder)
         storage, compression = content["storage_identifier"], content.get("compression_mode")
         names = [Path(name).name for name in content.get("relative_file_paths") or []]
         count = content.get("message_count")
-    except _UNREADABLE as error:
-        return None, f"{file}: not the metadata of a rosbag2 recording ({type(error).__name__})"
+    except RecordingError as error:
+        return None, str(error)
+    except (KeyError, TypeError, ValueError) as error:
+        return None, str(metadata.not_metadata(file, error))
     if storage == "sqlite3":
         raise RecordingError(f"{file}: storage_identifier {storage}, allowed: mcap (convert with `ros2 bag convert`)")
     if isinstance(compression, str) and compression.lower() in ("file", "message"):

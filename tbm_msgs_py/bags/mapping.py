@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Iterable
 from pathlib import Path
 from typing import Annotated, Literal
@@ -92,7 +93,7 @@ class Mapping(BaseModel):
         points = [sensor.point for sensor in self.topics.values()]
         for point in points:
             if points.count(point) > 1:
-                raise ValueError(f"point {point} has more than one topic")
+                raise ValueError(f"point {point}: {points.count(point)} topics, allowed: one")
         return self
 
 
@@ -123,21 +124,25 @@ def load_mapping(path: str | Path) -> Mapping:
     except OSError as error:
         raise RecordingError(f"{path}: {error.strerror}, allowed: a readable mapping file") from error
     except (yaml.YAMLError, UnicodeDecodeError) as error:
-        raise RecordingError(f"{path}: not YAML: {' '.join(str(error).split())}") from error
+        raise RecordingError(f"{path}: not YAML ({' '.join(str(error).split())}), allowed: a mapping file") from error
     except ValidationError as error:
         # A misspelt key is also a missing one: the misspelling comes first.
         first = min(error.errors(), key=lambda problem: problem["type"] != "extra_forbidden")
         where = ".".join(str(key) for key in first["loc"]) or "mapping"
-        raise RecordingError(f"{path}: {where}: {_problem(first)}") from error
+        keys = SensorMapping.model_fields if len(first["loc"]) > 1 else Mapping.model_fields
+        raise RecordingError(f"{path}: {where}: {entry_problem(first, keys)}") from error
 
 
-def _problem(found: ErrorDetails) -> str:
+def entry_problem(found: ErrorDetails, keys: Iterable[str]) -> str:
+    """Say what is wrong with an entry of a file and what is allowed; `keys` are those beside an unknown one."""
     if found["type"] == "missing":
-        return "missing"
+        return "missing, allowed: a value that is stated, nothing is guessed"
     if found["type"] == "extra_forbidden":
-        entry = SensorMapping if len(found["loc"]) > 1 else Mapping
-        return f"unknown key, allowed: {', '.join(entry.model_fields)}"
-    return f"{found['input']!r}: {found['msg']}"
+        return f"unknown key, allowed: {', '.join(keys)}"
+    allowed = re.sub(r"^(Value error, |\w+ should (be|have) )", "", found["msg"])
+    if isinstance(found["input"], dict) and found["type"] == "value_error":
+        return allowed  # of a whole entry: which of its values is wrong is in the text
+    return f"{found['input']!r}, allowed: {allowed}"
 
 
 def default_mapping_file(recording: Path) -> Path | None:

@@ -60,11 +60,11 @@ class McapFile:
     def __init__(self, path: Path) -> None:
         self.path = path
         self._stated: dict[int, Topic] | None = None  # channels by the end of the file, once it was looked at
-        self._restart()
+        self.restart()
 
     def stretches(self) -> Iterator[Stretch]:
         """Messages in file order, a window at a time; the bytes of one are valid until the next is asked for."""
-        self._restart()
+        self.restart()
         with self.path.open("rb", buffering=0) as file:
             at = self._begin(file)
             buffer, searching = np.empty(WINDOW, np.uint8), at == 0
@@ -114,7 +114,8 @@ class McapFile:
             dict(topics), statistics.message_start_time, statistics.message_end_time, statistics.message_count
         )
 
-    def _restart(self) -> None:
+    def restart(self) -> None:
+        """Forget what the last reading found."""
         self.messages, self.lost, self.damaged, self.truncated = 0, 0, 0, False
         self.declared: int | None = None
         self._schemas: dict[int, Schema] = {}
@@ -132,8 +133,8 @@ class McapFile:
         file.seek(max(0, size - len(MAGIC)))
         if file.read() != MAGIC and head[len(MAGIC) : len(MAGIC) + 1] != bytes([Opcode.HEADER]):
             raise RecordingError(
-                f"{self.path}: not an MCAP file, its first bytes are not the MCAP magic; "
-                "tables of other systems become one by `tbm-monitor bag import`"
+                f"{self.path}: not an MCAP file, its first bytes are not the MCAP magic, "
+                "allowed: a recording; `tbm-monitor bag import` makes one of tables of other systems"
             )
         self.damaged += 1
         file.seek(0)

@@ -19,6 +19,7 @@ ROOT = "rosbag2_bagfile_information"
 DISTRIBUTION = "jazzy"  # whose definitions and type hashes are written
 _Dumper = getattr(yaml, "CSafeDumper", yaml.SafeDumper)
 _Loader = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
+_LONGEST = 16 << 20  # bytes that are read
 
 
 @dataclass(frozen=True)
@@ -143,11 +144,29 @@ def write(folder: Path, described: Mapping[str, Any]) -> None:
 
 
 def read(folder: Path) -> dict[str, Any]:
-    """Read a description that `write` has written."""
+    """Read the description of a recording; what stands in it is not checked.
+
+    Raises
+    ------
+    RecordingError
+        It is none.
+    OSError
+        It cannot be read.
+    """
+    file = folder / FILE_NAME
+    if file.stat().st_size > _LONGEST:
+        raise not_metadata(file, f"more than {_LONGEST} bytes")
     try:
-        return dict(yaml.load((folder / FILE_NAME).read_text(encoding="utf-8"), Loader=_Loader)[ROOT])  # noqa: S506
-    except (yaml.YAMLError, KeyError, TypeError, ValueError) as error:
-        raise RecordingError(f"{folder / FILE_NAME}: not the metadata of a recording") from error
+        content = yaml.load(file.read_text(encoding="utf-8"), Loader=_Loader)  # noqa: S506  a safe one
+        return dict(content[ROOT])
+    except (yaml.YAMLError, ValueError, LookupError, TypeError, AttributeError, RecursionError) as error:
+        raise not_metadata(file, error) from error
+
+
+def not_metadata(file: Path, why: str | Exception) -> RecordingError:
+    """Make the error of a file that describes no recording."""
+    what = why if isinstance(why, str) else f"not readable ({type(why).__name__})"
+    return RecordingError(f"{file}: {what}, allowed: the metadata of a rosbag2 recording")
 
 
 def _file(file: FileEntry) -> dict[str, Any]:

@@ -73,7 +73,7 @@ def recover(path: str | Path, out: str | Path) -> Recovery:
             writer.write(topic.name, topic.type, log_ns, data, **described[topic])
             recovered += 1
         if not recovered:
-            raise RecordingError(f"{bag.path}: no message could be read, nothing to recover")
+            raise RecordingError(f"{bag.path}: no message could be read, allowed: at least one to recover")
     return Recovery(recovered, bag.lost + left_out.total(), bag.damaged, bag.truncated, dict(left_out))
 
 

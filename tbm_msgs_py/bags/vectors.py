@@ -26,7 +26,7 @@ def decode_vectors(
     valid = header.valid & (place + 24 <= at + sizes)
     problem = ""
     if not valid.all():
-        problem = f"{message_type} message of {int(sizes[~valid][0])} bytes is malformed"
+        problem = f"{message_type} message of {int(sizes[~valid][0])} bytes, allowed: a whole one"
         place, log_ns, header = place[valid], log_ns[valid], header.only(valid)
     values = numbers(gather(data, place, 24), "f8", header.big)
     undecodable = len(valid) - len(place)

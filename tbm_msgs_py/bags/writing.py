@@ -24,8 +24,6 @@ from tbm_msgs_py.blocks import NANOSECONDS, BlockLayout
 from tbm_msgs_py.operating_point import OperatingPoint
 from tbm_msgs_py.topics import Quality
 
-ACCEL_TYPE = "geometry_msgs/msg/AccelStamped"
-
 
 class BagWriter:
     """Writer of one recording; in a `with` block a half-written one is removed when an exception passes.
@@ -218,17 +216,6 @@ class BagWriter:
         )
         self._serialise(topic, BLOCK_TYPE, stamp_ns if log_ns is None else log_ns, message)
 
-    def write_accel(
-        self, topic: str, stamp_ns: int, xyz: ArrayLike, *, log_ns: int | None = None, frame_id: str = ""
-    ) -> None:
-        """Write one acceleration sample (3,) in m/s² as AccelStamped."""
-        types = typestore().types
-        vector = types["geometry_msgs/msg/Vector3"]
-        linear = vector(**dict(zip("xyz", map(float, np.asarray(xyz)), strict=True)))
-        accel = types["geometry_msgs/msg/Accel"](linear=linear, angular=vector(x=0.0, y=0.0, z=0.0))
-        message = types[ACCEL_TYPE](header=_header(stamp_ns, frame_id), accel=accel)
-        self._serialise(topic, ACCEL_TYPE, stamp_ns if log_ns is None else log_ns, message)
-
     def write_operating_point(
         self, stamp_ns: int, point: OperatingPoint, *, topic: str | None = None, log_ns: int | None = None
     ) -> None:
@@ -253,7 +240,8 @@ class BagWriter:
         if definition is None:
             if message_type not in typestore().types:
                 raise RecordingError(
-                    f"{self.path}: topic {topic}: type {message_type} is not known and has no definition"
+                    f"{self.path}: topic {topic}: type {message_type} without a definition, "
+                    "allowed: a type of ROS 2 Jazzy's common interfaces, or a definition"
                 )
             text, _ = typestore().generate_msgdef(message_type, ros_version=2)
             definition = text, typestore().hash_rihs01(message_type)
@@ -312,7 +300,7 @@ class BagWriter:
 
     def _open_part(self) -> Part:
         if self._part is None:
-            raise RecordingError(f"{self.path}: the recording is not open")
+            raise RecordingError(f"{self.path}: the recording is not open, allowed: to write between open and close")
         return self._part
 
 

@@ -23,10 +23,10 @@ from tbm_msgs_py.importing.extra import complaints
 from tbm_msgs_py.importing.formats import open_source
 from tbm_msgs_py.importing.source import Source
 from tbm_msgs_py.importing.timing import RowTimes
+from tbm_msgs_py.importing.units import same_unit
 from tbm_msgs_py.operating_point import OperatingPoint
 
 BLOCK_SAMPLES = topics.MODEL_BLOCK_SAMPLES
-_MEANING = {"m/s2": {"m/s2", "m/s^2", "m/s²", "ms-2"}, "g": {"g", "gn", "g_n"}}
 
 
 @dataclass
@@ -132,17 +132,21 @@ def _streams(description: Description) -> dict[str, Stream]:
 
 def _check_units(path: Path, source: Source, description: Description) -> list[str]:
     """Refuse a missing full scale; warnings where the file states another unit than the user."""
-    warnings = []
     for name, point in description.points.items():
         if source.full_scale and point.full_scale is None:
             raise RecordingError(
                 f"{path}: points.{name}.full_scale: missing, allowed: what full scale is in {point.units}"
             )
-        for column in point.columns:
-            label = source.unit(column) if column else ""
-            if label and label.strip().lower() not in _MEANING[point.units]:
-                warnings.append(f"{path}: column {column}: the file says {label}, the description {point.units}")
-    return warnings
+    stated: list[tuple[str, str]] = [
+        (column, point.units) for point in description.points.values() for column in point.columns if column
+    ]
+    if description.operating_point:
+        stated += [(entry.column, entry.unit) for entry in description.operating_point.entries()]
+    return [
+        f"{path}: column {column}: the file says {label}, the description {unit}"
+        for column, unit in stated
+        if (label := source.unit(column).strip()) and not same_unit(label, unit)
+    ]
 
 
 def _groups(

@@ -45,7 +45,7 @@ class CsvFile:
             raise RecordingError(f"{path}: encoding {layout.encoding}: {error}, allowed: that of the file") from error
         if line is None or not line.strip():
             raise RecordingError(f"{path}: line {layout.header}: empty, allowed: the column names")
-        self.columns = [name.strip() for name in self._cells(line)]
+        self.columns = [name.strip() for name in self._cells(line, f"line {layout.header}")]
 
     def row(self, index: int) -> str:
         """Name a row for a message."""
@@ -94,9 +94,9 @@ class CsvFile:
         expected, delimiter = len(self.columns), self._layout.delimiter
         for index, line in enumerate(lines):
             if line.count(delimiter) + 1 != expected or '"' in line:
-                cells = self._cells(line)
+                row = self.row(first + index)
+                cells = self._cells(line, row)
                 if len(cells) != expected:
-                    row = self.row(first + index)
                     raise RecordingError(
                         f"{self.path}: {row}: {len(cells)} cells, allowed: the {expected} of the header"
                     )
@@ -118,14 +118,15 @@ class CsvFile:
     def _refuse(self, lines: Sequence[str], wanted: Sequence[int], first: int) -> NoReturn:
         """Say which cell is no number."""
         for index, line in enumerate(lines):
-            cells = self._cells(line)
+            row = self.row(first + index)
+            cells = self._cells(line, row)
             for column in wanted:
                 if not _is_number(cells[column]):
                     raise RecordingError(
-                        f"{self.path}: {self.row(first + index)}, column {self.columns[column]}: "
+                        f"{self.path}: {row}, column {self.columns[column]}: "
                         f"{cells[column].strip()!r}, allowed: a finite number"
                     )
-        raise RecordingError(f"{self.path}: {self.row(first)} and after: not rows of numbers")
+        raise RecordingError(f"{self.path}: {self.row(first)} and after: not rows of numbers, allowed: finite numbers")
 
     def _times(self, lines: list[str], column: int, time: TimeColumn, first: int) -> NDArray[np.int64]:
         exact = _EXACT.get(time.unit)
@@ -133,13 +134,14 @@ class CsvFile:
             return nanoseconds(self._numbers(lines, [column], first)[:, 0], time.unit)
         times = np.empty(len(lines), np.int64)
         for index, line in enumerate(lines):
-            cell = self._cells(line)[column].strip()
+            row = self.row(first + index)
+            cell = self._cells(line, row)[column].strip()
             try:
                 times[index] = exact(cell)
             except (ValueError, OverflowError) as error:
                 allowed = "a whole number of ns" if time.unit == "ns" else "ISO 8601 with its zone"
                 raise RecordingError(
-                    f"{self.path}: {self.row(first + index)}, column {time.column}: {cell!r}, allowed: {allowed}"
+                    f"{self.path}: {row}, column {time.column}: {cell!r}, allowed: {allowed}"
                 ) from error
         return times
 
@@ -150,11 +152,12 @@ class CsvFile:
             raise RecordingError(f"{self.path}: column {column} occurs twice in the header, allowed: once")
         return self.columns.index(column)
 
-    def _cells(self, line: str) -> list[str]:
+    def _cells(self, line: str, place: str) -> list[str]:
+        """Cells of the line at a place."""
         try:
             return next(csv.reader([line], delimiter=self._layout.delimiter), [])
         except csv.Error as error:
-            raise RecordingError(f"{self.path}: {line[:40]!r}: {error}") from error
+            raise RecordingError(f"{self.path}: {place}: {error}, allowed: cells of a CSV file") from error
 
 
 def _is_number(cell: str) -> bool:

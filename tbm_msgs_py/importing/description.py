@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
 from typing import Annotated, Any, Literal
@@ -14,7 +14,7 @@ from pydantic import AwareDatetime, BaseModel, ConfigDict, Field, ValidationErro
 
 from tbm_msgs_py import topics
 from tbm_msgs_py.bags.errors import RecordingError
-from tbm_msgs_py.bags.mapping import SensorMapping
+from tbm_msgs_py.bags.mapping import SensorMapping, entry_problem
 
 Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
 Column = Annotated[str, Field(min_length=1)]
@@ -50,7 +50,7 @@ class TimeColumn(_Strict):
     @model_validator(mode="after")
     def _dates_do_not_restart(self) -> TimeColumn:
         if self.unit == "datetime" and self.restart_gap is not None:
-            raise ValueError("restart_gap goes with a relative time, a datetime has its place")
+            raise ValueError("restart_gap: stated beside dates, allowed: with a relative time")
         return self
 
 
@@ -175,9 +175,11 @@ class CsvLayout(_Strict):
     @model_validator(mode="after")
     def _consistent(self) -> CsvLayout:
         if self.delimiter == self.decimal:
-            raise ValueError("delimiter and decimal differ; with a decimal comma the delimiter is often ;")
+            raise ValueError(
+                f"delimiter and decimal: both {self.decimal!r}, allowed: two signs; a decimal comma often goes with ;"
+            )
         if self.first is not None and self.first <= self.header:
-            raise ValueError("first: a line after the header")
+            raise ValueError(f"first: {self.first}, allowed: a line after the header, which is line {self.header}")
         return self
 
     @property
@@ -225,18 +227,23 @@ class Description(_Strict):
     def _complete(self) -> Description:
         if not self.points and self.operating_point is None:
             raise ValueError(
-                "points or operating_point: at least one of them, in the file of --map or as --map POINT=X,Y,Z"
+                "points or operating_point: missing, allowed: at least one of them, in the file of --map or as "
+                "--map POINT=X,Y,Z"
             )
         for key, point in self.points.items():
             if not _POINT_NAME.fullmatch(key) or point.point != key or key == topics.OPERATING_POINT:
-                raise ValueError(f"point {key!r}: a name of letters, digits and _, such as {topics.TEST_POINTS[0]}")
+                raise ValueError(
+                    f"point {key!r}, allowed: a name of letters, digits and _, such as {topics.TEST_POINTS[0]}"
+                )
         if (self.time is None) == (self.rate is None):
-            raise ValueError("time or rate: one of them says when a sample was taken")
+            given = "missing" if self.time is None else "both stated"
+            raise ValueError(f"time or rate: {given}, allowed: one of them, which says when a sample was taken")
         dates = isinstance(self.time, TimeColumn) and self.time.unit == "datetime"
         if dates != (self.start is None):
+            given = "stated beside dates" if dates else "missing"
             raise ValueError(
-                "start: the moment of time 0 with its zone, such as 2026-03-01T08:00:00+01:00, or `file`; "
-                "left out with a datetime column only"
+                f"start: {given}, allowed: the moment of time 0 with its zone, such as 2026-03-01T08:00:00+01:00, "
+                "or `file`; none with a datetime column"
             )
         return self
 
@@ -268,13 +275,29 @@ def describe(path: str | Path | None, changes: Mapping[str, Any] | None = None) 
     except OSError as error:
         raise RecordingError(f"{where}: {error.strerror}, allowed: a readable import description") from error
     except (yaml.YAMLError, UnicodeDecodeError) as error:
-        raise RecordingError(f"{where}: not YAML: {' '.join(str(error).split())}") from error
+        why = " ".join(str(error).split())
+        raise RecordingError(f"{where}: not YAML ({why}), allowed: an import description") from error
     except ValidationError as error:
-        first = error.errors()[0]
+        # A misspelt key is also a missing one: the misspelling comes first.
+        first = min(error.errors(), key=lambda problem: problem["type"] != "extra_forbidden")
         place = ".".join(str(key) for key in first["loc"])
-        given = "" if first["type"] == "missing" or isinstance(first["input"], dict) else f"{first['input']!r}: "
-        message = first["msg"].removeprefix("Value error, ")
-        raise RecordingError(f"{where}: {f'{place}: ' if place else ''}{given}{message}") from error
+        problem = entry_problem(first, _keys(first["loc"]))
+        raise RecordingError(f"{where}: {f'{place}: ' if place else ''}{problem}") from error
+
+
+def _keys(place: tuple[int | str, ...]) -> Iterable[str]:
+    """Keys that there may be beside the one at a place."""
+    entries: dict[int | str, type[BaseModel]] = {
+        "points": PointColumns,
+        "operating_point": OperatingColumns,
+        "time": TimeColumn,
+        "csv": CsvLayout,
+    }
+    if len(place) < 2 or place[0] not in entries:
+        return Description.model_fields
+    if place[0] == "operating_point" and len(place) > 2:
+        return Speed.model_fields  # all columns are described alike
+    return entries[place[0]].model_fields
 
 
 def _joined(content: Any, changes: Mapping[str, Any]) -> Any:

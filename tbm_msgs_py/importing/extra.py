@@ -22,8 +22,8 @@ def library(name: str) -> ModuleType:
         return import_module(name)
     except ImportError as error:
         raise RecordingError(
-            f"{name.partition('.')[0]} is not installed ({error}), needed for this format: "
-            f"pip install 'tbm_monitor[{EXTRA}]'"
+            f"{name.partition('.')[0]} is not installed ({error}), allowed: a format that does not need it, "
+            f"or this one after pip install 'tbm_monitor[{EXTRA}]'"
         ) from error
 
 
@@ -36,7 +36,9 @@ def reading(path: Path, kind: str) -> Iterator[None]:
         raise
     except Exception as error:
         why = " ".join(str(error).split()) or type(error).__name__
-        raise RecordingError(f"{path}: not {kind} file that can be read: {why}") from error
+        raise RecordingError(
+            f"{path}: not {kind} file that can be read ({why}), allowed: one that is not damaged"
+        ) from error
 
 
 @contextmanager

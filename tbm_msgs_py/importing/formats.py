@@ -30,5 +30,5 @@ def open_source(path: Path, description: Description) -> Source:
     if opener is None:
         raise RecordingError(f"{path}: suffix {path.suffix or 'missing'}, allowed: {', '.join(_OPENERS)}")
     if not path.is_file():
-        raise RecordingError(f"{path}: no such file")
+        raise RecordingError(f"{path}: no such file, allowed: a file of measurements")
     return opener(path, description)

@@ -57,7 +57,10 @@ class MdfFile:
             invalid = signal.invalidation_bits
             if invalid is not None and np.any(invalid):
                 row = int(np.flatnonzero(np.asarray(invalid))[0])
-                raise RecordingError(f"{self.path}: {self.row(row)}, column {column}: marked as invalid in the file")
+                raise RecordingError(
+                    f"{self.path}: {self.row(row)}, column {column}: marked as invalid, "
+                    "allowed: samples that the file calls valid"
+                )
         stamps = nanoseconds(times, "s") if time else None
         yield from array_pieces(self.path, columns, [signal.samples for signal in signals], stamps)
 
@@ -70,4 +73,5 @@ class MdfFile:
                 f"{self.path}: channel {column} is in {len(places)} groups, allowed: a name that occurs once"
             )
         with reading(self.path, "an MDF"):
-            return self._file.get(column, ignore_invalidation_bits=False)
+            # Ignored, the marks come with the samples; heeded, the library would drop what they mark and say nothing.
+            return self._file.get(column, ignore_invalidation_bits=True)

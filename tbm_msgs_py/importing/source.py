@@ -11,12 +11,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tbm_msgs_py.bags.errors import RecordingError
+from tbm_msgs_py.blocks import NANOSECONDS
 from tbm_msgs_py.importing.description import TimeColumn
 
 PIECE_ROWS = 50_000  # read at a time; a multiple of the samples of a block
 _SECONDS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
 _LISTED = 12
-_NANOSECONDS = 1e9
 
 
 @dataclass(frozen=True)
@@ -108,7 +108,7 @@ def nanoseconds(values: NDArray[np.generic], unit: str) -> NDArray[np.int64]:
     """Time in ns of numbers in ``s``, ``ms``, ``us`` or ``ns``; whole numbers of ns stay exact."""
     if unit == "ns" and values.dtype.kind in "iu":
         return values.astype(np.int64)
-    return np.rint(np.asarray(values, np.float64) * (_SECONDS[unit] * _NANOSECONDS)).astype(np.int64)
+    return np.rint(np.asarray(values, np.float64) * (_SECONDS[unit] * NANOSECONDS)).astype(np.int64)
 
 
 def no_column(path: Path, column: str, there: Sequence[str]) -> NoReturn:

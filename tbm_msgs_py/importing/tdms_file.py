@@ -11,11 +11,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tbm_msgs_py.bags.errors import RecordingError
+from tbm_msgs_py.blocks import NANOSECONDS
 from tbm_msgs_py.importing.description import TimeColumn
 from tbm_msgs_py.importing.extra import library, reading
 from tbm_msgs_py.importing.source import PIECE_ROWS, Piece, nanoseconds, no_column, require_finite
-
-_NANOSECONDS = 1e9
 
 
 class TdmsFile:
@@ -67,7 +66,7 @@ class TdmsFile:
                 times = self._times(rows[-1], time)
                 values = values[:, :-1]
             elif base:
-                times = np.rint((base[0] + base[1] * np.arange(first, first + len(values))) * _NANOSECONDS)
+                times = np.rint((base[0] + base[1] * np.arange(first, first + len(values))) * NANOSECONDS)
                 times = times.astype(np.int64)
             yield Piece(values, times)
 
@@ -88,7 +87,7 @@ class TdmsFile:
             offset = float(channel.properties.get("wf_start_offset", 0.0))
             if "wf_start_time" in channel.properties and self.start_ns is not None:
                 own = int(np.datetime64(channel.properties["wf_start_time"], "ns").astype(np.int64))
-                offset += (own - self.start_ns) / _NANOSECONDS
+                offset += (own - self.start_ns) / NANOSECONDS
             bases.add((offset, increment))
         if len(bases) > 1:
             raise RecordingError(f"{self.path}: channels {', '.join(columns)} state different times, allowed: the same")

@@ -10,9 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tbm_msgs_py.bags.errors import RecordingError
+from tbm_msgs_py.bags.faults import GAP_FACTOR
 from tbm_msgs_py.blocks import NANOSECONDS
-
-GAP_FACTOR = 1.5  # a step longer than this many median steps is a gap
 
 
 @dataclass

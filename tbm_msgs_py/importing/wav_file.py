@@ -9,11 +9,10 @@ from typing import Any
 import numpy as np
 
 from tbm_msgs_py.bags.errors import RecordingError
+from tbm_msgs_py.blocks import NANOSECONDS
 from tbm_msgs_py.importing.description import TimeColumn
 from tbm_msgs_py.importing.extra import library, reading
 from tbm_msgs_py.importing.source import PIECE_ROWS, Piece, no_column, require_finite
-
-_NANOSECONDS = 1e9
 
 
 class WavFile:
@@ -52,7 +51,7 @@ class WavFile:
             rows = self._data[first : first + PIECE_ROWS, chosen]
             values = (rows.astype(np.float64) - self._zero) / self._full
             require_finite(self.path, columns, values, first)
-            ticks = np.arange(first, first + len(values)) * (_NANOSECONDS / self._rate)
+            ticks = np.arange(first, first + len(values)) * (NANOSECONDS / self._rate)
             yield Piece(values, np.rint(ticks).astype(np.int64) if time else None)
 
 

@@ -9,6 +9,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
+from diagnostic_msgs.msg import DiagnosticStatus
 from rclpy.clock import Clock
 from rclpy.clock_type import ClockType
 from rclpy.duration import Duration
@@ -59,9 +60,9 @@ class BagPlayer(ManagedNode):
         if not self.value("bag"):
             raise RecordingError("parameter bag: empty, allowed: a rosbag2 folder or a .mcap file")
         self._bag = Bag(self.value("bag"))
-        info = self._bag.info()
+        self._info = info = self._bag.info()
         if info.messages == 0:
-            raise RecordingError(f"{self._bag.path}: no message could be read")
+            raise RecordingError(f"{self._bag.path}: no message could be read, allowed: at least one")
         self._start_ns = info.start_ns + round(self.value("start") * NANOSECONDS)
         length = round(self.value("duration") * NANOSECONDS)
         self._end_ns = min(info.end_ns, self._start_ns + length) if length else info.end_ns
@@ -74,7 +75,7 @@ class BagPlayer(ManagedNode):
     def activate(self) -> None:
         """Begin to wait for subscribers, then play."""
         self._before_start = self._latched_before_start()
-        self._loops = 0
+        self._loops = self._lost_before = 0
         self._rewind()
         self._waiting_until = time.monotonic() + self.value("wait_timeout")
         self._playing, self._now_ns, self._ticked = False, self._start_ns, 0
@@ -88,7 +89,7 @@ class BagPlayer(ManagedNode):
         if self.value("summary"):
             document = {
                 "played": self._count,
-                "lost": self._bag.lost,
+                "lost": self.lost,
                 "loops": self._loops,
                 "ended": self._next is None,
             }
@@ -102,6 +103,32 @@ class BagPlayer(ManagedNode):
     def cleanup(self) -> None:
         """Forget the publishers."""
         self._publishers_by_topic, self._clock_publisher = {}, None
+
+    @property
+    def lost(self) -> int:
+        """Messages of the recording that could not be read, in any round."""
+        return max(self._lost_before, self._bag.lost)
+
+    def statuses(self) -> list[DiagnosticStatus]:
+        """How far it has come, and what of the recording is lost."""
+        values = {
+            "position": (min(self._now_ns, self._end_ns) - self._info.start_ns) * 1e-9,
+            "length": self._info.duration,
+            "rate": self.value("rate"),
+            "played": self._count,
+            "lost": self.lost,
+            "loops": self._loops,
+        }
+        level: messages.Level = "warn" if self.lost else "ok"
+        text = f"{self._doing()}; {self.lost} messages lost" if self.lost else self._doing()
+        return [self.status("player", level, text, values, str(self._bag.path))]
+
+    def _doing(self) -> str:
+        if not self._playing:
+            return "waiting for subscribers"
+        if self._next is None:
+            return "ended"
+        return "paused" if self.value("paused") else "playing"
 
     def _create_publishers(self, recorded: dict[Topic, int]) -> None:
         chosen = self.value("topics") or {topic.name for topic in recorded}
@@ -122,7 +149,7 @@ class BagPlayer(ManagedNode):
                 message_type, topic.name, qos.profile(quality)
             )
         if not self._publishers_by_topic:
-            raise RecordingError(f"{self._bag.path}: no topic can be played")
+            raise RecordingError(f"{self._bag.path}: no topic can be played, allowed: one of an installed type")
 
     def _tick(self) -> None:
         if not self._playing and not self._ready():
@@ -170,14 +197,16 @@ class BagPlayer(ManagedNode):
     def _finished(self) -> None:
         if self.value("loop"):
             self._loops += 1
+            self._lost_before = self.lost
             self._rewind()
             self._begin()
             return
         for publisher in self._publishers_by_topic.values():
             publisher.wait_for_all_acked(Duration(seconds=DELIVERY / len(self._publishers_by_topic)))
-        lost = f", {self._bag.lost} lost" if self._bag.lost else ""
+        lost = f", {self.lost} lost" if self.lost else ""
         self.get_logger().info(f"end of {self._bag.path}: {self._count} messages played{lost}")
         self._stop()
+        self.say()
         if self.value("exit_at_end"):
             self.end()
 

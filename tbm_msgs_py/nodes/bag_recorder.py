@@ -60,7 +60,7 @@ class BagRecorder(ManagedNode):
         self._writer: BagWriter | None = None
         self._subscribed: dict[str, Subscription] = {}
         self._arrived: list[Arrived] = []
-        self._lost = 0
+        self._lost = self._lost_shown = 0
         self._deleted: list[str] = []
         self._over_quota = False
         self._unrecorded: list[str] = []  # of a type that cannot be written
@@ -194,15 +194,16 @@ class BagRecorder(ManagedNode):
         self._lost += event.total_count_change
 
     def statuses(self) -> list[DiagnosticStatus]:
-        """Messages recorded and lost, and what stands in the way."""
+        """Messages recorded and lost so far, and what is wrong; of the losses those since the last status."""
         if self._writer is None:
             return []
+        lost, self._lost_shown = self._lost - self._lost_shown, self._lost
         missing = [name for name in self._wanted if name not in self._subscribed]
         troubles = [
             *([self._problem] if self._problem else []),
             *([f"waiting for {', '.join(missing)}"] if missing else []),
             *([f"not recorded: {', '.join(self._unrecorded)}"] if self._unrecorded else []),
-            *([f"{self._lost} messages lost on their way"] if self._lost else []),
+            *([f"{lost} messages lost on their way"] if lost else []),
             *(["over the quota"] if self._over_quota else []),
         ]
         values = {

@@ -19,8 +19,8 @@ from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import JointState, PointCloud2, PointField
 from std_msgs.msg import Header
 
-from tbm_msgs_py import blocks, operating_point
-from tbm_msgs_py.blocks import Block, BlockLayout
+from tbm_msgs_py import blocks
+from tbm_msgs_py.blocks import BlockLayout
 from tbm_msgs_py.operating_point import OperatingPoint
 
 Level = Literal["ok", "warn", "error", "stale"]
@@ -32,7 +32,6 @@ _LEVELS = {
 }
 
 block_from = blocks.from_cloud
-operating_point_from = operating_point.from_joint_state
 stamp_to_ns = blocks.stamp_to_ns
 
 
@@ -90,11 +89,6 @@ def block(layout: BlockLayout, stamp_ns: int, offsets: ArrayLike, values: ArrayL
 def _fields(layout: BlockLayout) -> list[PointField]:
     """Fields of a layout, shared by its messages: nobody changes them."""
     return [PointField(name=name, offset=at, datatype=kind, count=1) for name, at, kind in layout.fields]
-
-
-def block_message(samples: Block) -> PointCloud2:
-    """Block message of a `Block`."""
-    return block(samples.layout, samples.stamp_ns, samples.offsets, samples.values, samples.frame_id)
 
 
 def operating_point_message(stamp_ns: int, point: OperatingPoint) -> JointState:

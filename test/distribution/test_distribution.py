@@ -1,8 +1,10 @@
 """The distributions: they build from one another, hold every file, and run where they are installed."""
 
+import ast
 import json
 import os
 import re
+import shlex
 import shutil
 import subprocess
 import sys
@@ -130,11 +132,34 @@ def test_doctor_finds_all_where_it_is_installed(installed):
 
 
 def test_every_executable_is_there(installed):
-    for name in ("load_node", "dynamics_node", "analysis_node", "bag_player", "bag_recorder"):
+    for name in ("load_node", "dynamics_node", "analysis_node", "bag_player", "bag_recorder", "live_view"):
         found = installed(
             "python", "-c", f"import shutil, sys; print(shutil.which({name!r}, path=sys.prefix + '/bin'))"
         )
         assert found.stdout.strip().endswith(name)
+
+
+def required():
+    """What setup.py requires."""
+    tree = ast.parse((ROOT / "setup.py").read_text())
+    (stated,) = [s.value for s in tree.body if isinstance(s, ast.Assign) and s.targets[0].id == "REQUIRED"]
+    return ast.literal_eval(stated)
+
+
+def test_a_native_install_is_told_everything_that_setup_requires():
+    page = (ROOT / "docs" / "howto" / "native.md").read_text(encoding="utf-8")
+    command = re.search(r"^    pip install ((?:.*\\\n)*.*)", page, re.MULTILINE)[1]
+    assert shlex.split(command.replace("\\\n", " ")) == required()
+
+
+def test_package_xml_names_everything_that_setup_requires():
+    text = (ROOT / "package.xml").read_text()
+    keys = {key.text for key in ElementTree.fromstring(text).iter("exec_depend")}
+    other = {"pyyaml": "python3-yaml", "scikit-learn": "python3-sklearn"}
+    names = [re.match(r"[\w-]+", requirement)[0] for requirement in required()]
+    assert {name for name in names if other.get(name, f"python3-{name}") not in keys} == set(
+        re.search(r"No rosdep key: (.*)\.\n", text)[1].split(", ")
+    )
 
 
 def test_one_version(installed):

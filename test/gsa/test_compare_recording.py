@@ -7,11 +7,13 @@ import pytest
 from compare_bags import RATE, START_NS, G, model_values, noise, write_bag
 
 from tbm_dynamics import MachineError, load_machine
+from tbm_gsa.cli.bag.info import info
 from tbm_gsa.comparison import Settings
 from tbm_gsa.comparison.document import axial_rows
 from tbm_gsa.comparison.workflow import compare_recording
-from tbm_msgs_py import OperatingPoint, RecordingError
+from tbm_msgs_py import ACCELERATION, OperatingPoint, RecordingError
 from tbm_msgs_py.bags import BagWriter
+from tbm_msgs_py.health import COUNTS
 
 SHORT = {"model_duration": 2.0}
 
@@ -181,3 +183,27 @@ def test_windows_have_a_length(window):
 def test_an_unknown_machine_is_named():
     with pytest.raises(MachineError, match="dz999"):
         compare_recording("nowhere", "dz999")
+
+
+def test_it_says_of_the_sensors_what_bag_info_says(tmp_path, monkeypatch, capsys):
+    """Three pieces; the second rate is another, the clock drifts, and the shield ends in values that are no numbers."""
+    monkeypatch.setattr("tbm_msgs_py.bags.mcap_file.WINDOW", 1 << 14)  # the bad end is read after the last good piece
+    random, stamp = np.random.default_rng(5), START_NS
+    with BagWriter(tmp_path / "bag") as writer:
+        for k in range(300):
+            step = 5_000_000 if k < 120 else 5_050_000  # ns
+            values = random.standard_normal((100, 3))
+            late = round((stamp - START_NS) * -30e-6 + random.exponential(2e6))
+            for point, rows in {"girder": values, "shield": values if k < 237 else np.nan * values}.items():
+                topic = f"/tbm/field/{point}/block"
+                writer.write_block(topic, stamp, ACCELERATION, np.arange(100) * step * 1e-9, rows, log_ns=stamp + late)
+            writer.flush()
+            stamp += 100 * step
+    info(tmp_path / "bag", scan=True, mapping=None, json=True)
+    said = json.loads(capsys.readouterr().out)["points"]
+    recorded = compare_recording(tmp_path / "bag", **SHORT).document["recording"]["points"]
+    shared = {"topic", "samples", "rate_hz", "clock_offset", "clock_drift", *COUNTS}
+    for point in ("girder", "shield"):
+        assert {key: said[point][key] for key in shared} == {key: recorded[point][key] for key in shared}
+        assert said[point]["gaps"] == len(recorded[point]["gaps"])
+    assert said["shield"]["invalid"] == 6300

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from tbm_gsa.comparison.estimates import estimate, field_sample
 from tbm_gsa.comparison.field_side import reduce_field
 from tbm_gsa.comparison.settings import Settings
-from tbm_msgs_py.bags.faults import find_gaps, stuck_axes
+from tbm_msgs_py.bags.faults import Faults, find_gaps, stuck_axes
 from tbm_msgs_py.recording import AccelerationRecord
 
 RATE, START_NS = 1000.0, 1_700_000_000_000_000_000
@@ -26,6 +26,7 @@ class Reader:
 
     def __init__(self, cuts):
         self.points = {"shield": SimpleNamespace(frame="fixed")}
+        self.faults = {"shield": Faults()}
         self._cuts = cuts
 
     def pieces(self):
@@ -77,19 +78,19 @@ def test_statistics_do_not_depend_on_the_pieces(whole, cuts):
 @settings(max_examples=20, deadline=None)
 @given(cuts=st.lists(st.integers(1, 149_000), max_size=4, unique=True).map(sorted))
 def test_gaps_are_found_once_wherever_the_pieces_end(cuts):
-    ledger = reduced(cuts).ledgers["shield"]
-    (gap,) = ledger.gaps
+    health = reduced(cuts).health["shield"]
+    (gap,) = health.gaps
     assert gap == pytest.approx((47.299, 48.0))
-    assert ledger.samples == KEPT.sum()
-    assert ledger.end == pytest.approx(149.999)
-    assert ledger.counts["clipped"] == len(cuts) + 1
-    assert ledger.clock_offset == pytest.approx(0.5)
+    assert health.samples == KEPT.sum()
+    assert health.duration == pytest.approx(149.999)
+    assert health.clipped == len(cuts) + 1
+    assert health.clock_offset == pytest.approx(0.5)
 
 
 def test_a_stuck_axis_is_one_stretch_across_pieces():
-    assert reduced([]).ledgers["shield"].stuck == [("y", 60.0, 64.999)]
+    assert reduced([]).health["shield"].stuck == [("y", 60.0, 64.999)]
     cut = int(KEPT[:62_000].sum())
-    ((axis, begin, end),) = reduced([cut]).ledgers["shield"].stuck
+    ((axis, begin, end),) = reduced([cut]).health["shield"].stuck
     assert (axis, begin, end) == ("y", pytest.approx(60.0), pytest.approx(64.999))
 
 

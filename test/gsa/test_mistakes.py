@@ -20,8 +20,8 @@ MISTAKES = {
     ),
     "a table for a recording": (
         ["compare", "run.csv"],
-        "run.csv: not an MCAP file, its first bytes are not the MCAP magic; tables of other systems become one by "
-        "`tbm-monitor bag import`",
+        "run.csv: not an MCAP file, its first bytes are not the MCAP magic, allowed: a recording; `tbm-monitor bag "
+        "import` makes one of tables of other systems",
     ),
     "a recording in SQLite": (
         ["bag", "info", "old"],
@@ -29,7 +29,7 @@ MISTAKES = {
     ),
     "a unit not stated": (
         ["compare", "field_dz101", "--mapping", "none.yaml"],
-        "none.yaml: topics./rig.units: missing",
+        "none.yaml: topics./rig.units: missing, allowed: a value that is stated, nothing is guessed",
     ),
     "a key misspelt in a mapping": (
         ["compare", "field_dz101", "--mapping", "unit.yaml"],
@@ -41,8 +41,8 @@ MISTAKES = {
     ),
     "an import without a description": (
         ["bag", "import", "run.csv", "--out", "new"],
-        "import description: points or operating_point: at least one of them, in the file of --map or as --map "
-        "POINT=X,Y,Z",
+        "import description: points or operating_point: missing, allowed: at least one of them, in the file of --map "
+        "or as --map POINT=X,Y,Z",
     ),
     "a recording to explain": (
         ["gsa", "explain", "old"],

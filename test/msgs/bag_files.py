@@ -5,7 +5,9 @@ from mcap.writer import CompressionType
 from mcap.writer import Writer as McapWriter
 
 from tbm_msgs_py import Bag
+from tbm_msgs_py.bags.samples import typestore
 from tbm_msgs_py.bags.stretch import Stretch
+from tbm_msgs_py.blocks import split_ns
 
 VALUES = (0, 1, 2**16, 2**28, 2**31 - 1, 2**32 - 1, 2**40, 2**63 - 1, 2**64 - 1)
 KINDS = [(compression, True) for compression in CompressionType] + [(CompressionType.NONE, False)]
@@ -25,6 +27,17 @@ def rewrite(source, path, compression, *, chunk_size=20_000, **options):
             writer.add_message(channels[topic], message.log_ns, message.data, message.log_ns)
         writer.finish()
     return path
+
+
+def write_accel(writer, topic, stamp_ns, xyz, *, log_ns=None, frame_id=""):
+    """Write one acceleration sample, logged at its stamp unless told otherwise."""
+    name, types = "geometry_msgs/msg/AccelStamped", typestore().types
+    vector = types["geometry_msgs/msg/Vector3"]
+    sec, nanosec = split_ns(stamp_ns)
+    header = types["std_msgs/msg/Header"](types["builtin_interfaces/msg/Time"](sec, nanosec), frame_id)
+    accel = types["geometry_msgs/msg/Accel"](vector(*map(float, xyz)), vector(0.0, 0.0, 0.0))
+    data = typestore().serialize_cdr(types[name](header, accel), name)
+    writer.write(topic, name, stamp_ns if log_ns is None else log_ns, data)
 
 
 def stretch_of(messages):

@@ -56,6 +56,7 @@ def refused(path, described, out):
     assert not out.exists()
     assert [file for file in out.parent.iterdir() if file.name.startswith(".")] == []
     assert "\n" not in str(caught.value)
+    assert "allowed: " in str(caught.value)
     return str(caught.value)
 
 

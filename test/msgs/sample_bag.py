@@ -1,6 +1,7 @@
 """The contents of the small recording that the tests of this folder read."""
 
 import numpy as np
+from bag_files import write_accel
 
 from tbm_msgs_py import ACCELERATION, OperatingPoint
 
@@ -22,4 +23,4 @@ def fill(writer, blocks=range(BLOCKS)):
         topic = "/tbm/field/cutterhead/block"
         writer.write_block(topic, stamp, ACCELERATION, offsets, signal(k * SAMPLES, SAMPLES))
         for i in range(5):
-            writer.write_accel("/tbm/field/shield/accel", stamp + i * 10**7, (1.0, 2.0, 5.0 * k + i))
+            write_accel(writer, "/tbm/field/shield/accel", stamp + i * 10**7, (1.0, 2.0, 5.0 * k + i))

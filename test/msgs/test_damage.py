@@ -5,14 +5,14 @@ import struct
 import numpy as np
 import pytest
 import zstandard
-from bag_files import KINDS, rewrite
+from bag_files import KINDS, rewrite, write_accel
 from mcap.reader import make_reader
 from mcap.writer import CompressionType
 from mcap.writer import Writer as McapWriter
 from sample_bag import BLOCKS, SAMPLES, START_NS
 
 from tbm_msgs_py import Bag, BagWriter, RecordingError, read_recording
-from tbm_msgs_py.bags import records
+from tbm_msgs_py.bags import metadata, records
 from tbm_msgs_py.bags.mcap_file import MAGIC
 
 MESSAGES = BLOCKS * 6 + 1
@@ -52,7 +52,7 @@ def test_cut_anywhere_gives_the_messages_before_the_cut(tmp_path, folder, compre
 def test_cut_chunk_is_read_as_far_as_its_frame_goes(tmp_path, compression):
     with BagWriter(tmp_path / "noise") as writer:  # a frame of many blocks
         for k in range(5000):
-            writer.write_accel("/a", START_NS + k, np.random.default_rng(k).normal(size=3))
+            write_accel(writer, "/a", START_NS + k, np.random.default_rng(k).normal(size=3))
     path = rewrite(tmp_path / "noise", tmp_path / "one.mcap", compression, chunk_size=1 << 30)
     (index,) = chunk_index(path)
     cut = tmp_path / "cut.mcap"
@@ -213,6 +213,15 @@ def test_damaged_metadata_are_counted_and_the_files_read(tmp_path, folder):
         recording = read_recording(path)
         assert (recording.messages, recording.damaged) == (MESSAGES, 1)
         assert len(recording.points["cutterhead"].time) == BLOCKS * SAMPLES
+
+
+@pytest.mark.parametrize("text", ["a: [", "", "x: {y: 1}", "rosbag2_bagfile_information: 7", "a: !!int ''", "[" * 5000])
+def test_damaged_metadata_are_the_same_problem_to_reader_and_recorder(tmp_path, folder, text):
+    (tmp_path / "field.mcap").write_bytes((folder / "field.mcap").read_bytes())
+    (tmp_path / metadata.FILE_NAME).write_text(text)
+    with pytest.raises(RecordingError, match="allowed: the metadata of a rosbag2 recording") as caught:
+        metadata.read(tmp_path)
+    assert Bag(tmp_path).problem == str(caught.value)
 
 
 def test_missing_file_of_several_is_counted(tmp_path, folder):

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from bag_files import write_accel
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from sample_bag import START_NS
@@ -21,7 +22,7 @@ def written(path, stamps, values=None, logs=None):
     with BagWriter(path) as writer:
         for k, (stamp, xyz) in enumerate(zip(stamps, values, strict=True)):
             log = stamp if logs is None else logs[k]
-            writer.write_accel(TOPIC, START_NS + round(stamp * MS), xyz, log_ns=START_NS + round(log * MS))
+            write_accel(writer, TOPIC, START_NS + round(stamp * MS), xyz, log_ns=START_NS + round(log * MS))
     return path
 
 
@@ -142,8 +143,8 @@ def test_drift_over_pieces_and_clocks_between_points(tmp_path):
     with BagWriter(tmp_path / "bag") as writer:
         for k in range(0, 400_000, 50):
             log = START_NS + k * MS
-            writer.write_accel("/tbm/field/shield/accel", log + k * 40, (k, 1, 2), log_ns=log)  # 40 ppm
-            writer.write_accel("/tbm/field/girder/accel", log - 7 * HOUR, (k, 1, 2), log_ns=log)
+            write_accel(writer, "/tbm/field/shield/accel", log + k * 40, (k, 1, 2), log_ns=log)  # 40 ppm
+            write_accel(writer, "/tbm/field/girder/accel", log - 7 * HOUR, (k, 1, 2), log_ns=log)
     health = check_recording(tmp_path / "bag")
     assert health.points["shield"].clock_drift == pytest.approx(40.0, rel=1e-3)
     assert health.points["girder"].clock_offset == pytest.approx(-7 * 3600.0)
@@ -151,12 +152,34 @@ def test_drift_over_pieces_and_clocks_between_points(tmp_path):
     assert set(health.points["girder"].stuck_s) == {"y", "z"}
 
 
+def test_drift_is_from_the_first_piece_to_the_last(tmp_path):
+    """A buffer that fills up within a minute makes every piece drift by -100 ppm of its own."""
+    true = np.arange(0.0, 420_000.0, 200.0)
+    latency = 6.0 * (true % 60_000) / 60_000
+    health = check_recording(written(tmp_path / "bag", true * (1 + 40e-6), logs=true + latency))
+    assert health.points["shield"].clock_drift == pytest.approx(40.0, rel=0.02)
+
+
+def test_a_clock_that_is_set_does_not_drift(tmp_path):
+    true = np.arange(0.0, 480_000.0, 200.0)
+    shown = true * (1 + 40e-6) + np.where(true < 240_000, 0.0, HOUR / MS)
+    shield = check_recording(written(tmp_path / "bag", shown, logs=true)).points["shield"]
+    assert shield.faults.clock_steps == 1
+    assert shield.clock_drift == pytest.approx(40.0, rel=0.02)
+
+
+def test_rate_is_that_of_all_pieces(tmp_path):
+    stamps = np.concatenate([np.arange(0.0, 120_000.0, 50.0), np.arange(120_000.0, 240_000.0, 100.0)])
+    shield = check_recording(written(tmp_path / "bag", stamps)).points["shield"]
+    assert shield.rate_hz == pytest.approx(15.0, rel=1e-3)  # half of the time 20 Hz, half 10 Hz
+
+
 def test_one_dead_sensor_is_a_problem_and_no_error(tmp_path):
     with BagWriter(tmp_path / "bag") as writer:
         for k in range(20):
-            writer.write_accel(TOPIC, START_NS + k * MS, (k, 0, 0))
-            writer.write_accel("/tbm/field/girder/accel", START_NS + k * MS, (np.nan, 0, 0))
-            writer.write_accel("/tbm/field/gripper/accel", 0, (k, 0, 0), log_ns=START_NS + k * MS)
+            write_accel(writer, TOPIC, START_NS + k * MS, (k, 0, 0))
+            write_accel(writer, "/tbm/field/girder/accel", START_NS + k * MS, (np.nan, 0, 0))
+            write_accel(writer, "/tbm/field/gripper/accel", 0, (k, 0, 0), log_ns=START_NS + k * MS)
     recording = read_recording(tmp_path / "bag")
     assert set(recording.points) == {"shield"}
     assert "finite" in recording.problems["girder"]

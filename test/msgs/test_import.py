@@ -37,6 +37,7 @@ from tbm_msgs_py import Bag, RecordingError, read_acceleration, read_recording
 from tbm_msgs_py.bags.mapping import STANDARD_GRAVITY
 from tbm_msgs_py.bags.samples import typestore
 from tbm_msgs_py.importing import describe, import_recording
+from tbm_msgs_py.importing.units import same_unit
 from tbm_msgs_py.operating_point import from_joint_state
 
 
@@ -174,9 +175,9 @@ def _real_operating():
     return {key: {"column": column, "unit": unit} for key, (column, unit) in names.items()}
 
 
-def test_tdms(tmp_path):
+def write_tdms(path):
+    """Acceleration in two segments, and slow channels of the operating point, the thrust in N."""
     nptdms = pytest.importorskip("nptdms")
-    path = tmp_path / "a.tdms"
     start = np.datetime64("2026-03-01T07:00:00")
     base = {"wf_increment": 1 / RATE, "wf_start_offset": 0.0, "wf_start_time": start, "unit_string": "g"}
     with nptdms.TdmsWriter(path) as writer:
@@ -186,9 +187,20 @@ def test_tdms(tmp_path):
                 for k, name in enumerate(("X", "Y", "Z"))
             ]
             writer.write_segment(channels)
-        slow = base | {"wf_increment": 0.5}
+        slow = {"wf_increment": 0.5, "wf_start_offset": 0.0, "wf_start_time": start}
+        units = {"rpm": "1/min", "torque": "kN·m", "thrust": "N"}
         operating = {"rpm": np.arange(4) + 5.0, "torque": np.arange(4) * 10, "thrust": np.full(4, 12_000.0)}
-        writer.write_segment([nptdms.ChannelObject("PLC", name, data, slow) for name, data in operating.items()])
+        writer.write_segment(
+            [
+                nptdms.ChannelObject("PLC", name, data, slow | {"unit_string": units[name]})
+                for name, data in operating.items()
+            ]
+        )
+
+
+def test_tdms(tmp_path):
+    path = tmp_path / "a.tdms"
+    write_tdms(path)
     named = {key: entry | {"column": f"PLC/{entry['column']}"} for key, entry in OPERATING.items()}
     stated = describe(
         None,
@@ -204,7 +216,10 @@ def test_tdms(tmp_path):
     operating = read_recording(tmp_path / "bag").operating_point
     np.testing.assert_allclose(operating.time, [0, 0.5, 1, 1.5])
     assert operating.points[2] == SLOW_POINT
-    assert "Acc/X: the file says g, the description m/s2" in imported.warnings[0]
+    assert imported.warnings == [
+        *(f"{path}: column Acc/{axis}: the file says g, the description m/s2" for axis in "XYZ"),
+        f"{path}: column PLC/thrust: the file says N, the description kN",
+    ]
     wrong = description(points={"shield": POINT | {"columns": ["Acc/X", "Acc/Y", "PLC/rpm"]}})
     assert "4 and 1700 samples" in refused(path, wrong, tmp_path / "other")
     wrong = description(points={"shield": POINT | {"columns": ["Acc/X", "Acc/Q", None]}})
@@ -220,7 +235,8 @@ def test_mdf(tmp_path):
         file.append([asammdf.Signal(data, TIME + 0.25, name=name, unit="m/s2") for name, data in names])
         slow = np.arange(4) * 0.5
         raw = {"rpm": np.arange(4, dtype=np.uint8) + 5, "torque": np.arange(4) * 10.0, "thrust": np.full(4, 12_000)}
-        file.append([asammdf.Signal(data, slow, name=name) for name, data in raw.items()])
+        units = {"rpm": "rpm", "torque": "kNm", "thrust": "kN"}
+        file.append([asammdf.Signal(data, slow, name=name, unit=units[name]) for name, data in raw.items()])
         file.save(path)
     stated = describe(
         None, {"points": {"shield": POINT}, "operating_point": OPERATING, "time": "file", "start": "file"}
@@ -229,11 +245,47 @@ def test_mdf(tmp_path):
     assert imported.warnings == []
     check(read_acceleration(tmp_path / "bag", TOPIC), TIME + 0.25)
     assert read_recording(tmp_path / "bag").operating_point.points[2] == SLOW_POINT
+    newton = OPERATING | {"thrust": {"column": "thrust", "unit": "N"}}
+    stated = describe(None, {"operating_point": newton, "time": "file", "start": "file"})
+    warnings = import_recording(path, stated, tmp_path / "newton").warnings
+    assert warnings == [f"{path}: column thrust: the file says kN, the description N"]
     wrong = description(points={"shield": POINT | {"columns": ["ax", "ay", "rpm"]}})
     assert "ax and rpm have different times" in refused(path, wrong, tmp_path / "other")
     damaged = tmp_path / "damaged.mf4"
     damaged.write_bytes(path.read_bytes()[:100])
     assert "not an MDF file" in refused(damaged, stated, tmp_path / "other")
+
+
+def test_mdf_sample_that_its_file_calls_invalid(tmp_path):
+    asammdf = pytest.importorskip("asammdf")
+    path = tmp_path / "a.mf4"
+    with asammdf.MDF(version="4.10") as file:
+        bits = np.arange(ROWS) == 41
+        file.append([asammdf.Signal(VALUES[:, k], TIME, name=f"a{'xyz'[k]}", invalidation_bits=bits) for k in range(3)])
+        file.save(path)
+    assert "a.mf4: sample 42, column ax: marked as invalid, allowed: " in refused(path, description(), tmp_path / "bag")
+
+
+@pytest.mark.parametrize(
+    ("label", "unit", "same"),
+    [
+        ("m/s^2", "m/s2", True),
+        ("m·s⁻²", "m/s2", True),
+        ("g", "m/s2", False),
+        ("KN", "kN", True),
+        ("N m", "N.m", True),
+        ("kNm", "kN", False),
+        ("MN", "MN", True),
+        ("mN", "MN", False),
+        ("MN·m", "MN.m", True),
+        ("mNm", "MN.m", False),
+        ("RPM", "r/min", True),
+        ("rad/s", "r/min", False),
+        ("mm/s", "m/s", False),
+    ],
+)
+def test_a_unit_is_known_however_a_file_writes_it(label, unit, same):
+    assert same_unit(label, unit) is same
 
 
 @pytest.mark.parametrize("width", [1, 2, 3, 4])

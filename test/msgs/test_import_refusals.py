@@ -9,6 +9,7 @@ import scipy.io
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from import_files import (
+    OPERATING,
     POINT,
     RATE,
     ROWS,
@@ -51,6 +52,9 @@ def test_missing_library_names_the_extra(tmp_path, monkeypatch, suffix, module):
         ("ax,ay,ax,az\n1,2,3,4\n", "column ax occurs twice"),
         ("ax,ay\n1,2\n", "column az is not there, allowed: ax, ay"),
         ("ax,ay,az\n1,2,3\n1_0,5,6\n", "line 3, column ax: '1_0'"),
+        pytest.param(
+            "ax,ay,az\n1,2,3\n4,5," + 200_000 * "9" + "\n", "line 3: field larger than field limit", id="long cell"
+        ),
     ],
 )
 def test_bad_csv_is_refused_with_row_and_column(tmp_path, text, message):
@@ -87,7 +91,7 @@ def test_suffix_and_missing_file(tmp_path):
     [
         (
             {"points": {"shield": {k: v for k, v in POINT.items() if k != "units"}}},
-            "points.shield.units: Field required",
+            "points.shield.units: missing, allowed: ",
         ),
         ({"points": {"shield": POINT | {"units": "G"}}}, "points.shield.units: 'G'"),
         ({"points": {"shield": POINT | {"columns": ["a", "b"]}}}, "points.shield.columns"),
@@ -96,11 +100,17 @@ def test_suffix_and_missing_file(tmp_path):
         ({"points": {}}, "points or operating_point"),
         ({"rate": 0}, "rate: 0"),
         ({"time": "file"}, "time or rate"),
-        ({"start": "2026-03-01T08:00:00"}, "'2026-03-01T08:00:00': Input should have timezone info"),
-        ({"start": None}, "start: the moment of time 0"),
-        ({"sensors": 1}, "sensors: 1"),
+        ({"start": "2026-03-01T08:00:00"}, "'2026-03-01T08:00:00', allowed: timezone info"),
+        ({"start": None}, "start: missing, allowed: the moment of time 0"),
+        ({"sensors": 1}, "sensors: unknown key, allowed: points, operating_point, time, rate, start, csv"),
+        ({"points": {"shield": POINT | {"unit": "g"}}}, "points.shield.unit: unknown key, allowed: point, units, "),
+        ({"csv": {"decimals": ","}}, "csv.decimals: unknown key, allowed: delimiter, decimal, encoding, header, first"),
+        (
+            {"operating_point": OPERATING | {"speed": {"column": "rpm", "unit": "r/min", "scale": 2}}},
+            "operating_point.speed.scale: unknown key, allowed: column, unit",
+        ),
         ({"operating_point": {"speed": {"column": "rpm", "unit": "rpm"}}}, "operating_point.speed.unit: 'rpm'"),
-        ({"csv": {"decimal": ","}}, "delimiter and decimal differ"),
+        ({"csv": {"decimal": ","}}, "delimiter and decimal: both ','"),
     ],
 )
 def test_wrong_description_is_one_line(changes, message):
@@ -108,6 +118,7 @@ def test_wrong_description_is_one_line(changes, message):
         description(**changes)
     assert message in str(caught.value)
     assert "\n" not in str(caught.value)
+    assert "allowed: " in str(caught.value)
 
 
 @settings(max_examples=150, deadline=None)

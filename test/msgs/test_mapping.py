@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from bag_files import write_accel
 from sample_bag import START_NS
 
 from tbm_msgs_py import BagWriter, RecordingError, SensorMapping, load_mapping, read_acceleration, read_recording
@@ -26,7 +27,7 @@ def bag(tmp_path):
     path = tmp_path / "bag"
     with BagWriter(path) as writer:
         for k in range(4):
-            writer.write_accel("/imu", START_NS + k * 10**6, (1.0, 2.0, float(k)))
+            write_accel(writer, "/imu", START_NS + k * 10**6, (1.0, 2.0, float(k)))
     return path
 
 
@@ -78,6 +79,7 @@ def test_bad_mapping_is_one_line_with_the_key(tmp_path, old, new, named):
         load_mapping(file)
     assert "\n" not in str(caught.value)
     assert str(file) in str(caught.value)
+    assert "allowed: " in str(caught.value)
 
 
 def test_missing_mapping_is_one_line(tmp_path):
@@ -88,5 +90,5 @@ def test_missing_mapping_is_one_line(tmp_path):
 def test_two_topics_of_one_point_are_refused(tmp_path):
     file = tmp_path / "mapping.yaml"
     file.write_text(FILE + FILE.split("topics:\n")[1].replace("/imu", "/imu2"))
-    with pytest.raises(RecordingError, match="girder has more than one topic"):
+    with pytest.raises(RecordingError, match="point girder: 2 topics, allowed: one"):
         load_mapping(file)

@@ -10,7 +10,7 @@ from rclpy.serialization import deserialize_message, serialize_message
 
 from tbm_msgs_py.blocks import LOADS, mesh_forces
 from tbm_msgs_py.nodes import messages
-from tbm_msgs_py.operating_point import OperatingPoint
+from tbm_msgs_py.operating_point import OperatingPoint, from_joint_state
 
 STAMP_NS = 1_700_000_000_123_456_789
 
@@ -27,8 +27,6 @@ def test_block(layout):
     assert (block.layout, block.stamp_ns, block.frame_id) == (layout, STAMP_NS, "head")
     np.testing.assert_array_equal(block.values, values)
     np.testing.assert_array_equal(block.offsets, offsets)
-    again = messages.block_from(messages.block_message(block))
-    np.testing.assert_array_equal(again.values, values)
 
 
 def test_whole_numbers_and_numpy_scalars_become_floats():
@@ -44,7 +42,7 @@ def test_whole_numbers_and_numpy_scalars_become_floats():
 
 def test_operating_point_and_clock():
     point = OperatingPoint(1, 2, 3, 4, 5)
-    assert messages.operating_point_from(over_the_wire(messages.operating_point_message(STAMP_NS, point))) == point
+    assert from_joint_state(over_the_wire(messages.operating_point_message(STAMP_NS, point))) == point
     assert messages.stamp_to_ns(over_the_wire(messages.clock(STAMP_NS)).clock) == STAMP_NS
 
 

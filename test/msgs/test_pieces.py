@@ -4,6 +4,7 @@ import tracemalloc
 
 import numpy as np
 import pytest
+from bag_files import write_accel
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from sample_bag import BLOCKS, RATE, SAMPLES, START_NS
@@ -100,7 +101,7 @@ def test_a_sample_that_is_later_is_dropped_and_counted():
 def test_a_gap_over_a_cut_belongs_to_the_piece_after_it(tmp_path):
     with BagWriter(tmp_path / "bag") as writer:
         for k in [*range(0, 900), *range(1200, 3000)]:
-            writer.write_accel("/tbm/field/shield/accel", START_NS + k * 10**6, (k, 0, 0))
+            write_accel(writer, "/tbm/field/shield/accel", START_NS + k * 10**6, (k, 0, 0))
     first, second, _ = (piece["shield"] for piece in open_recording(tmp_path / "bag").pieces(1.0))
     assert first.gaps == []
     np.testing.assert_allclose(second.gaps, [(-0.301, 0.0)], atol=1e-9)
@@ -111,10 +112,10 @@ def test_a_clock_that_stands_elsewhere_holds_nothing_up(tmp_path):
     with BagWriter(tmp_path / "bag") as writer:
         for k in range(0, 300_000, 20):
             log = START_NS + k * 10**6
-            writer.write_accel("/tbm/field/shield/accel", log, (k, 0, 0))
-            writer.write_accel("/tbm/field/girder/accel", k * 10**6 + 5, (k, 0, 0), log_ns=log)
+            write_accel(writer, "/tbm/field/shield/accel", log, (k, 0, 0))
+            write_accel(writer, "/tbm/field/girder/accel", k * 10**6 + 5, (k, 0, 0), log_ns=log)
             if k < 40_000:
-                writer.write_accel("/tbm/field/gripper/accel", log, (k, 0, 0))
+                write_accel(writer, "/tbm/field/gripper/accel", log, (k, 0, 0))
     pieces = list(open_recording(tmp_path / "bag").pieces(20.0))
     assert len(pieces) >= 15
     assert {point: sum(len(r.time) for r in records) for point, records in together(pieces).items()} == {
@@ -130,7 +131,7 @@ def test_topics_one_behind_the_other_are_all_read(tmp_path):
     with BagWriter(tmp_path / "bag") as writer:
         for point in ("shield", "girder"):
             for k in range(0, 200_000, 50):
-                writer.write_accel(f"/tbm/field/{point}/accel", START_NS + k * 10**6, (k, 0, 0))
+                write_accel(writer, f"/tbm/field/{point}/accel", START_NS + k * 10**6, (k, 0, 0))
             writer.flush()
     for records in together(open_recording(tmp_path / "bag").pieces(10.0)).values():
         np.testing.assert_array_equal(

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from bag_files import rewrite
+from bag_files import rewrite, write_accel
 from mcap.reader import make_reader
 from mcap.writer import CompressionType
 from rosbags.highlevel import AnyReader
@@ -78,7 +78,7 @@ def test_messages_come_in_log_time_order_though_written_otherwise(tmp_path):
     with BagWriter(tmp_path / "bag") as writer:
         for chunk in ((3, 1, 2), (6, 2, 4), (5, 9, 8)):
             for k in chunk:
-                writer.write_accel("/a", START_NS + k, (0, 0, k))
+                write_accel(writer, "/a", START_NS + k, (0, 0, k))
             writer.flush()
     first_two = [m.log_ns - START_NS for m in Bag(tmp_path / "bag").messages()]
     assert first_two == sorted(first_two)
@@ -119,6 +119,41 @@ def test_declared_count_that_is_not_reached_is_lost(tmp_path, folder):
     assert recording.truncated
     assert recording.messages + recording.lost == MESSAGES
     assert Bag(copy).info().lost == recording.lost
+
+
+def several_files(path):
+    """A recording in several files, each of some blocks."""
+    with BagWriter(path, max_bytes=20_000) as writer:
+        fill(writer)
+    return path
+
+
+def test_what_was_not_read_yet_is_not_lost(tmp_path):
+    bag = Bag(several_files(tmp_path / "bag"))
+    assert len(bag.files) > 2
+    for _ in range(2):  # a reading that stops early, after none and after one that went to the end
+        messages = bag.messages()
+        next(messages)
+        assert bag.lost == 0
+        messages.close()
+        assert len(list(bag.messages())) > 0
+        assert bag.lost == 0
+
+
+@pytest.mark.parametrize(("damaged", "met"), [(0, True), (-1, False)])
+def test_a_reading_that_stops_early_counts_the_losses_it_met(tmp_path, damaged, met):
+    bag = Bag(several_files(tmp_path / "bag"))
+    file = bag.files[damaged].path
+    data = bytearray(file.read_bytes())
+    with file.open("rb") as stream:
+        chunk = make_reader(stream).get_summary().chunk_indexes[0]
+    data[chunk.chunk_start_offset + chunk.chunk_length // 2] ^= 255
+    file.write_bytes(data)
+    assert len(list(bag.messages())) > 0
+    lost = bag.lost
+    assert lost > 0
+    next(bag.messages())
+    assert bag.lost == (lost if met else 0)
 
 
 def test_killed_recorder_leaves_a_readable_folder(tmp_path):
@@ -195,6 +230,7 @@ def refusal(call):
     with pytest.raises(RecordingError) as caught:
         call()
     assert "\n" not in str(caught.value)
+    assert "allowed: " in str(caught.value)
     return str(caught.value)
 
 
@@ -229,11 +265,11 @@ def test_wrong_topic_lists_what_is_there(folder):
 
 def test_recording_without_mapped_topic_lists_what_is_there(tmp_path):
     with BagWriter(tmp_path / "bag") as writer:
-        writer.write_accel("/imu", START_NS, (0, 0, 0))
+        write_accel(writer, "/imu", START_NS, (0, 0, 0))
     assert "/imu" in refusal(lambda: read_recording(tmp_path / "bag"))
 
 
 def test_samples_without_stamps_are_refused(tmp_path):
     with BagWriter(tmp_path / "bag") as writer:
-        writer.write_accel("/tbm/field/shield/accel", 0, (0, 0, 0), log_ns=START_NS)
+        write_accel(writer, "/tbm/field/shield/accel", 0, (0, 0, 0), log_ns=START_NS)
     assert "stamp" in refusal(lambda: read_recording(tmp_path / "bag"))

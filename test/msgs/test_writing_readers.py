@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import yaml
+from bag_files import write_accel
 from mcap.reader import make_reader
 from mcap_ros2.decoder import DecoderFactory
 from rosbags.highlevel import AnyReader
@@ -49,7 +50,7 @@ def recording(tmp_path_factory, request):
             stamp = START_NS + k * 10**8
             for topic, layout in LAYOUTS.items():
                 writer.write_block(topic, stamp, layout, *samples(topic, k), log_ns=stamp + 7, frame_id="head")
-            writer.write_accel(ACCEL_TOPIC, stamp, sample(k), log_ns=stamp + 9, frame_id="shield")
+            write_accel(writer, ACCEL_TOPIC, stamp, sample(k), log_ns=stamp + 9, frame_id="shield")
             if k % 4 == 3:
                 writer.flush()
     return path

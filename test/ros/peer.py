@@ -102,6 +102,7 @@ class Status:
     def __init__(self, status):
         self.level = int.from_bytes(status.level, "little")
         self.message = status.message
+        self.hardware = status.hardware_id
         self.values = {pair.key: pair.value for pair in status.values}
 
 

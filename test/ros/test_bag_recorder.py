@@ -7,6 +7,7 @@ import signal
 import subprocess
 import sys
 import time
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -23,6 +24,7 @@ from tbm_msgs_py import ACCELERATION, Bag, BagWriter, OperatingPoint, read_recor
 from tbm_msgs_py.bags.samples import typestore  # noqa: E402
 from tbm_msgs_py.blocks import from_cloud  # noqa: E402
 from tbm_msgs_py.nodes import messages, qos  # noqa: E402
+from tbm_msgs_py.nodes.bag_recorder import BagRecorder  # noqa: E402
 
 pytestmark = pytest.mark.ros
 
@@ -146,6 +148,21 @@ def test_what_comes_before_a_simulated_clock_is_kept(run_node, peer, tmp_path):
     recorder.send(signal.SIGINT)
     assert recorder.exit_code() == 0, recorder.output
     assert {message.log_ns for message in Bag(output).messages()} == {START_NS}
+
+
+def test_losses_are_a_fault_once_and_counted_for_good(tmp_path):
+    rclpy.init(args=["--ros-args", "-p", f"output:={tmp_path / 'bag'}", "-p", f"topics:=[{TOPIC}]"])
+    recorder = BagRecorder()
+    try:
+        assert recorder.start()
+        recorder._on_lost(SimpleNamespace(total_count_change=3))
+        told = [status for _ in range(2) for status in recorder.statuses()]
+    finally:
+        recorder.finish()
+        recorder.destroy_node()
+        rclpy.try_shutdown()
+    assert ["3 messages lost" in status.message for status in told] == [True, False]
+    assert [pair.value for status in told for pair in status.values if pair.key == "lost"] == ["3", "3"]
 
 
 @pytest.mark.parametrize(

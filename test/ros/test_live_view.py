@@ -16,6 +16,7 @@ from sensor_msgs.msg import JointState  # noqa: E402
 
 from tbm_msgs_py import OperatingPoint  # noqa: E402
 from tbm_msgs_py.nodes import messages, qos  # noqa: E402
+from tbm_msgs_py.operating_point import from_joint_state  # noqa: E402
 
 pytestmark = pytest.mark.ros
 
@@ -48,7 +49,7 @@ def test_a_client_gets_what_is_published(run_node):
                 data = next_data(connection)
     opcode, subscription, _ = struct.unpack_from("<BIQ", data)
     assert (opcode, subscription) == (1, 7)
-    assert messages.operating_point_from(deserialize_message(data[13:], JointState)) == POINT
+    assert from_joint_state(deserialize_message(data[13:], JointState)) == POINT
 
 
 def next_data(connection):

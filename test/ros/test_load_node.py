@@ -19,6 +19,7 @@ from tbm_dynamics.schedule import read_schedule  # noqa: E402
 from tbm_dynamics.streams import LoadStream  # noqa: E402
 from tbm_msgs_py import LOADS, OperatingPoint  # noqa: E402
 from tbm_msgs_py.nodes import messages, qos  # noqa: E402
+from tbm_msgs_py.operating_point import from_joint_state  # noqa: E402
 
 pytestmark = pytest.mark.ros
 
@@ -40,7 +41,7 @@ def expected(seed, block):
 
 
 def drive(message):
-    point = messages.operating_point_from(message)
+    point = from_joint_state(message)
     return point.speed, point.torque, point.thrust
 
 

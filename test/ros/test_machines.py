@@ -13,6 +13,7 @@ from sensor_msgs.msg import JointState, PointCloud2  # noqa: E402
 
 from tbm_dynamics import load_machine, simulate  # noqa: E402
 from tbm_msgs_py.nodes import messages, qos  # noqa: E402
+from tbm_msgs_py.operating_point import from_joint_state  # noqa: E402
 
 pytestmark = pytest.mark.ros
 
@@ -65,7 +66,7 @@ def test_parameters_at_run_time(nodes):
     peer.wait_for(lambda: points and accels)
     assert not peer.set_parameters("/north/load_node", operating_point__torque=2000.0, operating_point__thrust=9000.0)
     peer.wait_for(lambda: len(points) == 2)
-    applied = messages.operating_point_from(points[1])
+    applied = from_joint_state(points[1])
     assert (applied.torque, applied.thrust) == (2.0e6, 9.0e6)
     assert applied.speed == load_machine("dz101").operating_point.speed
     assert not peer.set_parameters("/north/dynamics_node", live_rate=20.0)

@@ -110,6 +110,15 @@ def test_the_launch_file_is_one_where_launch_is_there():
     assert len(scope["generate_launch_description"]().entities) == 6
 
 
+def test_the_yaml_launch_file_is_one_where_launch_is_there():
+    pytest.importorskip("launch_yaml")
+    pytest.importorskip("launch_ros")  # which knows what a node is
+    from launch.frontend import Parser
+
+    root, parser = Parser.load(str(LAUNCH / "tbm_monitor.launch.yaml"))
+    assert len(parser.parse_description(root).entities) == 6
+
+
 def flat(parameters, prefix=""):
     for name, value in parameters.items():
         if isinstance(value, dict):

@@ -13,7 +13,7 @@ from rich.text import Text
 from tbm_gsa.cli.output import JSON_OPTION, notes, print_json, results
 from tbm_gsa.cli.shipped import RECORDING_ARGUMENT, recording_path
 from tbm_msgs_py.bags import Bag, BagInfo, RecordingError
-from tbm_msgs_py.health import PointHealth, check_recording
+from tbm_msgs_py.health import COUNTS, PointHealth, check_recording
 
 APART_S = 1.0  # clocks that differ by more get a line of their own
 
@@ -47,8 +47,8 @@ def info_document(path: Path, found: BagInfo) -> dict[str, Any]:
     -------
     dict
         ``path``, ``messages``, ``lost``, ``truncated``, ``damaged``, ``start_ns``, ``duration`` (s) and
-        ``topics{name: {type, messages}}``; with ``--scan`` ``points{point: {…}}``, see `PointHealth`, and
-        ``problems{point: reason}`` for those without samples.
+        ``topics{name: {type, messages}}``; with ``--scan`` ``points{point: {…}}``, the sums of `PointHealth`,
+        and ``problems{point: reason}`` for those without samples.
     """
     topics: dict[str, dict[str, Any]] = {}
     for topic, count in found.topics.items():
@@ -73,10 +73,25 @@ def _scanned(bag: Path, mapping: Path | None) -> dict[str, Any]:
         if mapping is not None:
             raise
         return {"points": {}, "problems": {"": str(error)}}
-    points = {point: {**asdict(health), **asdict(health.faults)} for point, health in found.points.items()}
-    for point in points.values():
-        del point["faults"]
-    return {"points": points, "problems": found.problems}
+    return {
+        "points": {point: _health(health) for point, health in found.points.items()},
+        "problems": found.problems,
+    }
+
+
+def _health(health: PointHealth) -> dict[str, Any]:
+    return {
+        "topic": health.topic,
+        "samples": health.samples,
+        "rate_hz": health.rate_hz,
+        "gaps": len(health.gaps),
+        "missing_s": health.missing_s,
+        "clipped": health.clipped,
+        "stuck_s": health.stuck_s,
+        "clock_offset": health.clock_offset,
+        "clock_drift": health.clock_drift,
+        **asdict(health.faults),
+    }
 
 
 def _print_tables(document: dict[str, Any]) -> None:
@@ -116,7 +131,7 @@ def _print_points(document: dict[str, Any]) -> None:
         )
     results.print(table)
     for name, point in points.items():
-        faults = [f"{point[key]} {key}" for key in ("clipped", *PointHealth.COUNTS) if point[key]]
+        faults = [f"{point[key]} {key}" for key in COUNTS if point[key]]
         faults += [f"{axis} stuck for {seconds:.1f} s" for axis, seconds in point["stuck_s"].items()]
         if faults:
             results.print(Text(f"{name}: {', '.join(faults)}"))
