@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json as json_module
+import math
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -88,10 +89,10 @@ def _print(document: dict[str, Any]) -> None:
             f"{row['machine_value']:.3g}",
         )
     results.print(table)
-    misfit = document["misfit"]
+    off = {name: math.exp(value) for name, value in document["misfit"].items()}
     results.print(
-        f"{len(document['statistics'])} statistics: the model is off by {misfit['model']:.0%} (RMS), with the first "
-        f"input changed by {misfit['predicted']:.0%} predicted and {misfit['checked']:.0%} in a run of its own",
+        f"{len(document['statistics'])} statistics: the model is off by a factor of {off['model']:.3g} (RMS), with the "
+        f"first input changed by {off['predicted']:.3g} as predicted and {off['checked']:.3g} in a run of its own",
         highlight=False,
     )
     results.print(verdict(document), highlight=False)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -32,7 +33,7 @@ def explanation_page(document: Mapping[str, Any]) -> str:
         "causes": document["causes"],
         "statistics": len(document["statistics"]),
         "model_error": document["settings"]["model_error"],
-        "misfit": document["misfit"],
+        "off": {name: math.exp(value) for name, value in document["misfit"].items()},
         "explained": document["explained"],
         "verdict": verdict(document),
         "before_after": embed_figure(before_after(document), "Field over model before and after, every statistic"),
