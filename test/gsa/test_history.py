@@ -186,7 +186,7 @@ def test_a_baseline_is_mean_and_scatter_and_alarms_are_set_against_it(history):
 
     def result(error):
         level = np.ones(3)
-        return WindowResult("shield", 0, LENGTH, level, level, np.array(error), 1.0, 1.0)
+        return WindowResult("shield", 0, LENGTH, level, level, np.array(error), 1.0, 1.0, level, level)
 
     rule = AlarmRule(0.05, 1, found.usual_errors())
     assert not rule.update(result([0.7, 0.6, 0.6]))  # within three times 0.158
@@ -220,14 +220,16 @@ def test_baselines_without_sense_are_refused(history):
 
 def test_live_windows_give_an_entry_an_axis():
     three = np.array([1.0, 2.0, 2.0])
-    result = WindowResult("shield", START, LENGTH, 2 * three, three, np.array([1.0, 1.0, 1.0]), 1.0, 0.75)
+    peak, kurtosis = np.array([4.0, 6.0, 6.0]), np.array([3.0, 3.2, np.nan])
+    result = WindowResult("shield", START, LENGTH, 2 * three, three, np.ones(3), 1.0, 0.75, peak, kurtosis)
     assert [(one.axis, one.field_rms, one.coverage) for one in live_entries(result, False)] == [
         ("x", 1.0, 0.75),
         ("y", 2.0, 0.75),
         ("z", 2.0, 0.75),
     ]
     assert [one.axis for one in live_entries(result, True)] == ["x", "yz"]
-    silent = WindowResult("shield", START, LENGTH, three, three * np.nan, three * np.nan, 1.0, 0.0)
+    unknown = np.full(3, np.nan)
+    silent = WindowResult("shield", START, LENGTH, three, unknown, unknown, 1.0, 0.0, unknown, unknown)
     assert list(live_entries(silent, False)) == []
 
 
