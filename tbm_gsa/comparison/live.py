@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 
 from tbm_gsa.arrays import Array, Integers
 from tbm_gsa.comparison.levels import Kind
-from tbm_gsa.comparison.statistics import relative_error
+from tbm_gsa.comparison.statistics import ratio, relative_error
 from tbm_gsa.comparison.streams import NANOSECONDS, SOURCES, ClosedWindow, PointStreams, Source, StreamCounters
 
 
@@ -32,6 +32,10 @@ class WindowResult:
         Equation (4); NaN where the coverage is too low to say.
     model_coverage, field_coverage : float
         Share of the window that really arrived, 0 … 1.
+    field_peak : ndarray, shape (3,)
+        Largest magnitude, m/s²; y and z of a rotating sensor as above.
+    field_kurtosis : ndarray, shape (3,)
+        3 of Gaussian noise; bearings and gears that begin to fail raise it first.
     operation : {"steady", "transient", "standstill"}
         How the machine was driven; only a steady window can be compared.
     """
@@ -44,12 +48,19 @@ class WindowResult:
     relative_error: Array
     model_coverage: float
     field_coverage: float
+    field_peak: Array
+    field_kurtosis: Array
     operation: Kind = "steady"
 
     @property
     def coverage(self) -> float:
         """Share of the window that both signals cover at best."""
         return min(self.model_coverage, self.field_coverage)
+
+    @property
+    def field_crest_factor(self) -> Array:
+        """Peak over RMS, (3,)."""
+        return ratio(self.field_peak, self.field_rms)
 
 
 class WindowedComparison:
@@ -133,12 +144,15 @@ class WindowedComparison:
             counters[source].restarts += 1
             for name in SOURCES:
                 counters[name].late -= streams[name].behind - (len(times) if name == source else 0)
-        self._points[point] = PointStreams(self._window_ns, counters)
+        self._points[point] = PointStreams(self._window_ns, counters, point in self._rotating)
         return self._points[point]
 
     def _result(self, point: str, streams: PointStreams, closed: ClosedWindow) -> WindowResult:
-        turning, length = point in self._rotating, self._window_ns
-        model, field = (closed.sums[source].rms(turning) for source in SOURCES)
-        shares = [closed.sums[source].coverage(streams[source].rate_hz, length) for source in SOURCES]
-        error = relative_error(field, model) if min(shares) >= self._least_coverage else np.full(3, np.nan)
-        return WindowResult(point, closed.index * length, length, model, field, error, shares[0], shares[1])
+        start_ns, length_ns = closed.index * self._window_ns, self._window_ns
+        model, field = (closed.sums[source] for source in SOURCES)
+        shares = [closed.sums[source].coverage(streams[source].rate_hz, length_ns) for source in SOURCES]
+        levels = model.rms(), field.rms()
+        error = relative_error(levels[1], levels[0]) if min(shares) >= self._least_coverage else np.full(3, np.nan)
+        return WindowResult(
+            point, start_ns, length_ns, *levels, error, shares[0], shares[1], field.peak(), field.kurtosis()
+        )

@@ -9,7 +9,7 @@ import numpy as np
 from tbm_gsa.arrays import Array, Integers
 from tbm_gsa.comparison.clock import sampling_rate
 from tbm_gsa.comparison.conditioning import HIGH_PASS_HZ, Band, CausalConditioner, common_band
-from tbm_gsa.comparison.statistics import coverage
+from tbm_gsa.comparison.statistics import coverage, kurtosis, rms
 
 Source = Literal["model", "field"]
 SOURCES: tuple[Source, Source] = ("model", "field")
@@ -36,15 +36,28 @@ class WindowSum:
     """Sums of one signal over one window."""
 
     count: int = 0
-    squares: Array = field(default_factory=lambda: np.zeros(3))  # m²/s⁴; NaN while the band is not known
+    moments: Array = field(default_factory=lambda: np.zeros((4, 3)))  # of powers 1 to 4, (m/s²)^k; NaN without a band
+    largest: Array = field(default_factory=lambda: np.zeros(3))  # magnitude, m/s²; NaN likewise
     settling: bool = False
 
-    def rms(self, rotating: bool) -> Array:
-        """Root mean square, (3,), m/s²; of a rotating sensor y and z both get √(y² + z²)."""
-        power = self.squares / self.count if self.count else np.full(3, np.nan)
-        if rotating:
-            power[1:] = power[1:].sum()
-        return np.asarray(np.sqrt(power))
+    def add(self, values: Array) -> None:
+        """Take conditioned samples, (n, 3), along the compared axes."""
+        squares = np.square(values)
+        self.count += len(values)
+        self.moments += [part.sum(axis=0) for part in (values, squares, squares * values, np.square(squares))]
+        self.largest = np.maximum(self.largest, np.abs(values).max(axis=0))
+
+    def rms(self) -> Array:
+        """Root mean square, (3,), m/s²."""
+        return rms(self.count, self.moments)
+
+    def peak(self) -> Array:
+        """Largest magnitude, (3,), m/s²."""
+        return self.largest if self.count else np.full(3, np.nan)
+
+    def kurtosis(self) -> Array:
+        """Kurtosis, (3,)."""
+        return kurtosis(self.count, self.moments)
 
     def coverage(self, rate_hz: float | None, window_ns: int) -> float:
         """Share of the window that arrived."""
@@ -68,11 +81,15 @@ class PointStreams:
         Length of a window.
     counters : mapping of Source to StreamCounters
         Where to count; they outlive a restart.
+    rotating : bool
+        The sensor turns with the head: y and z both become √(y² + z²), as `compared_axes` says.
     """
 
-    def __init__(self, window_ns: int, counters: Mapping[Source, StreamCounters]) -> None:
+    def __init__(self, window_ns: int, counters: Mapping[Source, StreamCounters], rotating: bool) -> None:
         self._window_ns = window_ns
-        self._streams: dict[Source, _Stream] = {source: _Stream(window_ns, counters[source]) for source in SOURCES}
+        self._streams: dict[Source, _Stream] = {
+            source: _Stream(window_ns, counters[source], rotating) for source in SOURCES
+        }
         self._band: Band | None = None
         self._closed: int | None = None  # the last closed window
 
@@ -119,12 +136,13 @@ class _Stream:
     of a vibration is no worse than the vibration. After more than a window without a sample it starts afresh.
     """
 
-    def __init__(self, window_ns: int, counters: StreamCounters) -> None:
+    def __init__(self, window_ns: int, counters: StreamCounters, rotating: bool) -> None:
         self.rate_hz: float | None = None
         self.reached_ns = -1  # end of what is in the sums; negative before anything is
         self.sums: dict[int, WindowSum] = {}
         self._window_ns = window_ns
         self._counters = counters
+        self._rotating = rotating
         self._pending_times: list[Integers] = []
         self._pending_rows: list[Array] = []
         self._latest_ns: int | None = None  # of all samples, pending or not
@@ -218,17 +236,18 @@ class _Stream:
             return np.full(rows.shape, np.nan)
         if self._settled_ns is None:
             self._settled_ns = int(times[0]) + SETTLE_NS
-        return self._conditioner.process(rows)
+        conditioned = self._conditioner.process(rows)
+        if self._rotating:
+            conditioned[:, 1:] = np.hypot(conditioned[:, 1], conditioned[:, 2])[:, None]
+        return conditioned
 
     def _add(self, times: Integers, conditioned: Array, closed: int | None) -> None:
         indices = times // self._window_ns
         for index in np.unique(indices).tolist():
             inside = indices == index
-            count = int(np.count_nonzero(inside))
             if closed is not None and index <= closed:
-                self._counters.late += count
+                self._counters.late += int(np.count_nonzero(inside))
                 continue
             total = self.sums.setdefault(index, WindowSum())
-            total.count += count
-            total.squares += np.square(conditioned[inside]).sum(axis=0)
+            total.add(conditioned[inside])
             total.settling |= self._settled_ns is not None and bool(times[inside][0] < self._settled_ns)

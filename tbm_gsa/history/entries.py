@@ -48,6 +48,9 @@ class Entry:
         Equation (4); infinite where nothing was measured.
     coverage : float
         Recorded share of the window.
+    field_peak : float
+        m/s².
+    field_kurtosis : float
     """
 
     point: str
@@ -58,6 +61,13 @@ class Entry:
     model_rms: float
     relative_error: float
     coverage: float
+    field_peak: float = math.nan
+    field_kurtosis: float = math.nan
+
+    @property
+    def field_crest_factor(self) -> float:
+        """Peak over RMS."""
+        return self.field_peak / self.field_rms if self.field_rms > 0.0 else math.nan
 
 
 @dataclass(frozen=True)
@@ -82,11 +92,13 @@ def live_entries(result: WindowResult, rotating: bool) -> Iterator[Entry]:
             float(result.model_rms[place]),
             float(result.relative_error[place]),
             result.field_coverage,
+            float(result.field_peak[place]),
+            float(result.field_kurtosis[place]),
         )
 
 
 def recording_entries(document: Mapping[str, Any], starts_ns: Mapping[str, int]) -> Iterator[Entry]:
-    """Entries of a comparison of a recording; windows without a sample are left out, so are those at no level.
+    """Entries of a comparison of a recording, also of windows at no level; those without a sample are left out.
 
     Parameters
     ----------
@@ -100,19 +112,33 @@ def recording_entries(document: Mapping[str, Any], starts_ns: Mapping[str, int])
         for axis, values in axes.items():
             windows = values["windows"]
             for place, start in enumerate(windows["start"]):
-                level, field_rms = windows["level"][place], windows["field_rms"][place]
-                compared = {} if level is None else document["levels"][level]["points"].get(point, {})
-                if field_rms is None or axis not in compared:
+                if windows["field_rms"][place] is None:
                     continue
-                model_rms = compared[axis]["model_rms"]
-                error = windows["relative_error"][place]
+                model_rms = _model_rms(document, windows["level"][place], point, axis)
                 yield Entry(
                     point,
                     axis,
                     starts_ns[point] + round(start * 1e9),
                     length_ns,
-                    field_rms,
+                    windows["field_rms"][place],
                     model_rms,
-                    math.inf if error is None and model_rms > 0.0 else math.nan if error is None else error,
+                    _error(windows["relative_error"][place], model_rms),
                     windows["coverage"][place],
+                    _known(windows["field_peak"][place]),
+                    _known(windows["field_kurtosis"][place]),
                 )
+
+
+def _model_rms(document: Mapping[str, Any], level: int | None, point: str, axis: str) -> float:
+    """RMS of the model's run at a level; NaN at none, or at one that was too short at this point to be compared."""
+    axes = {} if level is None else document["levels"][level]["points"].get(point, {})
+    return float(axes[axis]["model_rms"]) if axis in axes else math.nan
+
+
+def _error(written: float | None, model_rms: float) -> float:
+    """Give the error as it was before JSON, which has no infinity: nothing was measured but something computed."""
+    return math.inf if written is None and model_rms > 0.0 else _known(written)
+
+
+def _known(written: float | None) -> float:
+    return math.nan if written is None else written

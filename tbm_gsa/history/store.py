@@ -5,18 +5,19 @@ import os
 import sqlite3
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
-from dataclasses import astuple, dataclass
+from dataclasses import astuple, dataclass, fields
 from pathlib import Path
 from typing import Any, Final, Self
 
 from tbm_gsa.history.baseline import Baseline, Usual
 from tbm_gsa.history.entries import Entry, Source, Window
 
-SCHEMA_VERSION: Final = 1
+SCHEMA_VERSION: Final = 2
 APPLICATION_ID: Final = 0x54424D48  # "TBMH"
 WAIT_S: Final = 5.0  # for another writer
 _SOURCE: Final = "kind, name, digest, machine, machine_sha256"
-_ENTRY: Final = "point, axis, start_ns, length_ns, field_rms, model_rms, relative_error, coverage"
+_ENTRY: Final = ", ".join(field.name for field in fields(Entry))
+_ROW: Final = ", ".join("?" * (1 + len(fields(Entry))))  # with its source
 _SCHEMA: Final = f"""
 CREATE TABLE sources (
     id INTEGER PRIMARY KEY,
@@ -37,6 +38,8 @@ CREATE TABLE windows (
     model_rms REAL,
     relative_error REAL,
     coverage REAL NOT NULL,
+    field_peak REAL,
+    field_kurtosis REAL,
     PRIMARY KEY (start_ns, source, point, axis, length_ns)
 ) WITHOUT ROWID;
 CREATE TABLE baselines (
@@ -57,6 +60,11 @@ CREATE TABLE usual_errors (
     PRIMARY KEY (baseline, point, axis)
 ) WITHOUT ROWID;
 PRAGMA application_id = {APPLICATION_ID};
+PRAGMA user_version = {SCHEMA_VERSION};
+"""
+_FROM_VERSION_1: Final = f"""
+ALTER TABLE windows ADD COLUMN field_peak REAL;
+ALTER TABLE windows ADD COLUMN field_kurtosis REAL;
 PRAGMA user_version = {SCHEMA_VERSION};
 """
 
@@ -143,23 +151,29 @@ class History:
             raise
 
     def _prepare(self) -> None:
-        """Check what is in the file, write the schema into an empty one."""
+        """Check what is in the file, write the schema into an empty one, bring an older one up to date."""
         ask = self._connection.execute
         ask("PRAGMA foreign_keys = ON")
-        ask("BEGIN IMMEDIATE")  # one of several that find an empty file writes the schema
+        ask("BEGIN IMMEDIATE")  # one of several that find an empty or older file writes the schema
         application, version = self._pragma("application_id"), self._pragma("user_version")
         if application == 0 and ask("SELECT COUNT(*) FROM sqlite_master").fetchone()[0] == 0:
-            for statement in filter(str.strip, _SCHEMA.split(";")):
-                ask(statement)
+            self._run(_SCHEMA)
         elif application != APPLICATION_ID:
             ask("ROLLBACK")
             raise HistoryError(f"{self.path}: a database of something else, allowed: a history of tbm_monitor")
+        elif version == 1:
+            self._run(_FROM_VERSION_1)
         elif version != SCHEMA_VERSION:
             ask("ROLLBACK")
-            raise HistoryError(f"{self.path}: schema version {version}, allowed: {SCHEMA_VERSION}")
+            raise HistoryError(f"{self.path}: schema version {version}, allowed: 1 to {SCHEMA_VERSION}")
         ask("COMMIT")
         ask("PRAGMA journal_mode = WAL")
         ask("PRAGMA synchronous = NORMAL")
+
+    def _run(self, script: str) -> None:
+        """Run statements within the transaction that is open; `executescript` would commit it first."""
+        for statement in filter(str.strip, script.split(";")):
+            self._connection.execute(statement)
 
     def _pragma(self, name: str) -> int:
         return int(self._connection.execute(f"PRAGMA {name}").fetchone()[0])
@@ -182,7 +196,7 @@ class History:
             number = ask(f"SELECT id FROM sources WHERE ({_SOURCE}) = (?, ?, ?, ?, ?)", described).fetchone()[0]  # noqa: S608
             count = 0
             for entry in entries:
-                ask("INSERT OR REPLACE INTO windows VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?)", (number, *astuple(entry)))
+                ask(f"INSERT OR REPLACE INTO windows (source, {_ENTRY}) VALUES ({_ROW})", (number, *astuple(entry)))  # noqa: S608
                 count += 1
         return count
 

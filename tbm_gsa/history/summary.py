@@ -4,13 +4,15 @@ import math
 from collections.abc import Sequence
 from dataclasses import asdict
 from datetime import UTC, datetime
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
 
 from tbm_gsa.history.baseline import Baseline, sound_windows
 from tbm_gsa.history.entries import Window
 from tbm_gsa.history.store import History, Selection
+
+_NUMBERS: Final = ("field_rms", "model_rms", "relative_error", "field_peak", "field_crest_factor", "field_kurtosis")
 
 
 def history_document(history: History, selection: Selection, newest: int) -> dict[str, Any]:
@@ -89,7 +91,7 @@ def _window(window: Window) -> dict[str, Any]:
         "length_s": entry.length_ns * 1e-9,
         "point": entry.point,
         "axis": entry.axis,
-        **{name: _number(getattr(entry, name)) for name in ("field_rms", "model_rms", "relative_error")},
+        **{name: _number(getattr(entry, name)) for name in _NUMBERS},
         "coverage": entry.coverage,
         "source": source.kind,
         "name": source.name,

@@ -15,6 +15,7 @@ from tbm_gsa.nodes.health import Condition
 from tbm_gsa.nodes.history_writer import HistoryWriter
 from tbm_msgs_py.nodes import messages
 
+_QUANTITIES = ("model_rms", "field_rms", "relative_error", "field_crest_factor", "field_kurtosis")
 _STRONGEST = 5
 _WHOLE = 0.9  # share of a window below which its holes are named
 _UNIT_FACTORS = {
@@ -68,11 +69,11 @@ def _judge(latest: WindowResult | None, alarm: bool, health: Condition) -> tuple
 
 
 def _figures(latest: WindowResult) -> dict[str, float]:
-    values = {}
-    for i, axis in enumerate("xyz"):
-        values[f"model_rms_{axis}"] = float(latest.model_rms[i])
-        values[f"field_rms_{axis}"] = float(latest.field_rms[i])
-        values[f"relative_error_{axis}"] = float(latest.relative_error[i])
+    values = {
+        f"{quantity}_{axis}": float(value)
+        for quantity in _QUANTITIES
+        for axis, value in zip("xyz", getattr(latest, quantity), strict=True)
+    }
     return values | {"model_coverage": latest.model_coverage, "field_coverage": latest.field_coverage}
 
 

@@ -21,7 +21,9 @@ def history_page(path: Path, windows: Sequence[Window], baselines: Sequence[Base
     """Render windows in the order of time as a page that holds its figures and style; the newest baseline is drawn."""
     baseline = baselines[-1] if baselines else None
     figures = {
-        point: embed_figure(trends(point, members, baseline), f"RMS and relative error of {point} over time")
+        point: embed_figure(
+            trends(point, members, baseline), f"RMS, relative error, crest factor and kurtosis of {point} over time"
+        )
         for point, members in by_point(windows).items()
     }
     begin, end = iso_time(windows[0].entry.start_ns), iso_time(windows[-1].entry.start_ns)

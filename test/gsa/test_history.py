@@ -3,6 +3,7 @@
 import math
 import multiprocessing
 import sqlite3
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -21,6 +22,7 @@ from tbm_gsa.history import (
     make_baseline,
     recording_entries,
 )
+from tbm_gsa.history.summary import summarise
 
 START = 1_700_000_000_000_000_000
 LENGTH = 2_000_000_000
@@ -38,6 +40,8 @@ entries = st.builds(
     model_rms=numbers,
     relative_error=numbers,
     coverage=st.floats(0.0, 1.0).map(abs),
+    field_peak=numbers,
+    field_kurtosis=numbers,
 )
 
 
@@ -90,14 +94,92 @@ def test_selections(history):
     assert history.count(Selection(point="shield")) == 7
 
 
+VERSION_1 = """
+CREATE TABLE sources (
+    id INTEGER PRIMARY KEY, kind TEXT NOT NULL CHECK (kind IN ('live', 'offline')), name TEXT NOT NULL,
+    digest TEXT NOT NULL, machine TEXT NOT NULL, machine_sha256 TEXT NOT NULL,
+    UNIQUE (kind, name, digest, machine, machine_sha256)
+);
+CREATE TABLE windows (
+    source INTEGER NOT NULL REFERENCES sources (id), point TEXT NOT NULL, axis TEXT NOT NULL,
+    start_ns INTEGER NOT NULL, length_ns INTEGER NOT NULL, field_rms REAL, model_rms REAL, relative_error REAL,
+    coverage REAL NOT NULL, PRIMARY KEY (start_ns, source, point, axis, length_ns)
+) WITHOUT ROWID;
+CREATE TABLE baselines (
+    name TEXT PRIMARY KEY, machine TEXT NOT NULL, machine_sha256 TEXT NOT NULL, created_ns INTEGER NOT NULL,
+    since_ns INTEGER NOT NULL, until_ns INTEGER NOT NULL
+) WITHOUT ROWID;
+CREATE TABLE usual_errors (
+    baseline TEXT NOT NULL REFERENCES baselines (name) ON DELETE CASCADE, point TEXT NOT NULL, axis TEXT NOT NULL,
+    mean REAL NOT NULL, scatter REAL NOT NULL, windows INTEGER NOT NULL, PRIMARY KEY (baseline, point, axis)
+) WITHOUT ROWID;
+PRAGMA application_id = 0x54424D48;
+PRAGMA user_version = 1;
+PRAGMA journal_mode = WAL;
+INSERT INTO baselines VALUES ('spring', 'dz101', '', 1, 0, 1);
+INSERT INTO usual_errors VALUES ('spring', 'shield', 'x', 0.3, 0.01, 9);
+"""
+
+
+@pytest.fixture
+def old(tmp_path):
+    """A file as the first version wrote it: two windows at the shield, the second without a known error."""
+    path = tmp_path / "old.sqlite"
+    connection = sqlite3.connect(path)
+    connection.executescript(VERSION_1)
+    connection.execute("INSERT INTO sources VALUES (1, ?, ?, ?, ?, ?)", tuple(vars(LIVE).values()))
+    for number, error in enumerate((0.2, None)):
+        row = (1, "shield", "x", START + number * LENGTH, LENGTH, 1.0, 1.2, error, 1.0)
+        connection.execute("INSERT INTO windows VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?)", row)
+    connection.commit()
+    connection.close()
+    return path
+
+
+def test_a_file_of_version_1_keeps_what_it_has_and_takes_new_windows(old):
+    new = replace(entry(2), field_peak=4.0, field_kurtosis=3.5)
+    with History(old) as opened:
+        kept = [window.entry for window in opened.windows()]
+        assert repr(kept) == repr([entry(0), entry(1, error=math.nan)])  # peak and kurtosis are NaN
+        assert opened.baseline("spring").usual["shield", "x"].mean == 0.3
+        opened.add(LIVE, [new])
+    connection = sqlite3.connect(old)
+    assert connection.execute("PRAGMA user_version").fetchone() == (2,)
+    written = connection.execute("SELECT field_peak, field_kurtosis FROM windows").fetchall()
+    assert written == [(None, None), (None, None), (4.0, 3.5)]
+    with History(old, create=False) as opened:
+        assert opened.windows()[-1].entry == new
+        assert opened.count() == 3
+
+
+def test_a_migrated_file_has_the_columns_of_a_new_one(old, history):
+    with History(old):
+        pass
+    columns = [sqlite3.connect(path).execute("PRAGMA table_info(windows)").fetchall() for path in (old, history.path)]
+    assert columns[0] == columns[1]
+
+
+def test_a_version_1_file_that_cannot_be_migrated_stays_as_it_is(old):
+    connection = sqlite3.connect(old)
+    connection.execute("ALTER TABLE windows ADD COLUMN field_kurtosis REAL")  # the second statement fails
+    connection.close()
+    with pytest.raises(HistoryError, match="duplicate column name: field_kurtosis") as caught:
+        History(old)
+    assert "\n" not in str(caught.value)
+    connection = sqlite3.connect(old)
+    assert connection.execute("PRAGMA user_version").fetchone() == (1,)
+    assert "field_peak" not in [row[1] for row in connection.execute("PRAGMA table_info(windows)")]
+
+
 def write(path, number):
     with History(path) as opened:
         for place in range(50):
             opened.add(Source("live", f"node {number}", "", "dz101", ""), [entry(place)])
 
 
-def test_several_processes_share_a_file_from_its_creation_on(tmp_path):
-    path = tmp_path / "shared.sqlite"
+@pytest.mark.parametrize("there", [False, True])
+def test_several_processes_share_a_file_from_its_creation_or_migration_on(tmp_path, old, there):
+    path = old if there else tmp_path / "shared.sqlite"
     context = multiprocessing.get_context("spawn")
     writers = [context.Process(target=write, args=(path, number)) for number in range(3)]
     for writer in writers:
@@ -106,7 +188,7 @@ def test_several_processes_share_a_file_from_its_creation_on(tmp_path):
         writer.join()
     assert [writer.exitcode for writer in writers] == [0, 0, 0]
     with History(path) as opened:
-        assert opened.count() == 150
+        assert opened.count() == 150 + 2 * there
     assert sqlite3.connect(path).execute("PRAGMA journal_mode").fetchone() == ("wal",)
 
 
@@ -147,7 +229,7 @@ def test_another_database_a_damaged_one_and_a_newer_one(tmp_path, history):
     newer.write_bytes(bytes(whole))
     with sqlite3.connect(newer) as connection:
         connection.execute("PRAGMA user_version = 99")
-    with pytest.raises(HistoryError, match="schema version 99, allowed: 1"):
+    with pytest.raises(HistoryError, match=r"schema version 99, allowed: 1 to 2$"):
         History(newer)
 
 
@@ -186,7 +268,7 @@ def test_a_baseline_is_mean_and_scatter_and_alarms_are_set_against_it(history):
 
     def result(error):
         level = np.ones(3)
-        return WindowResult("shield", 0, LENGTH, level, level, np.array(error), 1.0, 1.0)
+        return WindowResult("shield", 0, LENGTH, level, level, np.array(error), 1.0, 1.0, level, level)
 
     rule = AlarmRule(0.05, 1, found.usual_errors())
     assert not rule.update(result([0.7, 0.6, 0.6]))  # within three times 0.158
@@ -220,28 +302,51 @@ def test_baselines_without_sense_are_refused(history):
 
 def test_live_windows_give_an_entry_an_axis():
     three = np.array([1.0, 2.0, 2.0])
-    result = WindowResult("shield", START, LENGTH, 2 * three, three, np.array([1.0, 1.0, 1.0]), 1.0, 0.75)
-    assert [(one.axis, one.field_rms, one.coverage) for one in live_entries(result, False)] == [
-        ("x", 1.0, 0.75),
-        ("y", 2.0, 0.75),
-        ("z", 2.0, 0.75),
+    peak, kurtosis = np.array([4.0, 6.0, 6.0]), np.array([3.0, 3.2, np.nan])
+    result = WindowResult("shield", START, LENGTH, 2 * three, three, np.ones(3), 1.0, 0.75, peak, kurtosis)
+    assert [(one.axis, one.field_rms, one.coverage, one.field_peak) for one in live_entries(result, False)] == [
+        ("x", 1.0, 0.75, 4.0),
+        ("y", 2.0, 0.75, 6.0),
+        ("z", 2.0, 0.75, 6.0),
     ]
-    assert [one.axis for one in live_entries(result, True)] == ["x", "yz"]
-    silent = WindowResult("shield", START, LENGTH, three, three * np.nan, three * np.nan, 1.0, 0.0)
+    turning = [(one.axis, one.field_crest_factor, one.field_kurtosis) for one in live_entries(result, True)]
+    assert turning == [("x", 4.0, 3.0), ("yz", 3.0, 3.2)]
+    unknown = np.full(3, np.nan)
+    silent = WindowResult("shield", START, LENGTH, three, unknown, unknown, 1.0, 0.0, unknown, unknown)
     assert list(live_entries(silent, False)) == []
 
 
-def test_windows_of_a_recording_without_those_at_no_level_and_without_samples():
+def test_windows_of_a_recording_also_at_no_level_without_those_without_samples():
     windows = {
         "start": [0.0, 2.0, 4.0, 6.0, 8.0],
         "level": [0, None, 0, 1, 2],
         "field_rms": [1.0, 1.0, None, 0.0, 1.0],
         "relative_error": [0.5, None, None, None, None],
         "coverage": [1.0, 1.0, 0.0, 0.5, 1.0],
+        "field_peak": [4.0, 5.0, None, 0.0, 6.0],
+        "field_kurtosis": [3.0, 3.5, None, None, 4.0],
     }
     # The third level is too short for a spectrum at this point: nothing was compared there.
     levels = [*[{"points": {"shield": {"x": {"model_rms": 1.5}}}}] * 2, {"points": {}}]
     document = {"window_s": 2.0, "points": {"shield": {"x": {"windows": windows}}}, "levels": levels}
-    first, dead = recording_entries(document, {"shield": START})
-    assert first == Entry("shield", "x", START, LENGTH, 1.0, 1.5, 0.5, 1.0)
+    first, moving, dead, short = recording_entries(document, {"shield": START})
+    nan = math.nan
+    assert first == Entry("shield", "x", START, LENGTH, 1.0, 1.5, 0.5, 1.0, 4.0, 3.0)
+    assert repr(moving) == repr(Entry("shield", "x", START + LENGTH, LENGTH, 1.0, nan, nan, 1.0, 5.0, 3.5))
     assert (dead.start_ns, dead.relative_error, dead.coverage) == (START + 3 * LENGTH, math.inf, 0.5)
+    assert np.isnan([dead.field_kurtosis, dead.field_crest_factor]).all()
+    assert repr(short) == repr(Entry("shield", "x", START + 4 * LENGTH, LENGTH, 1.0, nan, nan, 1.0, 6.0, 4.0))
+
+
+def test_windows_at_no_level_change_no_baseline_and_no_summary(history):
+    """A standstill is quiet: its RMS must not lower the median that tells a dead sensor from one that lives, either."""
+    sound = [entry(n, error=0.1 * n) for n in range(1, 7)]
+    history.add(BAG, sound)
+    usual, (before,) = make_baseline("one", history.windows(), START).usual, summarise(history.windows())
+    still = [replace(entry(n, error=math.nan), field_rms=1e-3, model_rms=math.nan) for n in range(10, 40)]
+    history.add(BAG, still)
+    assert make_baseline("one", history.windows(), START).usual == usual
+    (after,) = summarise(history.windows())
+    errors = ("error_mean", "error_scatter", "error_latest")
+    assert [after[name] for name in errors] == [before[name] for name in errors]
+    assert (before["windows"], after["windows"]) == (6, 36)

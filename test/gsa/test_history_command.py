@@ -2,15 +2,19 @@
 
 import json
 import sys
+from dataclasses import replace
 from datetime import UTC, datetime
 from pathlib import Path
 
+import numpy as np
 import pytest
 from compare_bags import START_NS, noise, write_bag
 from matplotlib.image import imread
 
 from tbm_gsa.cli.main import main
-from tbm_gsa.history import Entry, History, Source
+from tbm_gsa.history import Entry, History, Source, Window
+from tbm_gsa.report.history_figures import trends
+from tbm_msgs_py import OperatingPoint
 
 
 @pytest.fixture
@@ -58,8 +62,27 @@ def test_compare_puts_its_windows_into_the_history(run, tmp_path):
     assert [window["start_ns"] - START_NS for window in windows] == [0, 2_000_000_000, 4_000_000_000]
     assert windows[0]["start"] == datetime.fromtimestamp(START_NS // 10**9, UTC).isoformat().replace("+00:00", ".000Z")
     assert windows[0]["name"] == str(bag)
+    for name in ("field_peak", "field_crest_factor", "field_kurtosis"):
+        compared = document["points"]["shield"]["y"]["windows"][name]
+        assert [window[name] for window in windows] == pytest.approx(compared)
     assert run("compare", bag, "--model-duration", 2, "--no-keep", "--history", tmp_path / "no.sqlite")[0] == 0
     assert not (tmp_path / "no.sqlite").exists()
+
+
+def test_a_recorded_standstill_is_in_the_history_without_an_error(run, tmp_path):
+    driven, still = OperatingPoint(0.5, 3e6, 1e7), OperatingPoint(0.0, 0.0, 0.0)
+    operating = [(at, driven if at < 20 else still) for at in range(28)]
+    bag = write_bag(tmp_path / "bag", {"shield": noise(28.0)}, operating=operating)
+    history = tmp_path / "h.sqlite"
+    code, _, err = run("compare", bag, "--model-duration", 2, "--history", history, "--json")
+    assert code == 0, err
+    document = json.loads(run("history", "--history", history, "--json")[1])
+    windows = [window for window in document["windows"] if window["axis"] == "x"]
+    assert [window["relative_error"] is None for window in windows] == [False] * 10 + [True] * 4
+    assert [window["model_rms"] is None for window in windows] == [False] * 10 + [True] * 4
+    assert all(window["field_kurtosis"] == pytest.approx(3.0, abs=0.5) for window in windows)
+    row = next(row for row in document["summary"] if row["axis"] == "x")
+    assert (row["windows"], row["error_latest"]) == (14, windows[9]["relative_error"])
 
 
 def test_a_history_that_cannot_be_used(run, tmp_path, monkeypatch):
@@ -114,6 +137,20 @@ def test_a_baseline_and_pictures(run, file, tmp_path):
     assert text.count("<img") == 2
     assert imread(picture).shape[1] == 1200
     assert "spring" in run("history", "--history", file)[1]
+
+
+def test_crest_factor_and_kurtosis_are_drawn_where_they_are_known():
+    source = Source("live", "node", "", "dz101", "ab")
+    plain = [Entry("shield", axis, START_NS, 2_000_000_000, 2.0, 1.2, 0.2, 1.0) for axis in "xy"]
+    assert len(trends("shield", [Window(source, one) for one in plain], None).axes) == 4
+    known = [*plain, replace(plain[0], start_ns=START_NS + 2_000_000_000, field_peak=9.0, field_kurtosis=3.5)]
+    panels = trends("shield", [Window(source, one) for one in known], None).axes
+    assert len(panels) == 6
+    drawn = {line.get_label(): line.get_ydata().tolist() for line in panels[2].lines}
+    assert drawn == {
+        "crest factor": [pytest.approx(np.nan, nan_ok=True), 4.5],
+        "kurtosis": [pytest.approx(np.nan, nan_ok=True), 3.5],
+    }
 
 
 @pytest.mark.parametrize(

@@ -272,6 +272,8 @@ def test_windows_go_into_the_history_and_alarms_are_set_against_its_baseline(run
     assert {(window.source.kind, window.source.name) for window in found} == {("live", NODE)}
     assert found[-1].entry.relative_error == pytest.approx(0.5, abs=0.02)
     assert found[-1].entry.start_ns % 500_000_000 == 0
+    assert found[-1].entry.field_crest_factor == pytest.approx(np.sqrt(2.0), rel=0.05)  # of a sine
+    assert found[-1].entry.field_kurtosis == pytest.approx(1.5, rel=0.05)
 
     levels["field"] = np.array([10.0, 1.0, 4.0])  # 70 % on x: a change of 20 %, under the threshold of 30 %
     feed(peer, windows, 10, pairs)

@@ -15,7 +15,8 @@ from tbm_gsa.nodes.statuses import comparison_status
 
 
 def window(model=1.0, field=1.0, rms=1.0):
-    return WindowResult("girder", 0, 2_000_000_000, np.ones(3), np.full(3, rms), np.zeros(3), model, field)
+    level, peak, kurtosis = np.full(3, rms), np.array([4.0, 5.0, 6.0]), np.array([3.0, 7.0, np.nan])
+    return WindowResult("girder", 0, 2_000_000_000, np.ones(3), level, np.zeros(3), model, field, peak, kurtosis)
 
 
 REFUSED = Condition(refused=["block fields: none"], silent=["no signal of the model for 3 s"])
@@ -68,3 +69,27 @@ def test_status_of_a_comparison(latest, alarm, health, level, message):
     status = comparison_status("tbm: comparison girder", "girder", latest, None, alarm, health)
     assert (status.level, status.message) == (level, message)
     assert (status.name, status.hardware_id) == ("tbm: comparison girder", "girder")
+
+
+def test_values_of_the_latest_window():
+    latest = replace(window(rms=2.0, model=0.9), relative_error=np.array([0.5, np.inf, np.nan]))
+    status = comparison_status("tbm: comparison girder", "girder", latest, None, False, Condition())
+    values = {pair.key: float(pair.value) for pair in status.values}
+    assert values == pytest.approx(
+        {
+            **{f"model_rms_{axis}": 1.0 for axis in "xyz"},
+            **{f"field_rms_{axis}": 2.0 for axis in "xyz"},
+            "relative_error_x": 0.5,
+            "relative_error_y": np.inf,
+            "relative_error_z": np.nan,
+            "field_crest_factor_x": 2.0,
+            "field_crest_factor_y": 2.5,
+            "field_crest_factor_z": 3.0,
+            "field_kurtosis_x": 3.0,
+            "field_kurtosis_y": 7.0,
+            "field_kurtosis_z": np.nan,
+            "model_coverage": 0.9,
+            "field_coverage": 1.0,
+        },
+        nan_ok=True,
+    )
