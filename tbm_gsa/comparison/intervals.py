@@ -64,15 +64,15 @@ def jackknife(
     np.add.at(totals, groups, sums)
     level = np.zeros(len(totals), dtype=np.int64)
     level[groups] = strata
-    with np.errstate(divide="ignore", invalid="ignore"):
+    with np.errstate(divide="ignore", invalid="ignore"):  # nothing in a band: its interval is not known
         left_out = np.log(statistic(totals.sum(axis=0) - totals))
-    variance, freedom = np.zeros(left_out.shape[1:]), 0
-    for one in np.unique(level):
-        values = left_out[level == one]
-        count = len(values)
-        if count > 1:
-            variance = variance + (count - 1) / count * np.square(values - values.mean(axis=0)).sum(axis=0)
-            freedom += count - 1
+        variance, freedom = np.zeros(left_out.shape[1:]), 0
+        for one in np.unique(level):
+            values = left_out[level == one]
+            count = len(values)
+            if count > 1:
+                variance = variance + (count - 1) / count * np.square(values - values.mean(axis=0)).sum(axis=0)
+                freedom += count - 1
     if not freedom:
         return np.full(left_out.shape[1:], np.nan), 0.0
     return scipy.stats.t.isf(_TAIL, freedom) * np.sqrt(variance), float(freedom)

@@ -79,7 +79,7 @@ def _delete(file: Path, writing: BagWriter) -> bool:
             _delete_finished(file)
         finally:
             os.close(descriptor)
-    except (OSError, RecordingError):
+    except (OSError, RecordingError, KeyError, TypeError):  # the last two: its metadata is not what a recorder writes
         return False
     return True
 

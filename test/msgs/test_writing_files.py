@@ -155,6 +155,19 @@ def test_quota_leaves_what_no_recorder_made(tmp_path):
     assert Bag(reference).info().messages == 21
 
 
+def test_quota_leaves_a_recording_whose_metadata_was_spoilt(tmp_path):
+    spoilt, _ = recorded(tmp_path, "old", range(20), 1000)
+    file = spoilt / "metadata.yaml"
+    content = yaml.safe_load(file.read_text())
+    del content["rosbag2_bagfile_information"]["files"]
+    file.write_text(yaml.safe_dump(content))
+    with BagWriter(tmp_path / "now", custom_data=MARK) as writer:
+        gone, over = enforce(0, writer)
+    assert gone == []
+    assert over > 0
+    assert len(list(spoilt.glob("*.mcap"))) == 2
+
+
 def test_lock_goes_with_the_recording(tmp_path):
     writer = BagWriter(tmp_path / "bag")
     writer.open()
