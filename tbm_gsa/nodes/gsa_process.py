@@ -30,6 +30,7 @@ class GsaOptions:
     samples: int
     test: int
     duration: float
+    outputs: tuple[str, ...]
     seed: int
     workers: int
     folder: Path
@@ -85,6 +86,8 @@ class GsaProcess:
         command += ["gsa", "run", "--machine", options.machine]
         command += ["--samples", str(options.samples), "--test", str(options.test), "--out", str(folder)]
         command += ["--duration", str(options.duration), "--seed", str(options.seed), "--workers", str(options.workers)]
+        if options.outputs:
+            command += ["--outputs", ",".join(options.outputs)]
         with (folder / _LOG_NAME).open("wb") as log:
             # A group of its own: Ctrl-C at the terminal reaches the node, which then ends this one in order. The pipe
             # closes with the node, so that a node that was killed leaves nothing running behind.
