@@ -19,7 +19,9 @@ from tbm_gsa.history import History, Selection, default_history, make_baseline
 from tbm_gsa.history.summary import baseline_document, history_document
 from tbm_gsa.report.history_page import history_page, history_picture
 
-app = typer.Typer(help="Windows of all comparisons over time, and baselines.", invoke_without_command=True)
+app = typer.Typer(
+    add_completion=False, help="Windows of all comparisons over time, and baselines.", invoke_without_command=True
+)
 
 HISTORY_HELP = "History file; default: $TBM_HISTORY, else tbm_monitor/history.sqlite in the user's data folder."
 _UNITS = {"s": 1, "m": 60, "h": 3600, "d": 86400}

@@ -1,4 +1,4 @@
-"""`tbm-monitor`: registers the commands and turns every expected error into one line and an exit code."""
+"""`tbm-monitor`: turns every expected error into one line and an exit code."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from typing import Annotated
 import typer
 
 import tbm_gsa
-from tbm_gsa.cli import bag, compare, demo, doctor, gsa, history, machine, reproduce, run, simulate
+from tbm_gsa.cli.commands import CommandLine
 from tbm_gsa.cli.output import notes, results
 from tbm_gsa.cli.start import ENDING, INTERRUPTED
 
@@ -30,7 +30,7 @@ def _version(asked: bool) -> None:
         raise typer.Exit
 
 
-@app.callback()
+@app.callback(cls=CommandLine)
 def group(
     version: Annotated[
         bool, typer.Option("--version", callback=_version, is_eager=True, help="Print the version and exit.")
@@ -38,17 +38,6 @@ def group(
 ) -> None:
     """Drive-train monitor for tunnel boring machines: model, recordings, comparison, sensitivity."""
 
-
-app.command()(demo.demo)
-app.command()(run.run)
-app.command()(simulate.simulate)
-app.command()(compare.compare)
-app.add_typer(gsa.app, name="gsa")
-app.add_typer(bag.app, name="bag")
-app.add_typer(machine.app, name="machine")
-app.add_typer(history.app, name="history")
-app.command()(reproduce.reproduce)
-app.command()(doctor.doctor)
 
 BAD_INPUT = 2
 

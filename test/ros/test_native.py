@@ -20,7 +20,7 @@ rclpy = pytest.importorskip("rclpy")
 
 from processes import wait_for  # noqa: E402
 
-from tbm_gsa.cli.main import app  # noqa: E402
+from tbm_gsa.cli.commands import load  # noqa: E402
 from tbm_gsa.nodes.start import NODES  # noqa: E402
 from tbm_msgs_py import topics  # noqa: E402
 from tbm_msgs_py.nodes.parameters import AUTOSTART  # noqa: E402
@@ -163,9 +163,8 @@ def test_the_systemd_unit_starts_a_command_that_there_is(tmp_path):
     unit.read(CONFIG / "tbm_monitor.service")
     program, command, *options = unit["Service"]["ExecStart"].split()
     assert Path(program).name == "tbm-monitor"
-    (found,) = [c for c in app.registered_commands if (c.name or c.callback.__name__) == command]
-    for option in options[::2]:
-        assert option.removeprefix("--") in found.callback.__annotations__
+    known = {name for parameter in load(command).params for name in parameter.opts}
+    assert set(options[::2]) <= known
     if shutil.which("systemd-analyze"):
         copy = tmp_path / "tbm_monitor.service"
         copy.write_text((CONFIG / "tbm_monitor.service").read_text().replace(program, sys.executable))
