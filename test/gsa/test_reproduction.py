@@ -10,8 +10,7 @@ import pytest
 from tbm_dynamics.indicators import INDICATORS
 from tbm_gsa.cli.shipped import shipped_bag
 from tbm_gsa.paper.sensitivity import TRENDS
-from tbm_gsa.report.reproduction_page import reproduction_page
-from tbm_gsa.reproduction import studies
+from tbm_gsa.reproduction import studies, workflow
 from tbm_gsa.reproduction.loads import gather_loads, load_rows
 from tbm_gsa.reproduction.model import mesh_curves, model_rows
 from tbm_gsa.reproduction.response import gather_response
@@ -143,8 +142,20 @@ class _Links(HTMLParser):
         self.anchors |= {value for name, value in attrs if name == "id"}
 
 
-def test_the_page_holds_everything_itself(result):
-    text = reproduction_page(result)
+def test_the_command_says_what_differs_and_its_page_holds_everything_itself(result, tmp_path, typed, monkeypatch):
+    monkeypatch.setattr(workflow, "reproduce", lambda *_, **__: result)
+    monkeypatch.setenv("COLUMNS", "200")
+    code, out, err = typed("reproduce", "--out", str(tmp_path))
+    assert (code, err.split()) == (0, ["page:", f"{tmp_path}/reproduction.html"])
+    rows = result.document["rows"]
+    differing = [
+        row for row in rows if row["verdict"] == "differs" and row["reading"] in (None, "stiffness_proportional")
+    ]
+    assert len(differing) > 5
+    assert all(row["what"].split("\n")[0][:30] in out for row in differing)
+    assert f"{result.document['verdicts']['differs']} differs" in out
+    assert json.loads((tmp_path / "reproduction.json").read_text("utf-8"))["rows"] == json.loads(json.dumps(rows))
+    text = (tmp_path / "reproduction.html").read_text("utf-8")
     page = _Links()
     page.feed(text)
     assert all(link.startswith(("data:image/svg+xml;base64,", "#")) for link in page.links)

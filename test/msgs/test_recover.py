@@ -18,6 +18,7 @@ from rosbags.rosbag2 import Reader
 from sample_bag import BLOCKS, START_NS
 
 from tbm_gsa.cli.bag.info import info
+from tbm_gsa.cli.bag.recover import recover as recover_command
 from tbm_msgs_py import Bag, RecordingError, read_recording
 from tbm_msgs_py.bags.quality import offered_quality
 from tbm_msgs_py.bags.recovery import recover
@@ -85,6 +86,14 @@ def test_truncated_file_is_recovered_and_read_by_others(tmp_path, folder):
         assert [bytes(data) for _, _, data in reader.messages()] == [m.data for m in before]
     with clean.open("rb") as file:
         assert [m.data for _, _, m in make_reader(file).iter_messages()] == [m.data for m in before]
+
+
+def test_recovering_is_told_in_words(tmp_path, folder, capsys):
+    broken, clean = cut(folder, tmp_path / "broken.mcap"), tmp_path / "clean.mcap"
+    recover_command(broken, clean, json=False)
+    count, lost = len(list(Bag(broken).messages())), Bag(broken).info().lost
+    told = f"{clean}: {count} messages recovered, {lost} lost or more, cut off before its end"
+    assert " ".join(capsys.readouterr().out.split()) == told
 
 
 def test_what_cannot_be_recovered_is_one_line_and_leaves_nothing(tmp_path):
