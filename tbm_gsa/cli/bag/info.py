@@ -10,7 +10,7 @@ import typer
 from rich.table import Table
 from rich.text import Text
 
-from tbm_gsa.cli.output import JSON_OPTION, notes, print_json, results
+from tbm_gsa.cli.output import JSON_OPTION, notes, print_json, progress_bar, results
 from tbm_gsa.cli.shipped import RECORDING_ARGUMENT, recording_path
 from tbm_msgs_py.bags import Bag, BagInfo, RecordingError
 from tbm_msgs_py.health import COUNTS, PointHealth, check_recording
@@ -29,11 +29,14 @@ def info(
     """List the topics of a recording, its length, and what is missing."""
     bag = recording_path(bag)
     recording = Bag(bag)
-    document = info_document(bag, recording.info(scan=scan))
-    if recording.problem:
-        notes.print(Text(recording.problem))
-    if scan:
-        document |= _scanned(bag, mapping)
+    with progress_bar("reading") as progress:
+        if scan:
+            progress.add_task("", total=None)
+        document = info_document(bag, recording.info(scan=scan))
+        if recording.problem:
+            notes.print(Text(recording.problem))
+        if scan:
+            document |= _scanned(bag, mapping)
     if json:
         print_json(document)
     else:

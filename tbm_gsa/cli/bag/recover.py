@@ -9,7 +9,7 @@ from typing import Annotated
 import typer
 from rich.text import Text
 
-from tbm_gsa.cli.output import JSON_OPTION, print_json, results
+from tbm_gsa.cli.output import JSON_OPTION, print_json, progress_bar, results
 from tbm_msgs_py.bags.recovery import Recovery
 from tbm_msgs_py.bags.recovery import recover as recover_recording
 
@@ -20,7 +20,9 @@ def recover(
     json: Annotated[bool, JSON_OPTION] = False,
 ) -> None:
     """Write what can be read of a damaged recording to a new one."""
-    found = recover_recording(bag, out)
+    with progress_bar("recovering") as progress:
+        progress.add_task("", total=None)
+        found = recover_recording(bag, out)
     if json:
         print_json({"path": str(bag), "out": str(out), **asdict(found)})
     else:
