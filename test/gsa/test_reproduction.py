@@ -8,6 +8,7 @@ from html.parser import HTMLParser
 import pytest
 
 from tbm_dynamics.indicators import INDICATORS
+from tbm_gsa.cli import output
 from tbm_gsa.cli.shipped import shipped_bag
 from tbm_gsa.paper.sensitivity import TRENDS
 from tbm_gsa.reproduction import studies, workflow
@@ -144,7 +145,7 @@ class _Links(HTMLParser):
 
 def test_the_command_says_what_differs_and_its_page_holds_everything_itself(result, tmp_path, typed, monkeypatch):
     monkeypatch.setattr(workflow, "reproduce", lambda *_, **__: result)
-    monkeypatch.setenv("COLUMNS", "200")
+    monkeypatch.setattr(output.results, "_width", 400)  # nothing is wrapped
     code, out, err = typed("reproduce", "--out", str(tmp_path))
     assert (code, err.split()) == (0, ["page:", f"{tmp_path}/reproduction.html"])
     rows = result.document["rows"]
