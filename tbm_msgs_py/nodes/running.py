@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import signal
+import sys
 import threading
 import traceback
 from collections.abc import Callable, Sequence
@@ -18,6 +19,7 @@ if TYPE_CHECKING:
 
 # A bounded wait: `EventsExecutor.spin()` without one can turn in place and hold the interpreter.
 WAIT = 1.0  # s
+AGAIN = 0.25  # s
 _ENDING = (signal.SIGINT, signal.SIGTERM)
 
 
@@ -39,6 +41,7 @@ def run_node(factory: Callable[[], ManagedNode], args: Sequence[str] | None = No
     node: ManagedNode | None = None
     try:
         # Before rclpy.init: rclpy's own handlers, which end the context, call the ones they find.
+        sys.unraisablehook = _without_interruptions
         _handle(_on_signal)
         rclpy.init(args=None if args is None else list(args))
         node = factory()
@@ -53,8 +56,15 @@ def run_node(factory: Callable[[], ManagedNode], args: Sequence[str] | None = No
 
 def _handle(handler: Any) -> None:
     if threading.current_thread() is threading.main_thread():
-        for number in _ENDING:
+        signal.setitimer(signal.ITIMER_REAL, 0.0)
+        for number in (*_ENDING, signal.SIGALRM):
             signal.signal(number, handler)
+
+
+def _without_interruptions(unraisable: Any) -> None:
+    """Say nothing of an interruption that a library's callback has swallowed: it comes again."""
+    if unraisable.exc_type is not KeyboardInterrupt:
+        sys.__unraisablehook__(unraisable)
 
 
 _spinning = threading.Event()
@@ -66,6 +76,8 @@ def _on_signal(_number: int, _frame: Any) -> None:
     The executor would log a `KeyboardInterrupt` in a callback as a fault.
     """
     if not _spinning.is_set():
+        # A compiler's callback swallows what is raised in it: again, until it is heard.
+        signal.setitimer(signal.ITIMER_REAL, AGAIN)
         raise KeyboardInterrupt
 
 

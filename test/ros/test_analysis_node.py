@@ -306,8 +306,8 @@ def test_a_standstill_is_no_alarm_and_blocks_go_before_samples(run_node, peer):
     pairs = [(model, lambda k: block_message(k, sine(MODEL, k))), (field, measured)]
     drive(0.6)
     status = "tbm: comparison shield"
-    feed(peer, windows, 5, pairs)
-    peer.wait_for(lambda: peer.text(status) == "compared")  # not one sample late
+    # The node may hear of the samples before it hears of the blocks; from then on not one sample is late.
+    feed(peer, windows, 5, pairs, until=lambda: peer.text(status) == "compared")
     assert vectors(windows["field_rms"])[-1] == pytest.approx(FIELD / np.sqrt(2), rel=0.01)
 
     def rates():
@@ -318,19 +318,19 @@ def test_a_standstill_is_no_alarm_and_blocks_go_before_samples(run_node, peer):
     drive(0.0)
     level["field"] = 1e-3 * FIELD  # nothing but noise
     still = {"model_rms": windows["model_rms"]}
-    feed(peer, still, len(whole(still["model_rms"])) + 8, pairs)
-    peer.wait_for(lambda: peer.text(status) == "not compared: the machine stands still")
+    standing = "not compared: the machine stands still"
+    feed(peer, still, len(whole(still["model_rms"])) + 8, pairs, until=lambda: peer.text(status) == standing)
     assert peer.diagnostics[status].level == 0
     assert np.isnan(vectors(windows["relative_error"])[-3:]).all()
     assert not node.says("relative error over")
 
     drive(0.6)
-    feed(peer, still, len(whole(still["model_rms"])) + 6, pairs)
-    peer.wait_for(lambda: "field measures next to nothing along x, y, z: a dead channel?" in peer.text(status))
+    dead = "field measures next to nothing along x, y, z: a dead channel?"
+    feed(peer, still, len(whole(still["model_rms"])) + 6, pairs, until=lambda: dead in peer.text(status))
     assert not node.says("relative error over")
     level["field"] = 0.1 * FIELD
-    feed(peer, still, len(whole(still["model_rms"])) + 8, pairs)
-    peer.wait_for(lambda: node.says("relative error over 0.6 for 2 windows"))
+    over = "relative error over 0.6 for 2 windows"
+    feed(peer, still, len(whole(still["model_rms"])) + 8, pairs, until=lambda: node.says(over))
 
 
 @pytest.mark.parametrize(

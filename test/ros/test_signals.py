@@ -62,6 +62,34 @@ def test_a_signal_during_the_start(tmp_path, monkeypatch, name):
     assert not faults, "\n".join(faults)
 
 
+SWALLOWING = """
+import ctypes, os, signal, sys, time
+from tbm_msgs_py.nodes.managed import ManagedNode, run_node
+
+class Compiling(ManagedNode):
+    def __init__(self):
+        super().__init__("compiling")
+
+    def configure(self):
+        ctypes.CFUNCTYPE(None)(lambda: os.kill(os.getpid(), signal.SIGINT) or time.sleep(0.1))()
+        time.sleep(60.0)
+
+sys.exit(run_node(Compiling))
+"""
+
+
+def test_a_signal_that_a_library_swallows_comes_again():
+    """As the callbacks of a compiler do: what is raised in them goes no further."""
+    process = subprocess.Popen(
+        [sys.executable, "-c", SWALLOWING], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+    )
+    try:
+        out, err = process.communicate(timeout=30)
+    finally:
+        process.kill()
+    assert (process.returncode, out, err) == (0, "", "")
+
+
 def test_ctrl_c_while_the_command_line_is_imported():
     script = Path(sys.executable).with_name("tbm-monitor")
     process = subprocess.Popen([script, "run"], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
