@@ -14,14 +14,10 @@ export OPENBLAS_NUM_THREADS ?= 1
 demo: $(READY)
 	$(BIN)/tbm-monitor demo
 
-# Tests with nodes wait more than they work: two at a time, but for those that count on every block. One that fails so
-# is run again alone, and has to pass: DDS loses an answer now and then while two systems find each other at once.
-COUNTING := test/ros/test_demo.py test/ros/test_machines.py test/ros/test_streaming.py
+# The nodes keep time, so their tests run one after the other.
 test: $(READY)
 	$(BIN)/python -m pytest --numprocesses=auto --dist=loadfile --ignore=test/ros
-	$(BIN)/python -m pytest --numprocesses=2 --dist=loadfile test/ros $(COUNTING:%=--ignore=%) \
-		|| $(BIN)/python -m pytest --last-failed --last-failed-no-failures=none test/ros
-	$(BIN)/python -m pytest $(COUNTING)
+	$(BIN)/python -m pytest test/ros
 
 # The same tests, and which lines none of them runs; processes that tests start are counted, compiled kernels are not.
 coverage: $(READY)

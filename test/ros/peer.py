@@ -64,13 +64,10 @@ class Peer:
         return made
 
     def call(self, kind, name, request=None, deadline=DEADLINE):
-        known = name in self._clients
-        if not known:
+        if name not in self._clients:
             self._clients[name] = self.node.create_client(kind, name)
         client = self._clients[name]
         self.wait_for(client.service_is_ready)
-        if not known:  # a service is found before it has found the client: an answer at once would be lost
-            self.spin_for(0.3)
         future = client.call_async(request or kind.Request())
         self.wait_for(future.done, deadline)
         return future.result()
