@@ -18,6 +18,7 @@ from std_srvs.srv import Trigger
 
 from tbm_dynamics.machine import Machine, load_machine
 from tbm_gsa.comparison import AlarmRule, Operation, WindowedComparison, WindowResult
+from tbm_gsa.comparison.levels import Kind
 from tbm_gsa.history import Source
 from tbm_gsa.nodes.field_topics import FieldTopics
 from tbm_gsa.nodes.gsa_process import GsaOptions, GsaProcess, GsaStatus
@@ -86,6 +87,7 @@ PARAMETERS = (
     Parameter("gsa.folder", "tbm_gsa_studies", "folder that gets one folder a study", changes="running"),
 )
 _AXES = ("x", "y", "z")
+_APART: tuple[Kind, ...] = ("standstill", "transient")  # what says more comes first
 
 
 class AnalysisNode(ManagedNode):
@@ -263,8 +265,10 @@ class AnalysisNode(ManagedNode):
         """Leave a window without an error in which the machine, or the model after it, was not driven steadily."""
         end_ns = result.start_ns + result.length_ns
         kinds = [known.kind(result.start_ns, end_ns) for known in self._operation.values()]
-        apart = sorted({kind for kind in kinds if kind != "steady"})  # a standstill says more than a change
-        return replace(result, relative_error=np.full(3, np.nan), operation=apart[0]) if apart else result
+        for apart in _APART:
+            if apart in kinds:
+                return replace(result, relative_error=np.full(3, np.nan), operation=apart)
+        return result
 
     def _start_gsa(self, reason: str) -> bool:
         self._look_at_gsa()

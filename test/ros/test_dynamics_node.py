@@ -96,6 +96,20 @@ def test_live_equals_offline_bit_for_bit(run_node, peer):
     end_all(nodes, signal.SIGINT)
 
 
+def test_sensors_at_a_rate_of_their_own(run_node, peer):
+    """Every fifth of the samples that sensors at block_rate would send; the mesh forces keep theirs."""
+    model = listen_to_model(peer)
+    run_node(DYNAMICS_NODE, block_samples=50, **{"sensor.rate": 1000})
+    loads = Loads(peer)
+    peer.wait_for(lambda: peer.text(STATUS) == "no block on loads/block yet")
+    for k in range(4):
+        loads.send(k)
+    peer.wait_for(lambda: len(model["meshes"]) == 20 and len(model["shield"]) == 4)
+    shield, meshes = (messages.block_from(model[name][0]) for name in ("shield", "meshes"))
+    assert np.diff(shield.offsets) == pytest.approx(np.full(49, 1e-3))
+    assert np.diff(meshes.offsets) == pytest.approx(np.full(49, 2e-4))
+
+
 def test_lost_and_wrong_blocks(run_node, peer):
     model = listen_to_model(peer)
     run_node(DYNAMICS_NODE)
