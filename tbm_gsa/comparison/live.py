@@ -135,6 +135,10 @@ class WindowedComparison:
         closed = streams.feed(source, times, rows[finite], high_hz=self._high_hz, patience=self._patience)
         return [self._result(point, streams, window) for window in closed]
 
+    def restart(self, point: str) -> None:
+        """Begin a point anew: its signals come from elsewhere now, at another rate perhaps."""
+        self._points.pop(point, None)
+
     def _streams(self, point: str, source: Source, times: Integers) -> PointStreams:
         """Both signals of a point; afresh if this one's clock has jumped back, as a bag does that loops."""
         streams, counters = self._points.get(point), self.counters[point]

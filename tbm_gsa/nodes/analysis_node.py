@@ -114,7 +114,12 @@ class AnalysisNode(ManagedNode):
         self._create_publishers()
         self._subscribe_model()
         self._field_topics = FieldTopics(
-            self, self._sensors, partial(self._on_block, "field"), self._feed_field, self._health
+            self,
+            self._sensors,
+            partial(self._on_block, "field"),
+            self._feed_field,
+            self._health,
+            self._restart_point,
         )
         self.create_service(Trigger, topics.RUN_GSA, self._on_run_gsa)
         self.create_service(Trigger, topics.CANCEL_GSA, self._on_cancel_gsa)
@@ -127,6 +132,9 @@ class AnalysisNode(ManagedNode):
             return dict(mapping.topics)
         names = (name(point) for point in self._points for name in (topics.field_block, topics.field_accel))
         return {name: contract_sensor(name.split("/")[1]) for name in names}
+
+    def _restart_point(self, point: str) -> None:
+        self._comparison.restart(point)  # whichever it is now: another window makes another
 
     def _new_comparison(self) -> WindowedComparison:
         return WindowedComparison(float(self.value("window")), rotating=self._rotating)

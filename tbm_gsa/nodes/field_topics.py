@@ -54,6 +54,8 @@ class FieldTopics:
         Called with the sensor, the stamp (ns), offsets (n,) in s and values (n, 3) of single samples.
     health : StreamHealth
         Is told what is wrong with a topic.
+    on_left : callable
+        Called with a test point whose single samples are no longer taken.
     """
 
     def __init__(
@@ -63,10 +65,11 @@ class FieldTopics:
         on_block: OnBlock,
         on_samples: OnSamples,
         health: StreamHealth,
+        on_left: Callable[[str], None],
     ) -> None:
         self._node, self._sensors, self._health = node, dict(sensors), health
         self._points = {sensor.point for sensor in self._sensors.values()}
-        self._on_block, self._on_samples = on_block, on_samples
+        self._on_block, self._on_samples, self._on_left = on_block, on_samples, on_left
         self._offers: dict[str, _Offer] = {}
         self._subscriptions: dict[str, Any] = {}
         for name in self._sensors:
@@ -94,7 +97,9 @@ class FieldTopics:
         in_blocks = {self._sensors[name].point for name, offer in offered.items() if offer.type == _BLOCK}
         for name, offer in offered.items():
             if offer.type != _BLOCK and self._sensors[name].point in in_blocks:
-                self._leave(name)
+                if name in self._subscriptions:
+                    self._leave(name)
+                    self._on_left(self._sensors[name].point)
             elif offer != self._offers.get(name):
                 self._subscribe(name, offer)
 
