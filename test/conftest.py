@@ -11,6 +11,11 @@ import pytest
 for _name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"):
     os.environ.setdefault(_name, "1")
 
+# A domain of this test process alone, on this computer; up to 101 the ports stay clear of the ephemeral range.
+os.environ["ROS_DOMAIN_ID"] = str(1 + os.getpid() % 100)
+os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "LOCALHOST"
+os.environ["ROS_PYTHON_CHECK_FIELDS"] = "1"
+
 # What a test compares does not go into the history of whoever runs it.
 _data = tempfile.TemporaryDirectory(prefix="tbm_test_data_")
 os.environ["XDG_DATA_HOME"] = _data.name

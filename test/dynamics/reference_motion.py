@@ -1,5 +1,7 @@
 """The nonlinear system written out once more, for a general ODE solver: every unknown, no basis, no fixed step."""
 
+from functools import lru_cache
+
 import numpy as np
 import scipy.integrate
 
@@ -31,6 +33,7 @@ def reference_motion(system, start, loads, times, speed, torque=None, tolerance=
     motors = (system.operating_point.torque if torque is None else torque) * system.motor_pattern
     teeth = couplings.ring_teeth / (2.0 * np.pi)
 
+    @lru_cache(maxsize=8)  # the solver comes back to the stages of a step
     def held(t):
         small = 1e-7
         ahead, behind = (condition(couplings, teeth * speed(t + dt))[1] for dt in (small, -small))

@@ -42,10 +42,23 @@ def test_a_study_grows(tmp_path, typed, definition, monkeypatch):
     assert code == 0
     document = json.loads(first)
     assert list(document["outputs"]) == ["MF_M", "RDef_A"]
-    assert list(document["outputs"]["MF_M"]["first"]) == ["x2", "x16"]
+    for output in document["outputs"].values():
+        assert {"surrogate", "r2_test", "r2_cv", "first", "total", "first_interval", "total_interval"} <= set(output)
+        assert list(output["first"]) == list(output["total"]) == list(output["total_interval"]) == ["x2", "x16"]
+        low, high = output["total_interval"]["x2"]
+        assert low <= high
+    assert document["seconds"] > 0.0
+    assert {"store.sqlite", "result.json", "report.html"} <= {path.name for path in (tmp_path / "study").iterdir()}
     with Store.open(tmp_path / "study/store.sqlite") as store:
         X, Y = store.results("train")
         assert store.designs()[0].kind == "lhs-maximin"
+
+    monkeypatch.setattr(analysis, "local_processes", pytest.fail)  # one worker is this process
+    before = (tmp_path / "study/store.sqlite").read_bytes()
+    code, again, _ = typed("gsa", "resume", "--out", out, "--method", "prs", "--workers", "1", "--json")
+    assert (code, json.loads(again)["outputs"]) == (0, document["outputs"])
+    assert (tmp_path / "study/store.sqlite").read_bytes() == before, "nothing was simulated again"
+    monkeypatch.undo()
 
     code, second, _ = typed("gsa", "extend", "--samples", "5", "--out", out, "--method", "prs", "--json")
     assert code == 0

@@ -1,18 +1,11 @@
-"""Tests with real ROS 2 processes: a domain of their own, conditions with a deadline, processes ended by id."""
+"""Tests with real ROS 2 processes: conditions with a deadline, processes ended by id."""
 
-import os
 import signal
 import subprocess
 import sys
 import time
 from collections.abc import Callable
 from pathlib import Path
-
-# A domain of this test process alone; up to 101 the ports stay clear of the ephemeral range.
-DOMAIN = 1 + os.getpid() % 100
-os.environ["ROS_DOMAIN_ID"] = str(DOMAIN)
-os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "LOCALHOST"
-os.environ["ROS_PYTHON_CHECK_FIELDS"] = "1"
 
 DEADLINE = 60.0  # s; a busy machine takes its time to import and compile
 

@@ -179,22 +179,3 @@ def test_what_is_not_played_is_not_lost(run_node, tmp_path):
     player = run_node(PLAYER, bag=path, wait_for_subscribers=0, rate=10.0, duration=0.3, summary=summary)
     assert player.exit_code() == 0, player.output
     assert json.loads(summary.read_text()) == {"played": 13, "lost": 0, "loops": 0, "ended": True}
-
-
-@pytest.mark.parametrize(
-    ("parameters", "named"),
-    [
-        ({"bag": "/nowhere.mcap"}, "no such file"),
-        ({}, "parameter bag"),
-        ({"rate": 20.0}, "rate"),
-        ({"rate": 2}, "decimal number from 0.1 to 10"),
-        ({"topics": "[/nowhere]"}, "/nowhere"),
-    ],
-)
-def test_bad_parameters_are_one_line(run_node, bag, parameters, named):
-    use = {"bag": bag} | parameters if parameters else {}
-    player = run_node(PLAYER, **use)
-    assert player.exit_code() == 2, player.output
-    assert named in player.output
-    assert "Traceback" not in player.output
-    assert len(player.output.strip().splitlines()) == 1

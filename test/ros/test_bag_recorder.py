@@ -165,25 +165,6 @@ def test_losses_are_a_fault_once_and_counted_for_good(tmp_path):
     assert [pair.value for status in told for pair in status.values if pair.key == "lost"] == ["3", "3"]
 
 
-@pytest.mark.parametrize(
-    ("parameters", "named"),
-    [
-        ({"topics": "[/a]"}, "parameter output"),
-        ({"output": "bag"}, "parameter topics"),
-        ({"output": "bag", "topics": "[/a]", "split_size": 10.0, "quota": 15.0}, "twice the split_size of 10 MB"),
-        ({"output": "bag.mcap", "topics": "[/a]", "split_size": 10.0}, "allowed: a new folder"),
-    ],
-)
-def test_bad_parameters_are_one_line(run_node, parameters, named, tmp_path):
-    if "output" in parameters:
-        parameters = parameters | {"output": tmp_path / parameters["output"]}
-    recorder = run_node(RECORDER, **parameters)
-    assert recorder.exit_code() == 2, recorder.output
-    assert named in recorder.output
-    assert len(recorder.output.strip().splitlines()) == 1
-    assert not (tmp_path / "bag").exists()
-
-
 @pytest.fixture(scope="module")
 def bag(tmp_path_factory):
     """Two seconds of blocks and an operating point at the beginning."""

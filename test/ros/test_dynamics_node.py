@@ -193,18 +193,3 @@ def end_all(nodes, number):
         assert node.exit_code(3.0) == 0, node.output
         assert time.monotonic() - sent < 3.0
         assert not node.output.strip()
-
-
-@pytest.mark.parametrize(
-    ("parameters", "named"),
-    [
-        ({"block_rate": 3000}, "allowed: what divides"),
-        ({"sensor.rate": 3000}, "allowed: what divides"),
-        ({"sensor.range": 1.0, "sensor.quantisation": 2.0}, "must not exceed the range"),
-    ],
-)
-def test_bad_parameters_are_one_line(run_node, parameters, named):
-    node = run_node(DYNAMICS_NODE, **parameters)
-    assert node.exit_code() == 2, node.output
-    assert named in node.output
-    assert len(node.output.strip().splitlines()) == 1

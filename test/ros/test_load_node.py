@@ -219,23 +219,3 @@ def test_disc_forces_on_a_schedule(run_node, peer, tmp_path):
         messages.operating_point_message(0, OperatingPoint(0.5, 2e6, 1e7))
     )
     peer.wait_for(lambda: node.says("the loads follow a schedule; the last one stays"))
-
-
-@pytest.mark.parametrize(
-    ("parameters", "named"),
-    [
-        ({"block_rate": 100.0}, "block_rate"),
-        ({"block_rate": 3000.0}, "whole number of ns"),
-        ({"machine": "nowhere"}, "nowhere"),
-        ({"use_sim_time": 3}, "use_sim_time"),
-        ({"loads": "rock"}, "loads"),
-        ({"loads": "cutter", "machine": "open380"}, "cutters: missing"),
-        ({"schedule": "nowhere.csv"}, "nowhere.csv"),
-    ],
-)
-def test_bad_parameters_are_one_line(run_node, parameters, named):
-    node = run_node(LOAD_NODE, **parameters)
-    assert node.exit_code() == 2, node.output
-    assert named in node.output
-    assert "Traceback" not in node.output
-    assert len(node.output.strip().splitlines()) == 1

@@ -1,26 +1,20 @@
-"""`tbm-monitor` as a user starts it, outside the source tree: documents, bad input, signals."""
+"""`tbm-monitor` as a user starts it, outside the source tree: documents and bad input, without a node."""
 
 import json
-import os
 import signal
 import subprocess
 import sys
-from pathlib import Path
 
 import pytest
-from processes import wait_for
+import yaml
 
-from tbm_dynamics import load_machine
 from tbm_gsa.cli.main import main
-from tbm_gsa.cli.processes import NodeCommand, NodeProcesses
-from tbm_gsa.study.inputs import PAPER_INPUTS
+from tbm_msgs_py import ACCELERATION, BagWriter
 from tbm_msgs_py.topics import TEST_POINTS
 
 INDICATORS = {"RDef_A", "RDef_L", "RDef_R", "PAcc_A", "PAcc_L", "PAcc_R", "MF_M", "MF_Se"}
 TINY_STUDY = ["--samples", "12", "--test", "3", "--duration", "0.1", "--outputs", "RDef_A,MF_M"]
-PRS = ["--method", "prs"]  # the quickest to fit
 COMMAND = [sys.executable, "-m", "tbm_gsa.cli.main"]
-NODES_YAML = Path(__file__).parents[2] / "config" / "nodes.yaml"
 
 
 @pytest.fixture
@@ -47,29 +41,6 @@ def test_simulate(command):
     assert set(document["rms_g"]["gripper"]) == {"x", "y", "z"}
     assert document["seed"] == 3
     assert document["real_time_factor"] > 0.0
-
-
-def test_study_resume_and_report(command, tmp_path):
-    code, out, err = command("gsa", "run", *TINY_STUDY, *PRS, "--out", "study", "--json", deadline=240.0)
-    assert code == 0, err
-    document = json.loads(out)
-    assert set(document["outputs"]) == {"RDef_A", "MF_M"}
-    codes = {item.code for item in PAPER_INPUTS.inputs}
-    for output in document["outputs"].values():
-        assert {"surrogate", "r2_test", "r2_cv", "first", "total", "first_interval", "total_interval"} <= set(output)
-        assert set(output["first"]) == set(output["total"]) == set(output["first_interval"]) == codes
-        low, high = output["total_interval"]["x1"]
-        assert low <= high
-    assert document["seconds"] > 0
-    store = tmp_path / "study" / "store.sqlite"
-    assert {"store.sqlite", "result.json", "report.html"} <= {path.name for path in store.parent.iterdir()}
-
-    before = store.read_bytes()
-    code, out, err = command("gsa", "resume", *PRS, "--out", "study", "--json", deadline=240.0)
-    assert code == 0, err
-    again = json.loads(out)
-    assert again["outputs"] == document["outputs"]
-    assert store.read_bytes() == before, "nothing was simulated again"
 
 
 def test_simulate_with_the_cutters(command):
@@ -110,10 +81,6 @@ BAD = {
 @pytest.fixture(scope="module")
 def bad_files(tmp_path_factory, request):
     """A folder with everything that is wrong."""
-    import yaml
-
-    from tbm_msgs_py import ACCELERATION, BagWriter
-
     folder = tmp_path_factory.mktemp("bad")
     (folder / "empty").mkdir()
     (folder / "file").write_text("x")
@@ -173,83 +140,3 @@ def test_doctor(command):
     code, out, err = command("doctor", "--json")
     assert code == 0, err
     assert json.loads(out)["ok"] is True
-
-
-@pytest.mark.ros
-def test_run_counts_no_loss(command):
-    pytest.importorskip("rclpy")
-    code, out, err = command("run", "--duration", "3", "--json")
-    assert code == 0, err
-    document = json.loads(out)
-    assert document["first_block_seconds"] < 10.0
-    assert set(document["topics"]) == {
-        "/tbm/loads/block",
-        "/tbm/model/mesh_forces",
-        *(f"/tbm/model/{point}/block" for point in TEST_POINTS),
-    }
-    for name, topic in document["topics"].items():
-        assert topic["lost"] == 0, name
-        assert topic["stream_time"] >= 3.0, name
-    assert document["diagnostics"]["tbm: dynamics"]["message"] == "integrating"
-
-
-@pytest.mark.ros
-def test_run_takes_machine_and_operating_point_from_file_and_options(command, tmp_path):
-    """The file alone names the machine; the options drive it."""
-    pytest.importorskip("rclpy")
-    (tmp_path / "site.yaml").write_text("/**:\n  ros__parameters: {machine: open380, seed: 3}\n")
-    code, out, err = command(
-        "run", "--duration", "1", "--params", "site.yaml", "--speed", "1.5", "--thrust", "9000", "--json"
-    )
-    assert code == 0, err
-    diagnostics = json.loads(out)["diagnostics"]
-    own = load_machine("open380").operating_point
-    values = diagnostics["tbm: loads"]["values"]
-    assert float(values["speed_r_min"]) == pytest.approx(1.5)
-    assert float(values["thrust_kn"]) == pytest.approx(9000.0)
-    assert float(values["torque_kn_m"]) == pytest.approx(own.torque / 1e3)
-
-
-@pytest.mark.ros
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGKILL])
-def test_signals_end_run_and_its_nodes(tmp_path, number):
-    pytest.importorskip("rclpy")
-    from peer import Peer, alive, children
-    from sensor_msgs.msg import PointCloud2
-
-    from tbm_msgs_py.nodes import qos
-
-    with (tmp_path / "out").open("wb") as out, (tmp_path / "err").open("wb") as err, Peer() as peer:
-        command = [*COMMAND, "run", "--json", "--params", NODES_YAML]
-        process = subprocess.Popen(command, cwd=tmp_path, stdout=out, stderr=err)
-        try:
-            blocks = peer.listen(PointCloud2, "/tbm/model/girder/block", qos.BLOCK)
-            peer.wait_for(lambda: len(blocks) > 10)
-            nodes = children(process.pid)
-            assert len(nodes) == 3
-            process.send_signal(number)
-            process.send_signal(number)  # an impatient user
-            code = process.wait(30)
-        finally:
-            if process.poll() is None:
-                left = children(process.pid)
-                process.kill()
-                for node in left:  # or they would disturb the tests after this one
-                    os.kill(node, signal.SIGKILL)
-        wait_for(lambda: not any(map(alive, nodes)), 3.0)
-    assert "Traceback" not in (tmp_path / "err").read_text()
-    for log in (tmp_path / "tbm_run" / "logs").iterdir():
-        assert "Traceback" not in log.read_text(), log.name
-    # The second signal may come before the summary.
-    assert code in ((-signal.SIGKILL,) if number == signal.SIGKILL else (0, 130))
-    if code == 0:
-        assert json.loads((tmp_path / "out").read_text())["topics"]["/tbm/loads/block"]["blocks"] > 5
-
-
-def test_a_node_that_ends_by_itself_is_noticed(tmp_path):
-    with NodeProcesses(tmp_path) as nodes:
-        nodes.start(NodeCommand("one", "timeit"))  # its main just returns
-        wait_for(lambda: not nodes.running("one"))
-        nodes.check(ending="one")
-        with pytest.raises(RuntimeError, match="one was ended"):
-            nodes.check()

@@ -1,0 +1,109 @@
+"""`tbm-monitor run` as a user starts it: nothing lost, options and files, signals, a node that ends by itself."""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+rclpy = pytest.importorskip("rclpy")
+
+from peer import Peer, alive, children  # noqa: E402
+from processes import wait_for  # noqa: E402
+from sensor_msgs.msg import PointCloud2  # noqa: E402
+
+from tbm_dynamics import load_machine  # noqa: E402
+from tbm_gsa.cli.processes import NodeCommand, NodeProcesses  # noqa: E402
+from tbm_msgs_py.nodes import qos  # noqa: E402
+from tbm_msgs_py.topics import TEST_POINTS  # noqa: E402
+
+pytestmark = pytest.mark.ros
+
+COMMAND = [sys.executable, "-m", "tbm_gsa.cli.main"]
+NODES_YAML = Path(__file__).parents[2] / "config" / "nodes.yaml"
+
+
+@pytest.fixture
+def command(tmp_path):
+    """Run a command to its end in an empty folder: exit code, stdout, stderr."""
+
+    def run(*arguments, deadline=60.0):
+        done = subprocess.run(
+            [*COMMAND, *arguments], cwd=tmp_path, capture_output=True, text=True, timeout=deadline, check=False
+        )
+        assert "Traceback" not in done.stderr, done.stderr
+        return done.returncode, done.stdout, done.stderr
+
+    return run
+
+
+def test_run_counts_no_loss(command):
+    code, out, err = command("run", "--duration", "3", "--json")
+    assert code == 0, err
+    document = json.loads(out)
+    assert document["first_block_seconds"] < 10.0
+    assert set(document["topics"]) == {
+        "/tbm/loads/block",
+        "/tbm/model/mesh_forces",
+        *(f"/tbm/model/{point}/block" for point in TEST_POINTS),
+    }
+    for name, topic in document["topics"].items():
+        assert topic["lost"] == 0, name
+        assert topic["stream_time"] >= 3.0, name
+    assert document["diagnostics"]["tbm: dynamics"]["message"] == "integrating"
+
+
+def test_run_takes_machine_and_operating_point_from_file_and_options(command, tmp_path):
+    """The file alone names the machine; the options drive it."""
+    (tmp_path / "site.yaml").write_text("/**:\n  ros__parameters: {machine: open380, seed: 3}\n")
+    code, out, err = command(
+        "run", "--duration", "1", "--params", "site.yaml", "--speed", "1.5", "--thrust", "9000", "--json"
+    )
+    assert code == 0, err
+    diagnostics = json.loads(out)["diagnostics"]
+    own = load_machine("open380").operating_point
+    values = diagnostics["tbm: loads"]["values"]
+    assert float(values["speed_r_min"]) == pytest.approx(1.5)
+    assert float(values["thrust_kn"]) == pytest.approx(9000.0)
+    assert float(values["torque_kn_m"]) == pytest.approx(own.torque / 1e3)
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGKILL])
+def test_signals_end_run_and_its_nodes(tmp_path, number):
+    with (tmp_path / "out").open("wb") as out, (tmp_path / "err").open("wb") as err, Peer() as peer:
+        command = [*COMMAND, "run", "--json", "--params", NODES_YAML]
+        process = subprocess.Popen(command, cwd=tmp_path, stdout=out, stderr=err)
+        try:
+            blocks = peer.listen(PointCloud2, "/tbm/model/girder/block", qos.BLOCK)
+            peer.wait_for(lambda: len(blocks) > 10)
+            nodes = children(process.pid)
+            assert len(nodes) == 3
+            process.send_signal(number)
+            process.send_signal(number)  # an impatient user
+            code = process.wait(30)
+        finally:
+            if process.poll() is None:
+                left = children(process.pid)
+                process.kill()
+                for node in left:  # or they would disturb the tests after this one
+                    os.kill(node, signal.SIGKILL)
+        wait_for(lambda: not any(map(alive, nodes)), 3.0)
+    assert "Traceback" not in (tmp_path / "err").read_text()
+    for log in (tmp_path / "tbm_run" / "logs").iterdir():
+        assert "Traceback" not in log.read_text(), log.name
+    # The second signal may come before the summary.
+    assert code in ((-signal.SIGKILL,) if number == signal.SIGKILL else (0, 130))
+    if code == 0:
+        assert json.loads((tmp_path / "out").read_text())["topics"]["/tbm/loads/block"]["blocks"] > 5
+
+
+def test_a_node_that_ends_by_itself_is_noticed(tmp_path):
+    with NodeProcesses(tmp_path) as nodes:
+        nodes.start(NodeCommand("one", "timeit"))  # its main just returns
+        wait_for(lambda: not nodes.running("one"))
+        nodes.check(ending="one")
+        with pytest.raises(RuntimeError, match="one was ended"):
+            nodes.check()
