@@ -7,7 +7,8 @@ READY := $(VENV)/.ready
 # One BLAS thread a process: small matrices, and several processes on few cores.
 export OMP_NUM_THREADS ?= 1
 export OPENBLAS_NUM_THREADS ?= 1
-
+# Nor is every process to compile every module anew, whatever the machine's images say.
+unexport PYTHONDONTWRITEBYTECODE
 
 .PHONY: demo test coverage verify lint types docs bag clean
 
@@ -47,7 +48,7 @@ $(READY): setup.py
 	$(PYTHON) -c 'import sys; sys.exit("Python 3.11 or newer is needed, this is " + sys.version) if sys.version_info < (3, 11) else None'
 	$(PYTHON) -m venv $(VENV)
 	$(BIN)/python -m pip install --quiet --upgrade pip
-	$(BIN)/python -m pip install --quiet --no-compile --editable ".[test,docs]"
+	$(BIN)/python -m pip install --quiet --editable ".[test,docs]"
 	touch $@
 
 clean:

@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 from pydantic import BaseModel, ConfigDict, Field, FiniteFloat, model_validator
 from scipy.spatial.transform import Rotation
 
+from tbm_dynamics.errors import InputError
 from tbm_dynamics.loads.noise import hashed_generator
 
 FloatArray = NDArray[np.float64]
@@ -112,9 +113,9 @@ class SensorModel:
     def __init__(self, parameters: SensorParameters, input_rate_hz: int, seed: int, stream_id: str) -> None:
         rate = parameters.rate_hz
         if input_rate_hz % rate:
-            raise ValueError(f"sensor rate_hz: {rate}, allowed: what divides the input rate of {input_rate_hz} Hz")
+            raise InputError(f"sensor rate_hz: {rate}, allowed: what divides the input rate of {input_rate_hz} Hz")
         if parameters.anti_alias_hz >= input_rate_hz / 2:
-            raise ValueError(
+            raise InputError(
                 f"sensor anti_alias_hz: {parameters.anti_alias_hz:g}, allowed: below {input_rate_hz / 2:g} Hz"
             )
         self.parameters = parameters
@@ -147,9 +148,9 @@ class SensorModel:
         """
         rows = np.asarray(acceleration, dtype=np.float64)
         if rows.ndim != 2 or rows.shape[1] != 3:
-            raise ValueError(f"acceleration must have shape (n, 3), not {rows.shape}")
+            raise InputError(f"acceleration must have shape (n, 3), not {rows.shape}")
         if not np.all(np.isfinite(rows)):
-            raise ValueError(f"acceleration from step {first_step} holds a value that is not finite")
+            raise InputError(f"acceleration from step {first_step} holds a value that is not finite")
         packets = self.flush() if first_step != self._next_step else []
         self._next_step = first_step + len(rows)
         samples, first = self._sample(first_step, rows)

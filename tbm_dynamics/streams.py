@@ -9,6 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from tbm_dynamics.errors import InputError
 from tbm_dynamics.integration.errors import SimulationError
 from tbm_dynamics.integration.simulator import Chunk, Simulator
 from tbm_dynamics.levels import LoadLevel, operated_loads
@@ -26,12 +27,12 @@ def step_ns(rate_hz: float) -> int:
 
     Raises
     ------
-    ValueError
+    InputError
         A rate whose step is not a whole number of nanoseconds.
     """
     length = NANOSECONDS / rate_hz
     if length != round(length):
-        raise ValueError(
+        raise InputError(
             f"rate {rate_hz:g} Hz: its step must be a whole number of ns; allowed are 1000, 5000, 10000, …"
         )
     return round(length)

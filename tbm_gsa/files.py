@@ -5,6 +5,8 @@ import math
 from pathlib import Path
 from typing import Any
 
+from tbm_gsa.errors import InputError
+
 
 def write_whole(path: Path, content: bytes) -> None:
     """Write a file so that a reader sees the old one or the new one, never half of it.
@@ -44,4 +46,4 @@ def plain(value: Any) -> Any:
 def check_folder(path: Path | None) -> None:
     """Refuse a file in a folder that is not there, before the work that would fill it."""
     if path is not None and not path.parent.is_dir():
-        raise ValueError(f"{path}: no folder {path.parent}, allowed: a file in a folder that is there")
+        raise InputError(f"{path}: no folder {path.parent}, allowed: a file in a folder that is there")

@@ -39,7 +39,15 @@ ROS = (
 
 def command_page() -> str:
     """Every command with its arguments and options, as `--help` has them."""
-    lines = ["# Command line", "", "Made from the commands themselves; `tbm-monitor COMMAND --help` says the same.", ""]
+    lines = [
+        "# Command line",
+        "",
+        "Made from the commands themselves; `tbm-monitor COMMAND --help` says the same.",
+        "",
+        "Exit codes: 0 success; 2 bad input, said in one line with what is allowed; 1 a fault of the program,",
+        "in one line that names the error of the library; 130 after Ctrl-C.",
+        "",
+    ]
     for names, command in commands():
         lines += [f"## {' '.join(['tbm-monitor', *names])}", "", _sentence(command.help or ""), ""]
         lines += _table(

@@ -7,6 +7,8 @@ import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+from tbm_dynamics.errors import InputError
+
 
 @dataclass(frozen=True)
 class FreeValue:
@@ -83,7 +85,7 @@ def _set(text: str, free: FreeValue, value: float) -> str:
     start = text.rindex("\n", 0, start) + 1
     place = re.compile(re.escape(free.key) + r": *[-+0-9.eE]+").search(text, start)
     if place is None:
-        raise ValueError(f"machine file: no {free.key} after {free.anchor!r}")
+        raise InputError(f"machine file: no {free.key} after {free.anchor!r}")
     end = text.index("\n", place.end())
     rest = text[place.end() : end].replace("source: assumed", "source: calibrated", 1)
     return text[: place.start()] + f"{free.key}: {value:.10g}" + rest + text[end:]

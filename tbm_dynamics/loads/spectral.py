@@ -21,6 +21,7 @@ import numpy as np
 import scipy.fft
 from numpy.typing import ArrayLike, NDArray
 
+from tbm_dynamics.errors import InputError
 from tbm_dynamics.loads.description import COMPONENTS, LoadComponent, LoadDescription
 from tbm_dynamics.loads.noise import hashed_generator
 
@@ -87,9 +88,9 @@ class SpectralLoads:
         """
         times = np.asarray(time, dtype=np.float64)
         if times.ndim != 1:
-            raise ValueError(f"time must have shape (n,), not {times.shape}")
+            raise InputError(f"time must have shape (n,), not {times.shape}")
         if not np.all(np.abs(times) <= LONGEST_S):
-            raise ValueError(f"time must be finite and within ±{LONGEST_S:g} s")
+            raise InputError(f"time must be finite and within ±{LONGEST_S:g} s")
         loads = np.empty((times.size, WIDTH))
         blocks = np.floor(times * (GRID_HZ / GRID_BLOCK)).astype(np.int64)
         order = np.argsort(blocks, kind="stable")
@@ -175,7 +176,7 @@ def _fluctuation(description: LoadDescription, seed: int) -> _Fluctuation:
 def _checked_scale(scale: ArrayLike) -> FloatArray:
     factors = np.array(scale, dtype=np.float64)
     if factors.shape != (WIDTH,) or not np.all(np.isfinite(factors)):
-        raise ValueError(f"scale must be {WIDTH} finite factors, not {factors.tolist()}")
+        raise InputError(f"scale must be {WIDTH} finite factors, not {factors.tolist()}")
     return factors
 
 

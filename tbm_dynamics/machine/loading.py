@@ -9,11 +9,12 @@ from typing import Any, get_args
 import yaml
 from pydantic import ValidationError
 
+from tbm_dynamics.errors import InputError
 from tbm_dynamics.machine.description import MachineDescription
 from tbm_dynamics.machine.strict_yaml import strict_yaml
 
 
-class MachineError(ValueError):
+class MachineError(InputError):
     """A machine that cannot be built: the message is one line with file, key and what is allowed."""
 
 

@@ -13,11 +13,13 @@ from itertools import count
 
 import numpy as np
 
+from tbm_dynamics.errors import InputError
+
 # Keeps a limit that is a whole number of teeth, 8 at 30°, from being missed by rounding.
 _ROUNDING = 1e-9
 
 
-class GearError(ValueError):
+class GearError(InputError):
     """Gears that cannot mesh: one line with what, the value and what is allowed."""
 
 

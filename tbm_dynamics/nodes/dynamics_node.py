@@ -12,6 +12,7 @@ from geometry_msgs.msg import AccelStamped
 from sensor_msgs.msg import JointState, PointCloud2
 from threadpoolctl import threadpool_limits
 
+from tbm_dynamics.errors import InputError
 from tbm_dynamics.integration.errors import SimulationError
 from tbm_dynamics.integration.simulator import Chunk
 from tbm_dynamics.levels import LOAD_LEVELS
@@ -130,7 +131,7 @@ class DynamicsNode(ManagedNode):
         parameters = SensorParameters(packet_samples=samples, **given)
         whole = round(self._rate)
         if whole % rate:
-            raise ValueError(f"parameter block_rate: {rate}, allowed: what divides the load_rate of {whole} Hz")
+            raise InputError(f"parameter block_rate: {rate}, allowed: what divides the load_rate of {whole} Hz")
         seed = int(self.value("seed"))
         self._sensors = {point: SensorModel(parameters, whole, seed, point) for point in self._points}
         self._mesh_gate = samples, whole // rate

@@ -81,7 +81,7 @@ def _keep(result: ComparisonResult, path: Path | None) -> None:
     try:
         with History(path or default_history()) as history:
             history.add(source, recording_entries(document, result.starts_ns))
-    except (HistoryError, sqlite3.Error, RuntimeError) as error:
+    except (HistoryError, sqlite3.Error) as error:
         if path is not None:
             raise
         notes.print(f"not put into the history: {error}", markup=False, highlight=False)

@@ -15,6 +15,7 @@ from tbm_gsa.cli.output import JSON_OPTION, MACHINE_OPTION, SEED_OPTION, notes, 
 from tbm_gsa.cli.processes import NodeCommand, NodeProcesses, ParameterValue, keep_discovery_local
 from tbm_gsa.cli.ros import ANALYSIS_NODE, BAG_PLAYER, DYNAMICS_NODE, LOAD_NODE, watch
 from tbm_gsa.cli.shipped import is_shipped, shipped_bag
+from tbm_gsa.errors import RunError
 from tbm_msgs_py.bags.mapping import default_mapping_file
 from tbm_msgs_py.recording import Recording, read_recording
 
@@ -113,10 +114,10 @@ def _finish_study(watching: Watch, nodes: NodeProcesses) -> None:
             nodes.check(ending="bag_player")
             bar.update(task, completed=int(seen.gsa["done"]))
     if seen.gsa.get("state") != "finished":
-        raise RuntimeError(f"sensitivity analysis: {seen.gsa_message}")
+        raise RunError(f"sensitivity analysis: {seen.gsa_message}")
     _wait_while(watching, nodes, lambda: not seen.result, _ASKED_S)
     if not seen.result:
-        raise RuntimeError("sensitivity analysis: finished, but no result came")
+        raise RunError("sensitivity analysis: finished, but no result came")
 
 
 def _wait_while(watching: Watch, nodes: NodeProcesses, condition: Callable[[], bool], seconds: float) -> None:

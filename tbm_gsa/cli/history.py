@@ -14,6 +14,7 @@ from rich.table import Table
 from rich.text import Text
 
 from tbm_gsa.cli.output import JSON_OPTION, notes, print_json, results
+from tbm_gsa.errors import InputError
 from tbm_gsa.files import check_folder, write_whole
 from tbm_gsa.history import History, Selection, default_history, make_baseline
 from tbm_gsa.history.summary import baseline_document, history_document
@@ -116,13 +117,13 @@ def _stamp(option: str, text: str | None) -> int | None:
         moment = datetime.fromisoformat(text)
         return round((moment if moment.tzinfo else moment.replace(tzinfo=UTC)).timestamp() * 1e9)
     except (ValueError, OverflowError):
-        raise ValueError(f"{option} {text}: allowed: ISO 8601 such as 2026-01-31T12:00, or 30m, 12h, 7d") from None
+        raise InputError(f"{option} {text}: allowed: ISO 8601 such as 2026-01-31T12:00, or 30m, 12h, 7d") from None
 
 
 def _plot(history: History, selection: Selection, html: Path | None, png: Path | None) -> None:
     windows = history.windows(selection)
     if not windows:
-        raise ValueError(f"{history.path}: no window to plot, allowed: options that choose at least one")
+        raise InputError(f"{history.path}: no window to plot, allowed: options that choose at least one")
     machines = {window.source.machine for window in windows}
     baselines = [one for one in history.baselines() if one.machine in machines]
     if html is not None:

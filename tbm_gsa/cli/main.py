@@ -40,6 +40,7 @@ def group(
 
 
 BAD_INPUT = 2
+_PACKAGES = ("tbm_dynamics", "tbm_gsa", "tbm_msgs_py")
 
 # typer may carry a click of its own: the class is found where typer's own exceptions come from.
 _UsageError: type[Exception] = next(kind for kind in typer.BadParameter.__mro__ if kind.__name__ == "ClickException")
@@ -94,16 +95,24 @@ def _run() -> int:  # noqa: PLR0911 - one for each kind of end
     except OSError as error:
         _say(f"{error.filename}: {error.strerror}" if error.filename and error.strerror else str(error))
         return BAD_INPUT
-    except (ValueError, RuntimeError, sqlite3.Error) as error:
+    except sqlite3.Error as error:
         _say(str(error))
         return BAD_INPUT
     except MemoryError as error:
         _say(f"not enough memory: {error}")
         return BAD_INPUT
     except Exception as error:  # noqa: BLE001 - never a traceback
+        if _is_ours(error):
+            _say(str(error))
+            return BAD_INPUT
         _say(f"fault of the program: {type(error).__name__}: {error}")
         return 1
     return code if isinstance(code, int) else 0
+
+
+def _is_ours(error: Exception) -> bool:
+    """Whether an error is one of our classes: those are lines for a user, a library's is a fault of the program."""
+    return type(error).__module__.partition(".")[0] in _PACKAGES
 
 
 def _usage_line(error: Exception) -> str:

@@ -14,6 +14,7 @@ from pathlib import Path
 from types import TracebackType
 from typing import Self
 
+from tbm_gsa.errors import RunError
 from tbm_gsa.nodes.start import WITH_PARENT
 
 _GRACE_S = 5.0
@@ -113,19 +114,19 @@ class NodeProcesses:
 
         Raises
         ------
-        RuntimeError
+        RunError
             It ended with an error; the message is its last line.
         """
         code = self._running[name].poll()
         if code:
-            raise RuntimeError(f"{name} ended with exit code {code}: {self._last_line(name)}")
+            raise RunError(f"{name} ended with exit code {code}: {self._last_line(name)}")
         return code is None
 
     def check(self, ending: str = "") -> None:
-        """Raise `RuntimeError` if a node has ended, be it without an error; `ending` may have."""
+        """Raise `RunError` if a node has ended, be it without an error; `ending` may have."""
         for name in self._running:
             if not self.running(name) and name != ending:
-                raise RuntimeError(f"{name} was ended from outside")
+                raise RunError(f"{name} was ended from outside")
 
     def stop(self) -> None:
         """End every node: SIGINT, and after a grace period SIGKILL; another Ctrl-C meanwhile changes nothing."""

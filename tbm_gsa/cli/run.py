@@ -29,6 +29,7 @@ from tbm_gsa.cli.processes import NodeCommand, NodeProcesses, ParameterValue, ke
 from tbm_gsa.cli.ros import ANALYSIS_NODE, DYNAMICS_NODE, LIVE_VIEW, LOAD_NODE, watch
 from tbm_gsa.cli.simulate import schedule_of
 from tbm_gsa.cli.site import Site
+from tbm_gsa.errors import RunError
 from tbm_gsa.study.errors import StudyError
 from tbm_msgs_py import topics
 
@@ -174,7 +175,7 @@ def _wait_for_blocks(watching: Watch, nodes: NodeProcesses, start: float) -> flo
     while first.received == 0:
         nodes.check()
         if time.monotonic() - start > _FIRST_BLOCK_S:
-            raise RuntimeError(
+            raise RunError(
                 f"no block on {topics.absolute(topics.MODEL_MESH_FORCES)} within {_FIRST_BLOCK_S:g} s; see the logs"
             )
         watching.spin(_LOOK_S)

@@ -27,6 +27,7 @@ from tbm_gsa.cli.output import (
     progress_bar,
     results,
 )
+from tbm_gsa.errors import InputError
 
 G = 9.80665
 
@@ -73,7 +74,7 @@ def schedule_of(file: Path | None, columns: list[str] | None, where: list[str] |
     """Read the schedule that the options name; columns and rows of no file are bad input."""
     if file is None:
         if columns or where:
-            raise ValueError("--schedule-column and --schedule-where: allowed only with --schedule")
+            raise InputError("--schedule-column and --schedule-where: allowed only with --schedule")
         return None
     return read_schedule(file, pairs("--schedule-column", columns or ()), pairs("--schedule-where", where or ()))
 

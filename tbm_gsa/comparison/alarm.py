@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from tbm_gsa.comparison.live import WindowResult
+from tbm_gsa.errors import InputError
 
 SCATTERS = 3.0
 DEAD_SHARE = 0.01  # of what is usual; a sensor that measures less is dead, and its error as large as you like
@@ -60,7 +61,7 @@ class AlarmRule:
         axes: Sequence[int] = (0, 1, 2),
     ) -> None:
         if not threshold > 0.0 or windows < 1:
-            raise ValueError(f"an alarm needs threshold > 0 and windows >= 1, not {threshold} and {windows}")
+            raise InputError(f"an alarm needs threshold > 0 and windows >= 1, not {threshold} and {windows}")
         self._threshold = threshold
         self._windows = windows
         self._baseline = dict(baseline or {})

@@ -8,6 +8,7 @@ import scipy.interpolate
 from numpy.typing import ArrayLike
 
 from tbm_gsa.arrays import Array
+from tbm_gsa.errors import InputError
 
 # A step longer than this misses a sample: two neighbours that jitter by 0.45 periods each are 1.9 apart. Reading tells
 # of a gap from 1.5 periods on (GAP_FACTOR of tbm_msgs_py), where a wrong guess is one too many in a list. Here a gap
@@ -23,7 +24,7 @@ def sampling_rate(time: ArrayLike) -> float:
     steps = np.diff(np.asarray(time, dtype=np.float64))
     steps = steps[steps > 0.0]
     if not steps.size:
-        raise ValueError("a sampling rate needs at least two samples at different times")
+        raise InputError("a sampling rate needs at least two samples at different times")
     return 1.0 / float(steps[steps < GAP_PERIODS * np.median(steps)].mean())
 
 
@@ -106,7 +107,7 @@ class UniformClock:
     def _check_rate(self, time: Array) -> None:
         # Jitter of ±0.45 periods moves the mean of 32 steps by 3 % at the most; fewer steps say nothing of the rate.
         if time.size > MARGIN and abs(sampling_rate(time) * self._period - 1.0) > RATE_TOLERANCE:
-            raise ValueError(
+            raise InputError(
                 f"sampling rate {1.0 / self._period:g} Hz does not fit the stamps, "
                 f"which say {sampling_rate(time):.4g} Hz"
             )

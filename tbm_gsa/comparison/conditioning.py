@@ -16,6 +16,7 @@ from numpy.typing import ArrayLike
 
 from tbm_gsa.arrays import Array
 from tbm_gsa.comparison.clock import Run, UniformClock
+from tbm_gsa.errors import InputError
 
 Frame = Literal["fixed", "rotating"]
 
@@ -120,7 +121,7 @@ def common_band(*rates_hz: float) -> Band:
     """Band that all signals carry: from 0.5 Hz to 0.4 of the lowest rate, 1 kHz at most."""
     high = min(LOW_PASS_SHARE * min(rates_hz), LOW_PASS_LIMIT_HZ)
     if high <= 2.0 * HIGH_PASS_HZ:
-        raise ValueError(f"a sampling rate of {min(rates_hz):g} Hz leaves no band above {HIGH_PASS_HZ} Hz to compare")
+        raise InputError(f"a sampling rate of {min(rates_hz):g} Hz leaves no band above {HIGH_PASS_HZ} Hz to compare")
     return Band(HIGH_PASS_HZ, high)
 
 
@@ -232,7 +233,7 @@ def condition(time: ArrayLike, values: ArrayLike, rate_hz: float, band: Band) ->
     origin = float(stamps[0]) if stamps.size else 0.0
     stretches = [*conditioner.feed(stamps - origin, rows), *conditioner.finish()]
     if not stretches:
-        raise ValueError(f"no stretch of {SHORTEST_S:g} s without a gap at {rate_hz:g} Hz")
+        raise InputError(f"no stretch of {SHORTEST_S:g} s without a gap at {rate_hz:g} Hz")
     segments = tuple(Segment(origin + float(part.time[0]), part.acceleration) for part in stretches)
     return Conditioned(rate_hz, origin, float(stamps[-1] - origin) + 1.0 / rate_hz, segments)
 
@@ -241,7 +242,7 @@ def ordered(time: ArrayLike, values: ArrayLike) -> tuple[Array, Array]:
     """Finite samples (n,) and (n, 3) in the order of time, each time once."""
     times, rows = np.asarray(time, dtype=np.float64), np.asarray(values, dtype=np.float64)
     if times.ndim != 1 or rows.shape != (times.size, 3):
-        raise ValueError(f"time and values must have shapes (n,) and (n, 3), not {times.shape} and {rows.shape}")
+        raise InputError(f"time and values must have shapes (n,) and (n, 3), not {times.shape} and {rows.shape}")
     finite = np.isfinite(times) & np.isfinite(rows).all(axis=1)
     times, first = np.unique(times[finite], return_index=True)
     return times, rows[finite][first]
@@ -275,7 +276,7 @@ class CausalConditioner:
 def _sections(rate_hz: float, band: Band) -> Array:
     """Second-order sections of one pass of the filter."""
     if not 0.0 < band.low < band.high < rate_hz / 2.0:
-        raise ValueError(f"band {band.low:g} to {band.high:g} Hz does not fit a sampling rate of {rate_hz:g} Hz")
+        raise InputError(f"band {band.low:g} to {band.high:g} Hz does not fit a sampling rate of {rate_hz:g} Hz")
     high_pass = scipy.signal.butter(HIGH_PASS_ORDER, band.low, "highpass", fs=rate_hz, output="sos")
     low_pass = scipy.signal.butter(LOW_PASS_ORDER, band.high, fs=rate_hz, output="sos")
     return np.vstack([high_pass, low_pass])

@@ -28,6 +28,7 @@ from tbm_gsa.comparison.statistics import (
     strongest_lines,
 )
 from tbm_gsa.comparison.windows import WindowTable
+from tbm_gsa.errors import InputError
 
 
 @dataclass(frozen=True, eq=False)
@@ -129,7 +130,7 @@ def estimate(sample: Sample, signal: ReducedSignal, settings: Settings) -> dict[
         Bands and lines.
     """
     if not sample.spectra:
-        raise ValueError("no second without a gap at a steady level of operation")
+        raise InputError("no second without a gap at a steady level of operation")
     table = sample.windows
     powers = {
         "rms": _value(sample, table.moments, rms),

@@ -12,6 +12,7 @@ from tbm_gsa.comparison.model_run import MODEL_RATE_HZ
 from tbm_gsa.comparison.offline import compared_band
 from tbm_gsa.comparison.reduction import ReducedSignal, SignalReducer, one_level
 from tbm_gsa.comparison.settings import Settings
+from tbm_gsa.errors import InputError
 from tbm_msgs_py.health import PointHealth, Tally
 from tbm_msgs_py.recording import AccelerationRecord, RecordingReader
 
@@ -103,7 +104,7 @@ class _Intake:
             return
         try:
             self._work_off()
-        except ValueError as error:
+        except InputError as error:
             self._failure = str(error)
 
     def finish(self) -> ReducedSignal | str:
@@ -113,7 +114,7 @@ class _Intake:
                 self._work_off()
             if self._reducer and not self._failure:
                 return self._reducer.finish()
-        except ValueError as error:
+        except InputError as error:
             self._failure = str(error)
         return self._failure or "no sample"
 

@@ -17,6 +17,7 @@ import numpy as np
 from tbm_dynamics import Machine
 from tbm_gsa.arrays import Array, Integers
 from tbm_gsa.comparison.spectrum import LevelOf
+from tbm_gsa.errors import InputError
 from tbm_msgs_py.bags.operating import OperatingRecord
 
 TOLERANCE = 0.05
@@ -27,7 +28,7 @@ R_MIN = 2.0 * math.pi / 60.0  # rad/s
 Kind = Literal["steady", "transient", "standstill"]
 
 
-class NeverDrivenError(ValueError):
+class NeverDrivenError(InputError):
     """Operating points, and all of them standstills; one line."""
 
 

@@ -14,6 +14,7 @@ from tbm_gsa.arrays import Array, Integers
 from tbm_gsa.comparison.levels import Kind
 from tbm_gsa.comparison.statistics import ratio, relative_error
 from tbm_gsa.comparison.streams import NANOSECONDS, SOURCES, ClosedWindow, PointStreams, Source, StreamCounters
+from tbm_gsa.errors import InputError
 
 
 @dataclass(frozen=True, eq=False)
@@ -90,7 +91,7 @@ class WindowedComparison:
         least_coverage: float = 0.5,
     ) -> None:
         if not window_s > 0.0:
-            raise ValueError(f"window_s must be positive, not {window_s}")
+            raise InputError(f"window_s must be positive, not {window_s}")
         self.counters: dict[str, dict[Source, StreamCounters]] = {}
         self._window_ns = round(window_s * NANOSECONDS)
         self._rotating = frozenset(rotating)
@@ -122,7 +123,7 @@ class WindowedComparison:
         """
         offsets, rows = np.asarray(t, dtype=np.float64), np.asarray(values, dtype=np.float64)
         if offsets.ndim != 1 or rows.shape != (offsets.size, 3):
-            raise ValueError(
+            raise InputError(
                 f"test point {point}: t and values must be (n,) and (n, 3), not {offsets.shape} and {rows.shape}"
             )
         counters = self.counters.setdefault(point, {name: StreamCounters() for name in SOURCES})

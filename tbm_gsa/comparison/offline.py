@@ -16,6 +16,7 @@ from tbm_gsa.comparison.intervals import Interval, error_interval
 from tbm_gsa.comparison.reduction import ReducedSignal, SignalReducer
 from tbm_gsa.comparison.settings import Settings, band_name
 from tbm_gsa.comparison.statistics import coverage, kurtosis, ratio, relative_error, rms
+from tbm_gsa.errors import InputError
 
 G = 9.80665  # m/s²
 
@@ -162,7 +163,7 @@ def compare_records(
     """
     missing = sorted(set(field) - set(model))
     if missing:
-        raise ValueError(f"the model has no test point {', '.join(missing)}; it has {', '.join(sorted(model))}")
+        raise InputError(f"the model has no test point {', '.join(missing)}; it has {', '.join(sorted(model))}")
     chosen, turning = settings or Settings(), frames or {}
     points = {}
     for name, record in field.items():
@@ -173,8 +174,8 @@ def compare_records(
             measured = _reduced(record.time, record.values, SignalReducer(record.rate_hz, band, frame, chosen))
             predicted = _reduced(*model[name], SignalReducer(model_rate, band, frame, chosen))
             points[name] = compare_signals(measured, {0: predicted}, chosen)
-        except ValueError as error:
-            raise ValueError(f"test point {name}: {error}") from error
+        except InputError as error:
+            raise InputError(f"test point {name}: {error}") from error
     return Comparison(points, chosen.window_s)
 
 
@@ -196,12 +197,12 @@ def compare_signals(field: ReducedSignal, model: Mapping[int, ReducedSignal], se
 
     Raises
     ------
-    ValueError
+    InputError
         No window of the recording belongs to a level.
     """
     shares = level_shares(field, model)
     if not shares:
-        raise ValueError("no window at a steady level of operation")
+        raise InputError("no window at a steady level of operation")
     measured, predicted = _both(field, model, shares, settings)
     apart = {level: {level: 1.0} for level in shares if level in field.spectra}
     by_level = {

@@ -17,6 +17,7 @@ from tbm_gsa.comparison.conditioning import (
 from tbm_gsa.comparison.settings import Settings
 from tbm_gsa.comparison.spectrum import LevelOf, SpectrumSum, WelchCollector
 from tbm_gsa.comparison.windows import WindowCollector, WindowTable
+from tbm_gsa.errors import InputError
 
 EXCERPT_S = 1.0
 EXCERPT_SAMPLES = 5  # a period of the highest frequency; more cannot be seen
@@ -105,13 +106,13 @@ class SignalReducer:
 
         Raises
         ------
-        ValueError
+        InputError
             No stretch was long enough to condition.
         """
         self._take(self._conditioner.finish())
         table = self._windows.finish()
         if not len(table):
-            raise ValueError(f"no stretch of {SHORTEST_S:g} s without a gap at {self._rate:g} Hz")
+            raise InputError(f"no stretch of {SHORTEST_S:g} s without a gap at {self._rate:g} Hz")
         begin = np.asarray(table.index * self._window_s, dtype=np.float64)
         return ReducedSignal(
             self._rate,

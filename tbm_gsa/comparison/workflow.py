@@ -16,6 +16,7 @@ from tbm_gsa.comparison.model_run import MODEL_RATE_HZ, run_model
 from tbm_gsa.comparison.offline import Comparison, PointComparison, compare_signals
 from tbm_gsa.comparison.reduction import ReducedSignal, SignalReducer
 from tbm_gsa.comparison.settings import Settings
+from tbm_gsa.errors import InputError
 from tbm_msgs_py.bags.errors import RecordingError
 from tbm_msgs_py.bags.mapping import Mapping as TopicMapping
 from tbm_msgs_py.recording import RecordingReader, open_recording
@@ -89,7 +90,7 @@ def compare_recording(
         Nothing to read, or nothing to compare.
     MachineError
         No such machine, or one that cannot be built.
-    ValueError
+    InputError
         A duration or window that is not allowed.
     """
     chosen = settings or Settings()
@@ -122,9 +123,9 @@ def compare_recording(
 
 def _check_lengths(model_duration: float, window_s: float) -> None:
     if not SHORTEST_MODEL_S <= model_duration <= LONGEST_MODEL_S:
-        raise ValueError(f"model_duration {model_duration:g} s, allowed: {SHORTEST_MODEL_S:g} to {LONGEST_MODEL_S:g} s")
+        raise InputError(f"model_duration {model_duration:g} s, allowed: {SHORTEST_MODEL_S:g} to {LONGEST_MODEL_S:g} s")
     if not (window_s > 0.0 and math.isfinite(window_s)):
-        raise ValueError(f"window {window_s:g} s, allowed: a positive length")
+        raise InputError(f"window {window_s:g} s, allowed: a positive length")
 
 
 def _shared_points(reader: RecordingReader, machine: Machine) -> list[str]:
@@ -186,7 +187,7 @@ def _compare_each(
         try:
             runs = {level: signals[point] for level, signals in predicted.items()}
             compared[point] = compare_signals(signal, runs, settings)
-        except ValueError as error:
+        except InputError as error:
             failed[point] = str(error)
     if not compared:
         reasons = (f"test point {point}: {reason}" for point, reason in failed.items())

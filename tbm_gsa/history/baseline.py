@@ -6,6 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from tbm_gsa.comparison import DEAD_SHARE, UsualError
+from tbm_gsa.errors import InputError
 from tbm_gsa.history.entries import Window
 
 LEAST_WINDOWS = 5  # a scatter of fewer means nothing
@@ -68,14 +69,14 @@ def make_baseline(name: str, windows: Sequence[Window], created_ns: int) -> Base
 
     Raises
     ------
-    ValueError
+    InputError
         Windows of several machines, or too few at any point and axis.
     """
     known = sound_windows(windows)
     machines = sorted({(window.source.machine, window.source.machine_sha256) for window in known})
     if len(machines) > 1:
         listed = ", ".join(f"{machine} {digest[:8]}" for machine, digest in machines)
-        raise ValueError(f"baseline {name}: windows of several machines: {listed}; choose by --machine or --source")
+        raise InputError(f"baseline {name}: windows of several machines: {listed}; choose by --machine or --source")
     errors: dict[tuple[str, str], list[float]] = {}
     for window in known:
         errors.setdefault((window.entry.point, window.entry.axis), []).append(window.entry.relative_error)
@@ -86,7 +87,7 @@ def make_baseline(name: str, windows: Sequence[Window], created_ns: int) -> Base
     }
     if not usual:
         most = max(map(len, errors.values()), default=0)
-        raise ValueError(
+        raise InputError(
             f"baseline {name}: {most} windows with a known error at a point and axis, allowed: at least {LEAST_WINDOWS}"
         )
     entries = [window.entry for window in known]

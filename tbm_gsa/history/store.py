@@ -9,6 +9,7 @@ from dataclasses import astuple, dataclass, fields
 from pathlib import Path
 from typing import Any, Final, Self
 
+from tbm_gsa.errors import InputError
 from tbm_gsa.history.baseline import Baseline, Usual
 from tbm_gsa.history.entries import Entry, Source, Window
 
@@ -69,7 +70,7 @@ PRAGMA user_version = {SCHEMA_VERSION};
 """
 
 
-class HistoryError(ValueError):
+class HistoryError(InputError):
     """A file that is no history, or one that cannot be used; one line."""
 
 
@@ -112,7 +113,10 @@ def default_history() -> Path:
     if named:
         return Path(named)
     data = os.environ.get("XDG_DATA_HOME")
-    return (Path(data) if data else Path.home() / ".local" / "share") / "tbm_monitor" / "history.sqlite"
+    try:
+        return (Path(data) if data else Path.home() / ".local" / "share") / "tbm_monitor" / "history.sqlite"
+    except RuntimeError:
+        raise HistoryError("no home folder for the history, allowed: a file in TBM_HISTORY") from None
 
 
 class History:

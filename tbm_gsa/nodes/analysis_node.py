@@ -19,6 +19,7 @@ from std_srvs.srv import Trigger
 from tbm_dynamics.machine import Machine, load_machine
 from tbm_gsa.comparison import AlarmRule, Operation, WindowedComparison, WindowResult
 from tbm_gsa.comparison.levels import Kind
+from tbm_gsa.errors import InputError
 from tbm_gsa.history import Source
 from tbm_gsa.nodes.field_topics import FieldTopics
 from tbm_gsa.nodes.gsa_process import GsaOptions, GsaProcess, GsaStatus
@@ -361,7 +362,7 @@ class AnalysisNode(ManagedNode):
 
 def _check_axes(axes: Sequence[str]) -> None:
     if not axes or not set(axes) <= set(_AXES):
-        raise ValueError(f"parameter alarm_axes: {list(axes)}, allowed: one or more of x, y, z")
+        raise InputError(f"parameter alarm_axes: {list(axes)}, allowed: one or more of x, y, z")
 
 
 def main() -> None:

@@ -47,7 +47,7 @@ class HistoryWriter:
             return
         try:
             self._history = History(Path(file) if file else default_history(), wait_s=WAIT_S)
-        except (HistoryError, RuntimeError) as error:
+        except HistoryError as error:
             if file:
                 raise
             self._fail(error)

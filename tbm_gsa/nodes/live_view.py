@@ -8,6 +8,7 @@ from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticStatus
 
+from tbm_gsa.errors import InputError
 from tbm_msgs_py import topics
 from tbm_msgs_py.bags.samples import typestore
 from tbm_msgs_py.nodes import messages, qos
@@ -33,7 +34,7 @@ class LiveView(ManagedNode):
         try:
             import foxglove  # noqa: PLC0415 - an optional extra
         except ImportError:
-            raise ValueError("foxglove-sdk is not installed; pip install 'tbm_monitor[live]'") from None
+            raise InputError("foxglove-sdk is not installed; pip install 'tbm_monitor[live]'") from None
         host, port = self.value("host"), self.value("port")
         self._foxglove = foxglove
         self._sink = foxglove.Context()
@@ -41,7 +42,7 @@ class LiveView(ManagedNode):
         try:
             self._server = foxglove.start_server(name=self.get_namespace(), host=host, port=port, context=self._sink)
         except Exception as error:
-            raise ValueError(f"{host}:{port}: {error}") from error
+            raise InputError(f"{host}:{port}: {error}") from error
         self.get_logger().info(f"Foxglove: open ws://{host}:{self._server.port}")
 
     def activate(self) -> None:

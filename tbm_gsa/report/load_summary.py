@@ -11,6 +11,7 @@ import scipy.signal
 from tbm_dynamics import Machine
 from tbm_dynamics.levels import LoadLevel, operated_loads
 from tbm_gsa.arrays import Array
+from tbm_gsa.errors import InputError
 from tbm_gsa.paper import TABLE_1, LoadRow
 
 RATE_HZ: Final = 1000.0
@@ -50,11 +51,11 @@ def load_run(machine: Machine, level: LoadLevel = "spectral", duration: float = 
     ------
     MachineError
         A machine without the level, or an operating point that the machine or its rock does not allow.
-    ValueError
+    InputError
         Too short a duration to tell lines from noise.
     """
     if not SHORTEST_S <= duration < np.inf:
-        raise ValueError(f"duration {duration:g} s, allowed: {SHORTEST_S:g} s or more")
+        raise InputError(f"duration {duration:g} s, allowed: {SHORTEST_S:g} s or more")
     loads = operated_loads(machine, level, seed)
     point = loads.reached(machine.operating_point)
     time = np.arange(round(duration * RATE_HZ)) / RATE_HZ

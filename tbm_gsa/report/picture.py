@@ -11,6 +11,7 @@ from typing import Final
 from matplotlib import rc_context
 from matplotlib.figure import Figure
 
+from tbm_gsa.errors import InputError
 from tbm_gsa.files import check_folder, write_whole
 
 FORMATS: Final = (".png", ".svg")
@@ -21,11 +22,11 @@ def check_path(path: Path) -> None:
 
     Raises
     ------
-    ValueError
+    InputError
         Another format, or no such folder.
     """
     if path.suffix not in FORMATS:
-        raise ValueError(f"{path}: unknown kind of picture, allowed: a name that ends in {' or '.join(FORMATS)}")
+        raise InputError(f"{path}: unknown kind of picture, allowed: a name that ends in {' or '.join(FORMATS)}")
     check_folder(path)
 
 

@@ -11,6 +11,7 @@ from SALib.sample import fast_sampler as sampling
 from scipy.stats import t as student
 
 from tbm_gsa.arrays import Array
+from tbm_gsa.errors import InputError
 from tbm_gsa.screening.problem import salib_problem, salib_seed
 from tbm_gsa.sobol.indices import SobolIndices
 
@@ -54,15 +55,15 @@ def fast_indices(
     if samples is None:
         samples = max(FEWEST, 4 * HARMONICS**2 * (problem["num_vars"] - 1) + 1)
     if samples <= 4 * HARMONICS**2:
-        raise ValueError(f"{samples} samples of FAST, allowed: more than {4 * HARMONICS**2}")
+        raise InputError(f"{samples} samples of FAST, allowed: more than {4 * HARMONICS**2}")
     if curves < 2:
-        raise ValueError(f"{curves} curves of FAST, allowed: at least 2, for an interval")
+        raise InputError(f"{curves} curves of FAST, allowed: at least 2, for an interval")
     orders, values = [], []
     for number in range(curves):
         points = _curves(tuple(map(tuple, problem["bounds"])), samples, salib_seed(seed, number))
         values.append(np.asarray(function(points), dtype=float))
         if np.ptp(values[-1]) == 0.0:
-            raise ValueError(f"the function is constant ({values[-1][0]:g}), allowed: one with a variance to explain")
+            raise InputError(f"the function is constant ({values[-1][0]:g}), allowed: one with a variance to explain")
         swing = (samples - 1) // (2 * HARMONICS)
         orders.append([compute_orders(part, samples, HARMONICS, swing) for part in values[-1].reshape(-1, samples)])
     found = np.array(orders, dtype=float)  # curves, inputs, first and total

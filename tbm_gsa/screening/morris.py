@@ -10,6 +10,7 @@ from SALib.analyze import morris as analysis
 from SALib.sample import morris as sampling
 
 from tbm_gsa.arrays import Array
+from tbm_gsa.errors import InputError
 from tbm_gsa.screening.problem import salib_problem, salib_seed
 from tbm_gsa.sobol.indices import Groups, checked_groups
 
@@ -72,7 +73,7 @@ def morris_effects(
     """
     problem = salib_problem(bounds)
     if trajectories < 2:
-        raise ValueError(f"{trajectories} trajectories of Morris screening, allowed: at least 2")
+        raise InputError(f"{trajectories} trajectories of Morris screening, allowed: at least 2")
     if groups is not None:
         problem["groups"] = _group_names(groups, problem["num_vars"])
     points = sampling.sample(problem, trajectories, num_levels=LEVELS, seed=salib_seed(seed))
@@ -95,5 +96,5 @@ def _group_names(groups: Groups, inputs: int) -> list[str]:
         for k in members:
             names[k] = f"{number:06d}"
     if "" in names:
-        raise ValueError(f"input {names.index('')} is in no group, allowed: each in one, as Morris screening moves all")
+        raise InputError(f"input {names.index('')} is in no group, allowed: each in one, as Morris screening moves all")
     return names

@@ -9,6 +9,7 @@ from scipy.special import erf
 from scipy.stats import t as student
 
 from tbm_gsa.arrays import Array
+from tbm_gsa.errors import InputError
 from tbm_gsa.sobol.indices import Groups, SobolIndices, checked_groups
 from tbm_gsa.surrogates.base import CrossValidation, Surrogate
 from tbm_gsa.surrogates.expansion import Expansion, KernelExpansion, PolynomialExpansion
@@ -68,7 +69,7 @@ def sobol_closed_form(
 
     Raises
     ------
-    ValueError
+    InputError
         The surrogate was fitted to a transformed output; `sobol_of_surrogate` samples such a one.
 
     Notes
@@ -88,7 +89,7 @@ def sobol_closed_form(
        1176–1197.
     """
     if model.samples.transform != "none":
-        raise ValueError(
+        raise InputError(
             f"an output fitted on its {model.samples.transform} has no indices in closed form, allowed: sampling"
         )
     indices = _scaled(expansion_indices(model.expansion, groups, second=second), model)

@@ -7,6 +7,7 @@ from typing import TypeAlias
 import numpy as np
 
 from tbm_gsa.arrays import Array
+from tbm_gsa.errors import InputError
 
 # Column numbers of the inputs that are taken together; None takes each input by itself.
 Groups: TypeAlias = Sequence[Sequence[int]]
@@ -56,7 +57,7 @@ def checked_groups(groups: Groups | None, inputs: int) -> tuple[tuple[int, ...],
 
     Raises
     ------
-    ValueError
+    InputError
         An empty group, a column that does not exist, or one that is in two groups.
     """
     if groups is None:
@@ -64,10 +65,10 @@ def checked_groups(groups: Groups | None, inputs: int) -> tuple[tuple[int, ...],
     checked = tuple(tuple(int(k) for k in group) for group in groups)
     members = [k for group in checked for k in group]
     if not checked or not all(checked):
-        raise ValueError("a group of no input, allowed: at least one")
+        raise InputError("a group of no input, allowed: at least one")
     for k in members:
         if not 0 <= k < inputs:
-            raise ValueError(f"group with input {k}, allowed: 0 to {inputs - 1}")
+            raise InputError(f"group with input {k}, allowed: 0 to {inputs - 1}")
         if members.count(k) > 1:
-            raise ValueError(f"input {k} is in more than one group, allowed: one")
+            raise InputError(f"input {k} is in more than one group, allowed: one")
     return checked

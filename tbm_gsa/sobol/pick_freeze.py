@@ -8,6 +8,7 @@ from numpy.typing import ArrayLike
 from scipy.stats import qmc
 
 from tbm_gsa.arrays import Array
+from tbm_gsa.errors import InputError
 from tbm_gsa.sobol.indices import Groups, checked_groups
 from tbm_gsa.surrogates.samples import checked_bounds
 
@@ -36,7 +37,7 @@ class Design:
         """Draw a design of base size N, a power of two, inside bounds (d, 2)."""
         box = checked_bounds(bounds)
         if samples < 2 or samples & (samples - 1):
-            raise ValueError(f"{samples} samples, allowed: a power of two, as Sobol' sequences need it")
+            raise InputError(f"{samples} samples, allowed: a power of two, as Sobol' sequences need it")
         inputs = len(box)
         sequence = qmc.Sobol(d=2 * inputs, scramble=True, seed=seed).random(samples)
         points = box[:, 0] + sequence.reshape(samples, 2, inputs) * (box[:, 1] - box[:, 0])
@@ -101,7 +102,7 @@ class Values:
         everything = np.concatenate([a, b, *mixed, *([] if back is None else back)])
         mean, spread = float(everything.mean()), float(everything.std())
         if spread <= 1e-12 * abs(mean) or spread == 0.0:
-            raise ValueError(f"the function is constant ({mean:g}), allowed: one with a variance to explain")
+            raise InputError(f"the function is constant ({mean:g}), allowed: one with a variance to explain")
         a, b, mixed = ((values - mean) / spread for values in (a, b, mixed))
         back = None if back is None else (back - mean) / spread
         if before is not None:
@@ -119,7 +120,7 @@ def _checked(function: Callable[[Array], Array], points: Array) -> Array:
     """Values (n,) of the function, checked."""
     values = np.asarray(function(points), dtype=float)
     if values.shape != (len(points),):
-        raise ValueError(f"the function's values have shape {values.shape}, allowed: ({len(points)},), one a point")
+        raise InputError(f"the function's values have shape {values.shape}, allowed: ({len(points)},), one a point")
     if not np.isfinite(values).all():
-        raise ValueError("the function returned a value that is not finite, allowed: finite ones")
+        raise InputError("the function returned a value that is not finite, allowed: finite ones")
     return values

@@ -8,6 +8,7 @@ from typing import Final, TypeVar
 
 import numpy as np
 
+from tbm_gsa.errors import InputError
 from tbm_gsa.screening import ElementaryEffects, fast_indices, morris_effects
 from tbm_gsa.sobol import (
     ConvergenceStep,
@@ -228,7 +229,7 @@ def _fit_output(task: _Task) -> OutputFit:
     """Fit one output."""
     try:
         candidates = fit_candidates(task.methods, task.data, task.seed)
-    except ValueError as error:
+    except InputError as error:
         raise StudyError(f"output {task.name}: {error}") from error
     best = best_of(candidates)
     indices = sobol_of_surrogate(best.model, best.validation, second=True, seed=task.seed)

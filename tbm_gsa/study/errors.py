@@ -1,7 +1,9 @@
 """What a study can end with, each with one line for the user."""
 
+from tbm_gsa.errors import InputError
 
-class StudyError(ValueError):
+
+class StudyError(InputError):
     """Bad input to a study: an input set, a store of another study, too few finished simulations."""
 
 

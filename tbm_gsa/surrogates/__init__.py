@@ -4,6 +4,7 @@ from pathlib import Path
 
 from numpy.typing import ArrayLike
 
+from tbm_gsa.errors import InputError
 from tbm_gsa.surrogates.base import CrossValidation, Surrogate, r_squared
 from tbm_gsa.surrogates.files import read_surrogate, save_surrogate
 from tbm_gsa.surrogates.krg import Kriging
@@ -54,14 +55,14 @@ def fit_surrogate(
 
     Raises
     ------
-    ValueError
+    InputError
         An unknown method, or samples no surrogate can be fitted to; the message says which and where.
     """
     if method not in SURROGATES:
-        raise ValueError(f"unknown surrogate {method!r}, allowed: {', '.join(SURROGATES)}")
+        raise InputError(f"unknown surrogate {method!r}, allowed: {', '.join(SURROGATES)}")
     return SURROGATES[method].fit(checked_samples(X, y, bounds).under(transform), seed=seed)
 
 
 def load_surrogate(path: str | Path) -> Surrogate:
-    """Read a surrogate that `save_surrogate` wrote; a ValueError of one line for any other file."""
+    """Read a surrogate that `save_surrogate` wrote; an InputError of one line for any other file."""
     return read_surrogate(path, SURROGATES)

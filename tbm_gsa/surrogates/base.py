@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from tbm_gsa.arrays import Array, Integers
+from tbm_gsa.errors import InputError
 from tbm_gsa.surrogates.expansion import Expansion
 from tbm_gsa.surrogates.samples import Samples, checked_points, to_unit
 
@@ -101,7 +102,7 @@ class Surrogate(ABC):
         """
         count = len(self.samples.y)
         if not 2 <= folds <= count:
-            raise ValueError(f"{folds} folds, allowed: 2 to the number of samples, {count}")
+            raise InputError(f"{folds} folds, allowed: 2 to the number of samples, {count}")
         shuffled = np.random.default_rng(self.seed).permutation(count)
         predicted = np.empty(count)
         models = []

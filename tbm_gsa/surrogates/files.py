@@ -16,6 +16,7 @@ from typing import Any, Final
 import numpy as np
 
 from tbm_gsa.arrays import Array
+from tbm_gsa.errors import InputError
 from tbm_gsa.files import write_whole
 from tbm_gsa.surrogates.base import Surrogate
 from tbm_gsa.surrogates.expansion import Expansion, KernelExpansion, PolynomialExpansion
@@ -70,7 +71,7 @@ def read_surrogate(path: str | Path, methods: Mapping[str, type[Surrogate]]) -> 
 
     Raises
     ------
-    ValueError
+    InputError
         The file cannot be read, was not written by `save_surrogate`, or holds what no surrogate can.
     """
     try:
@@ -78,13 +79,13 @@ def read_surrogate(path: str | Path, methods: Mapping[str, type[Surrogate]]) -> 
             parts = {name: file[name] for name in file.files} if isinstance(file, np.lib.npyio.NpzFile) else {}
         header = json.loads(str(parts.pop("header")))
         if header["format"] != FORMAT:
-            raise ValueError(f"its format is {header['format']!r}")
+            raise InputError(f"its format is {header['format']!r}")
         return _surrogate(header, parts, methods)
     except OSError as error:
-        raise ValueError(f"{path}: cannot be read ({error.strerror or error}), allowed: {_WRITTEN}") from None
+        raise InputError(f"{path}: cannot be read ({error.strerror or error}), allowed: {_WRITTEN}") from None
     except _DAMAGED as error:
         reason = f"no {error}" if isinstance(error, KeyError) else " ".join(str(error).split())
-        raise ValueError(f"{path}: not a surrogate of this program ({reason}), allowed: {_WRITTEN}") from None
+        raise InputError(f"{path}: not a surrogate of this program ({reason}), allowed: {_WRITTEN}") from None
 
 
 def _surrogate(header: Mapping[str, Any], parts: dict[str, Array], methods: Mapping[str, type[Surrogate]]) -> Surrogate:
@@ -108,7 +109,7 @@ def _expansion(form: str, parts: Mapping[str, Any], inputs: int) -> Expansion:
         )
         expansion = polynomial
     else:
-        raise ValueError(f"unknown form {form!r}")
+        raise InputError(f"unknown form {form!r}")
     if not fits:
-        raise ValueError("the shapes of its arrays do not belong together")
+        raise InputError("the shapes of its arrays do not belong together")
     return expansion

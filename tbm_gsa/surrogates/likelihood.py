@@ -19,6 +19,7 @@ from scipy.linalg import lapack
 from scipy.optimize import OptimizeResult, minimize
 
 from tbm_gsa.arrays import Array
+from tbm_gsa.errors import InputError
 
 THETA_BOUNDS: Final = (1e-4, 1e2)
 NUGGET_BOUNDS: Final = (1e-8, 1.0)
@@ -145,7 +146,7 @@ def _maximum_likelihood(unit_bytes: bytes, value_bytes: bytes, count: int) -> Co
     best = _climb(likelihood, min(scouts, key=lambda scout: float(scout.fun)).x, ITERATIONS)
     solution = likelihood.solve(best.x)
     if solution is None:
-        raise ValueError("no Gaussian process could be fitted: the correlation matrix is not positive definite")
+        raise InputError("no Gaussian process could be fitted: the correlation matrix is not positive definite")
     return solution[0]
 
 

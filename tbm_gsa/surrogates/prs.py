@@ -9,6 +9,7 @@ import numpy as np
 from scipy.linalg import solve_triangular
 
 from tbm_gsa.arrays import Array, Integers
+from tbm_gsa.errors import InputError
 from tbm_gsa.surrogates.base import Surrogate
 from tbm_gsa.surrogates.expansion import Expansion, PolynomialExpansion, legendre_basis
 
@@ -54,7 +55,7 @@ class PolynomialResponseSurface(Surrogate):
             if failures == 2:  # an even function gains nothing from one odd degree, so one failure is not the end
                 break
         if best is None:
-            raise ValueError(f"{unit.shape[1]} inputs of a polynomial surface, allowed: up to {LARGEST_BASIS - 1}")
+            raise InputError(f"{unit.shape[1]} inputs of a polynomial surface, allowed: up to {LARGEST_BASIS - 1}")
         error, terms, degrees = best
         basis = legendre_basis(unit, degrees)
         chosen, directions = matching_pursuit(basis, standardised, terms)

@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from tbm_gsa.arrays import Array, Integers
+from tbm_gsa.errors import InputError
 
 Transform: TypeAlias = Literal["none", "log"]
 TRANSFORMS: Final[tuple[Transform, ...]] = ("none", "log")
@@ -71,12 +72,12 @@ class Samples:
         return np.exp(values) if self.transform == "log" else values
 
     def under(self, transform: Transform) -> "Samples":
-        """Take the same samples with another transformation; a ValueError where the output has no logarithm."""
+        """Take the same samples with another transformation; an InputError where the output has no logarithm."""
         if transform not in TRANSFORMS:
-            raise ValueError(f"unknown transformation {transform!r}, allowed: {', '.join(TRANSFORMS)}")
+            raise InputError(f"unknown transformation {transform!r}, allowed: {', '.join(TRANSFORMS)}")
         if transform == "log" and not (self.y > 0.0).all():
             row = int(np.flatnonzero(self.y <= 0.0)[0])
-            raise ValueError(f"y[{row}] = {self.y[row]:g} has no logarithm, allowed: above 0, or transform='none'")
+            raise InputError(f"y[{row}] = {self.y[row]:g} has no logarithm, allowed: above 0, or transform='none'")
         return replace(self, transform=transform)
 
     def subset(self, rows: Integers) -> "Samples":
@@ -92,31 +93,31 @@ def to_unit(X: Array, bounds: Array) -> Array:
 
 
 def checked_bounds(bounds: ArrayLike) -> Array:
-    """Bounds as an array (d, 2), or a ValueError that says what is wrong."""
+    """Bounds as an array (d, 2), or an InputError that says what is wrong."""
     checked = np.asarray(bounds, dtype=float)
     if checked.ndim != 2 or checked.shape[1] != 2 or not len(checked):
-        raise ValueError(f"bounds of shape {checked.shape}, allowed: (d, 2)")
+        raise InputError(f"bounds of shape {checked.shape}, allowed: (d, 2)")
     wrong = np.flatnonzero(~(np.isfinite(checked).all(axis=1) & (checked[:, 0] < checked[:, 1])))
     if wrong.size:
         k = int(wrong[0])
-        raise ValueError(f"bounds of input {k}: {checked[k].tolist()}, allowed: lower below upper, both finite")
+        raise InputError(f"bounds of input {k}: {checked[k].tolist()}, allowed: lower below upper, both finite")
     return checked
 
 
 def checked_points(X: ArrayLike, bounds: Array) -> Array:
-    """Points as an array (n, d) inside the bounds, or a ValueError that names the first offender."""
+    """Points as an array (n, d) inside the bounds, or an InputError that names the first offender."""
     points = np.asarray(X, dtype=float)
     if points.ndim != 2 or points.shape[1] != len(bounds):
-        raise ValueError(f"X of shape {points.shape}, allowed: (n, {len(bounds)}), as many columns as bounds")
+        raise InputError(f"X of shape {points.shape}, allowed: (n, {len(bounds)}), as many columns as bounds")
     if not np.isfinite(points).all():
         row, column = np.argwhere(~np.isfinite(points))[0]
-        raise ValueError(f"X[{row}, {column}] is {points[row, column]}, allowed: finite numbers")
+        raise InputError(f"X[{row}, {column}] is {points[row, column]}, allowed: finite numbers")
     slack = OUTSIDE_TOLERANCE * (bounds[:, 1] - bounds[:, 0])
     outside = np.argwhere((points < bounds[:, 0] - slack) | (points > bounds[:, 1] + slack))
     if len(outside):
         row, column = outside[0]
         lower, upper = bounds[column]
-        raise ValueError(f"X[{row}, {column}] = {points[row, column]:g}, allowed: {lower:g} to {upper:g}, its bounds")
+        raise InputError(f"X[{row}, {column}] = {points[row, column]:g}, allowed: {lower:g} to {upper:g}, its bounds")
     return points
 
 
@@ -135,7 +136,7 @@ def checked_samples(X: ArrayLike, y: ArrayLike, bounds: ArrayLike) -> Samples:
 
     Raises
     ------
-    ValueError
+    InputError
         Wrong shapes, values that are not finite, points outside the bounds, fewer than `MINIMUM_SAMPLES` points, an
         output that does not vary, or one point with two different values.
     """
@@ -143,12 +144,12 @@ def checked_samples(X: ArrayLike, y: ArrayLike, bounds: ArrayLike) -> Samples:
     points = checked_points(X, box)
     values = np.asarray(y, dtype=float)
     if values.shape != (len(points),):
-        raise ValueError(f"y of shape {values.shape}, allowed: ({len(points)},), as many as rows of X")
+        raise InputError(f"y of shape {values.shape}, allowed: ({len(points)},), as many as rows of X")
     if not np.isfinite(values).all():
         row = int(np.flatnonzero(~np.isfinite(values))[0])
-        raise ValueError(f"y[{row}] is {values[row]}, allowed: finite numbers")
+        raise InputError(f"y[{row}] is {values[row]}, allowed: finite numbers")
     if len(points) < MINIMUM_SAMPLES:
-        raise ValueError(f"{len(points)} samples for a surrogate, allowed: at least {MINIMUM_SAMPLES}")
+        raise InputError(f"{len(points)} samples for a surrogate, allowed: at least {MINIMUM_SAMPLES}")
     _refuse_constant(values)
     _refuse_contradictions(points, values)
     return Samples(points, values, box)
@@ -157,7 +158,7 @@ def checked_samples(X: ArrayLike, y: ArrayLike, bounds: ArrayLike) -> Samples:
 def _refuse_constant(values: Array) -> None:
     """Raise if an output does not vary."""
     if np.ptp(values) <= CONSTANT_TOLERANCE * np.abs(values).max():
-        raise ValueError(f"the output is constant ({values[0]:g}), allowed: one with a variance to explain")
+        raise InputError(f"the output is constant ({values[0]:g}), allowed: one with a variance to explain")
 
 
 def _refuse_contradictions(points: Array, values: Array) -> None:
@@ -168,4 +169,4 @@ def _refuse_contradictions(points: Array, values: Array) -> None:
     clash = np.flatnonzero(same & (np.diff(values[order]) != 0))
     if clash.size:
         first, second = sorted(int(row) for row in order[clash[0] : clash[0] + 2])
-        raise ValueError(f"rows {first} and {second} of X are the same point, y differs; allowed: one value a point")
+        raise InputError(f"rows {first} and {second} of X are the same point, y differs; allowed: one value a point")

@@ -5,9 +5,11 @@ import signal
 import subprocess
 import sys
 
+import numpy as np
 import pytest
 import yaml
 
+from tbm_dynamics import Machine
 from tbm_gsa.cli.main import main
 from tbm_msgs_py import ACCELERATION, BagWriter
 from tbm_msgs_py.topics import TEST_POINTS
@@ -127,6 +129,17 @@ def test_bad_input_is_one_line_and_leaves_nothing(name, bad_files, handlers, mon
     assert named in err
     assert sorted(bad_files.rglob("*")) == before
     assert (bad_files / "file").read_text() == "x"
+
+
+def test_a_fault_of_a_library_is_no_bad_input(handlers, monkeypatch, capsys):
+    """It is a ValueError too, as numpy's are."""
+    monkeypatch.setattr(Machine, "assemble", lambda _: np.linalg.inv(np.zeros((2, 2))))
+    monkeypatch.setattr(sys, "argv", ["tbm-monitor", "simulate", "--duration", "0.1"])
+    with pytest.raises(SystemExit) as end:
+        main()
+    out, err = capsys.readouterr()
+    assert (end.value.code, out) == (1, "")
+    assert err == "tbm-monitor: fault of the program: LinAlgError: Singular matrix\n"
 
 
 @pytest.mark.parametrize("given", [["compare", "nowhere", "--json"], ["simulate", "--sed", "1"]])

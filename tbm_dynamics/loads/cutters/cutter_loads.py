@@ -13,6 +13,7 @@ import scipy.optimize
 from numba import njit
 from numpy.typing import ArrayLike
 
+from tbm_dynamics.errors import InputError
 from tbm_dynamics.loads.cutters.csm import Disc, Rock, cutting_forces
 from tbm_dynamics.loads.cutters.errors import CutterError
 from tbm_dynamics.loads.cutters.face import Face, strength
@@ -181,11 +182,11 @@ class CutterLoads:
         times = np.asarray(time, dtype=float)
         angles = self.speed * times if angle is None else np.asarray(angle, dtype=float)
         if times.ndim != 1 or angles.shape != times.shape:
-            raise ValueError(f"time and angle must have the same shape (n,), not {times.shape} and {angles.shape}")
+            raise InputError(f"time and angle must have the same shape (n,), not {times.shape} and {angles.shape}")
         pressed = np.array(np.broadcast_to(self.forces if forces is None else forces, (times.size, 2)), dtype=float)
         base = angles if self.head.fracture.along == "angle" else times
         if not np.all(np.isfinite(angles) & (np.abs(base) <= 1e9)):
-            raise ValueError("time and angle must be finite, within ±1e9")
+            raise InputError("time and angle must be finite, within ±1e9")
         loads = np.empty((times.size, 6))
         stretches = np.floor(base / _STRETCH).astype(np.int64)
         order = np.argsort(stretches, kind="stable")

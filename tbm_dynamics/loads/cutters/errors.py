@@ -1,5 +1,7 @@
 """What is wrong with cutters, in one line."""
 
+from tbm_dynamics.errors import InputError
 
-class CutterError(ValueError):
+
+class CutterError(InputError):
     """A layout, a rock or an operating point that cannot be."""

@@ -13,6 +13,7 @@ from typing import Any
 
 from tbm_gsa.cli.output import notes
 from tbm_gsa.cli.processes import NodeCommand, NodeProcesses, keep_discovery_local
+from tbm_gsa.errors import RunError
 
 _LOOK_S = 0.1
 _LOG_HEAD = re.compile(r"\[\w+\] \[[\d.]+\] \[[\w.]+\]: ")  # level, time and node of a line
@@ -29,7 +30,7 @@ def run_to_end(command: NodeCommand) -> dict[str, Any]:
 
     Raises
     ------
-    RuntimeError
+    RunError
         It ended with an error; the message is its last line.
     """
     keep_discovery_local()
@@ -38,8 +39,8 @@ def run_to_end(command: NodeCommand) -> dict[str, Any]:
         summary, log = folder / "summary.json", folder / f"{command.name}.log"
         try:
             _follow(replace(command, parameters={**command.parameters, "summary": str(summary)}), log)
-        except RuntimeError as error:
-            raise RuntimeError(_LOG_HEAD.sub("", str(error))) from error
+        except RunError as error:
+            raise RunError(_LOG_HEAD.sub("", str(error))) from error
         return dict(json.loads(summary.read_text(encoding="utf-8")))
 
 

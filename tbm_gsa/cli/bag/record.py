@@ -12,6 +12,7 @@ from tbm_gsa.cli.bag.node import run_to_end
 from tbm_gsa.cli.output import JSON_OPTION, notes, print_json, results
 from tbm_gsa.cli.processes import NodeCommand
 from tbm_gsa.cli.ros import BAG_RECORDER
+from tbm_gsa.errors import RunError
 from tbm_msgs_py.bags import Bag, RecordingError
 from tbm_msgs_py.topics import absolute
 
@@ -52,7 +53,7 @@ def record(
     )
     summary = run_to_end(command)
     if summary["problem"]:
-        raise RuntimeError(str(summary["problem"]))
+        raise RunError(str(summary["problem"]))
     bag = Bag(out)
     document = info_document(out, bag.info()) | {
         "files": [file.path.name for file in bag.files],
