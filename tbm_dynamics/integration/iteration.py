@@ -10,6 +10,7 @@ from tbm_dynamics.integration.errors import SimulationError
 
 # A round must shrink the error of g at least this much.
 _SLOWEST = 0.5
+_LONGEST_S = 1e-3  # no search above it: a step of more misses the teeth of any drive, and takes long to be tried
 
 
 def refuse_coarse(gain_at: Callable[[float], np.ndarray], step: float, gain: np.ndarray) -> None:
@@ -32,7 +33,7 @@ def refuse_coarse(gain_at: Callable[[float], np.ndarray], step: float, gain: np.
     """
     if _settles(gain):
         return
-    allowed = 0.5 * step
+    allowed = min(0.5 * step, _LONGEST_S)
     while not _settles(gain_at(allowed)):
         allowed *= 0.5
     raise SimulationError(

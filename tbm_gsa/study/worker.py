@@ -16,8 +16,6 @@ from typing import Final, TypeAlias
 
 from threadpoolctl import threadpool_limits
 
-from tbm_gsa.errors import InputError
-
 Evaluate: TypeAlias = Callable[[dict[str, float]], Mapping[str, float]]
 THREAD_VARIABLES: Final = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS")
 
@@ -44,14 +42,14 @@ def simulate_sample(evaluate: Evaluate, row: int, sample: dict[str, float], name
 
 
 def _checked(outputs: Mapping[str, float], names: tuple[str, ...]) -> dict[str, float]:
-    """Return outputs by name as floats; raise an InputError where one is missing or not finite."""
+    """Return outputs by name as floats; raise a ValueError where one is missing or not finite."""
     missing = [name for name in names if name not in outputs]
     if missing:
-        raise InputError(f"the evaluation returned no {', '.join(missing)}")
+        raise ValueError(f"the evaluation returned no {', '.join(missing)}")
     checked = {name: float(outputs[name]) for name in names}
     for name, value in checked.items():
         if not math.isfinite(value):
-            raise InputError(f"{name} is {value}")
+            raise ValueError(f"{name} is {value}")
     return checked
 
 

@@ -169,3 +169,9 @@ def test_one_version(installed):
     assert printed == ["tbm-monitor", stated]
     assert newest == stated
     assert installed("python", "-c", "import tbm_gsa; print(tbm_gsa.__version__)").stdout.strip() == stated
+
+
+def test_every_test_file_has_a_name_of_its_own():
+    """Or `make verify`, which looks through all of them at once, could not begin."""
+    names = [path.name for path in (ROOT / "test").rglob("*.py") if path.name != "conftest.py"]
+    assert sorted(set(names)) == sorted(names)
