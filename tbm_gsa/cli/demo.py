@@ -12,7 +12,7 @@ from rich.table import Table
 
 from tbm_dynamics import Machine, load_machine
 from tbm_gsa.cli.output import JSON_OPTION, MACHINE_OPTION, SEED_OPTION, notes, print_json, progress_bar, results
-from tbm_gsa.cli.processes import NodeCommand, NodeProcesses, ParameterValue, keep_discovery_local
+from tbm_gsa.cli.processes import NodeCommand, NodeProcesses, ParameterValue, settle_ros_environment
 from tbm_gsa.cli.ros import ANALYSIS_NODE, BAG_PLAYER, DYNAMICS_NODE, LOAD_NODE, watch
 from tbm_gsa.cli.shipped import is_shipped, shipped_bag
 from tbm_gsa.errors import RunError
@@ -39,7 +39,7 @@ def demo(
     json: Annotated[bool, JSON_OPTION] = False,
 ) -> None:
     """Play a recording, run the three nodes, compare, let the comparison trigger the sensitivity analysis, report."""
-    keep_discovery_local()
+    settle_ros_environment()
     recording = read_recording(bag or shipped_bag())
     length = max(record.duration for record in recording.points.values())
     described = load_machine(machine)

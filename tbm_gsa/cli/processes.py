@@ -14,19 +14,31 @@ from pathlib import Path
 from types import TracebackType
 from typing import Self
 
-from tbm_gsa.errors import RunError
+from tbm_gsa.errors import InputError, RunError
 from tbm_gsa.nodes.start import WITH_PARENT
 
 _GRACE_S = 5.0
 _ENDING = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 _START = "tbm_gsa.nodes.start"
+_LAST_DOMAIN = 232
 _DISCOVERY = "ROS_AUTOMATIC_DISCOVERY_RANGE"
 
 ParameterValue = bool | int | float | str | list[str]
 
 
-def keep_discovery_local() -> None:
-    """Limit ROS discovery, of this process and of all it starts, to this computer unless the environment differs."""
+def settle_ros_environment() -> None:
+    """Check the ROS domain, and limit discovery to this computer unless the environment says otherwise.
+
+    For this process and all it starts.
+
+    Raises
+    ------
+    InputError
+        A domain whose ports do not exist: the middleware ends a process on it without a word of ours.
+    """
+    domain = os.environ.get("ROS_DOMAIN_ID", "").strip() or "0"
+    if not (domain.isascii() and domain.isdigit() and int(domain) <= _LAST_DOMAIN):
+        raise InputError(f"environment ROS_DOMAIN_ID: {domain}, allowed: 0 to {_LAST_DOMAIN}")
     os.environ.setdefault(_DISCOVERY, "LOCALHOST")
 
 

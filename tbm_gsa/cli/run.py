@@ -25,7 +25,7 @@ from tbm_gsa.cli.output import (
     progress_bar,
     results,
 )
-from tbm_gsa.cli.processes import NodeCommand, NodeProcesses, ParameterValue, keep_discovery_local
+from tbm_gsa.cli.processes import NodeCommand, NodeProcesses, ParameterValue, settle_ros_environment
 from tbm_gsa.cli.ros import ANALYSIS_NODE, DYNAMICS_NODE, LIVE_VIEW, LOAD_NODE, watch
 from tbm_gsa.cli.simulate import schedule_of
 from tbm_gsa.cli.site import Site
@@ -79,7 +79,7 @@ def run(
     json: Annotated[bool, JSON_OPTION] = False,
 ) -> None:
     """Run loads, dynamics and analysis as ROS 2 nodes and count what they publish."""
-    keep_discovery_local()
+    settle_ros_environment()
     site = Site(params)
     described = load_machine(machine or site.common(_NODES, "machine", "dz101"))
     described.assemble()

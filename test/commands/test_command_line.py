@@ -131,6 +131,17 @@ def test_bad_input_is_one_line_and_leaves_nothing(name, bad_files, handlers, mon
     assert (bad_files / "file").read_text() == "x"
 
 
+@pytest.mark.parametrize("domain", ["233", "-1", "abc", "²"])
+def test_a_domain_that_ros_does_not_have(domain, handlers, monkeypatch, capsys, tmp_path):
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("ROS_DOMAIN_ID", domain)
+    monkeypatch.setattr(sys, "argv", ["tbm-monitor", "run"])
+    with pytest.raises(SystemExit) as end:
+        main()
+    assert end.value.code == 2
+    assert capsys.readouterr().err == f"tbm-monitor: environment ROS_DOMAIN_ID: {domain}, allowed: 0 to 232\n"
+
+
 def test_a_fault_of_a_library_is_no_bad_input(handlers, monkeypatch, capsys):
     """It is a ValueError too, as numpy's are."""
     monkeypatch.setattr(Machine, "assemble", lambda _: np.linalg.inv(np.zeros((2, 2))))

@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from tbm_gsa.cli.output import notes
-from tbm_gsa.cli.processes import NodeCommand, NodeProcesses, keep_discovery_local
+from tbm_gsa.cli.processes import NodeCommand, NodeProcesses, settle_ros_environment
 from tbm_gsa.errors import RunError
 
 _LOOK_S = 0.1
@@ -33,7 +33,7 @@ def run_to_end(command: NodeCommand) -> dict[str, Any]:
     RunError
         It ended with an error; the message is its last line.
     """
-    keep_discovery_local()
+    settle_ros_environment()
     with tempfile.TemporaryDirectory(prefix="tbm_monitor.") as name:
         folder = Path(name)
         summary, log = folder / "summary.json", folder / f"{command.name}.log"
