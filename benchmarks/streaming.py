@@ -29,7 +29,7 @@ from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import JointState, PointCloud2
 
 from tbm_dynamics import load_machine, simulate
-from tbm_gsa.cli.processes import NodeCommand, NodeProcesses, keep_discovery_local
+from tbm_gsa.cli.processes import NodeCommand, NodeProcesses, settle_ros_environment
 from tbm_gsa.cli.ros import ANALYSIS_NODE, DYNAMICS_NODE, LOAD_NODE
 from tbm_msgs_py import ACCELERATION, topics
 from tbm_msgs_py.nodes import messages, qos
@@ -314,7 +314,7 @@ def main() -> None:
     parser.add_argument("--role", choices=("sensors", "clock"), help=argparse.SUPPRESS)
     parser.add_argument("--rate", type=float, help=argparse.SUPPRESS)
     given = parser.parse_args()
-    keep_discovery_local()
+    settle_ros_environment()
     if given.role:
         return sensors() if given.role == "sensors" else clock(given.rate)
     document = measure(given.duration) if given.duration else {}
