@@ -1,6 +1,5 @@
 """What a parameter file says of a node, beside what rclpy makes of the same file."""
 
-import processes  # noqa: F401 - the domain of this test process, through the environment
 import pytest
 
 from tbm_gsa.cli.site import Site

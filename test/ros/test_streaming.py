@@ -10,7 +10,6 @@ import pytest
 pytest.importorskip("rclpy")
 pytest.importorskip("psutil")
 
-import processes  # noqa: F401 - the domain of this test process, through the environment
 
 from tbm_msgs_py import topics
 
