@@ -2,6 +2,8 @@
 
 import os
 import signal
+import subprocess
+import sys
 import tempfile
 from pathlib import Path
 
@@ -34,3 +36,16 @@ def startup_cycles() -> Path:
     if not file.is_file():
         pytest.skip("the recorded start-up cycles are not beside this checkout")
     return file
+
+
+@pytest.fixture
+def command(tmp_path):
+    """Run a command to its end in an empty folder: exit code, stdout, stderr."""
+
+    def run(*arguments, deadline=60.0):
+        given = [sys.executable, "-m", "tbm_gsa.cli.main", *arguments]
+        done = subprocess.run(given, cwd=tmp_path, capture_output=True, text=True, timeout=deadline, check=False)
+        assert "Traceback" not in done.stderr, done.stderr
+        return done.returncode, done.stdout, done.stderr
+
+    return run

@@ -2,7 +2,6 @@
 
 import json
 import signal
-import subprocess
 import sys
 
 import numpy as np
@@ -16,21 +15,6 @@ from tbm_msgs_py.topics import TEST_POINTS
 
 INDICATORS = {"RDef_A", "RDef_L", "RDef_R", "PAcc_A", "PAcc_L", "PAcc_R", "MF_M", "MF_Se"}
 TINY_STUDY = ["--samples", "12", "--test", "3", "--duration", "0.1", "--outputs", "RDef_A,MF_M"]
-COMMAND = [sys.executable, "-m", "tbm_gsa.cli.main"]
-
-
-@pytest.fixture
-def command(tmp_path):
-    """Run a command to its end in an empty folder: exit code, stdout, stderr."""
-
-    def run(*arguments, deadline=60.0):
-        done = subprocess.run(
-            [*COMMAND, *arguments], cwd=tmp_path, capture_output=True, text=True, timeout=deadline, check=False
-        )
-        assert "Traceback" not in done.stderr, done.stderr
-        return done.returncode, done.stdout, done.stderr
-
-    return run
 
 
 def test_simulate(command):

@@ -26,20 +26,6 @@ COMMAND = [sys.executable, "-m", "tbm_gsa.cli.main"]
 NODES_YAML = Path(__file__).parents[2] / "config" / "nodes.yaml"
 
 
-@pytest.fixture
-def command(tmp_path):
-    """Run a command to its end in an empty folder: exit code, stdout, stderr."""
-
-    def run(*arguments, deadline=60.0):
-        done = subprocess.run(
-            [*COMMAND, *arguments], cwd=tmp_path, capture_output=True, text=True, timeout=deadline, check=False
-        )
-        assert "Traceback" not in done.stderr, done.stderr
-        return done.returncode, done.stdout, done.stderr
-
-    return run
-
-
 def test_run_counts_no_loss(command):
     code, out, err = command("run", "--duration", "3", "--json")
     assert code == 0, err
