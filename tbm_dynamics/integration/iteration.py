@@ -10,7 +10,7 @@ from tbm_dynamics.integration.errors import SimulationError
 
 # A round must shrink the error of g at least this much.
 _SLOWEST = 0.5
-_LONGEST_S = 1e-3  # no search above it: a step of more misses the teeth of any drive, and takes long to be tried
+_LONGEST_S = 1e-3  # longest step that is named as short enough; the longer one is, the longer it takes to be tried
 
 
 def refuse_coarse(gain_at: Callable[[float], np.ndarray], step: float, gain: np.ndarray) -> None:
