@@ -91,7 +91,7 @@ setup(
     packages=find_packages(include=["tbm_*"]),
     package_data={
         "tbm_dynamics": ["machines/*.yaml", "machines/*.csv", "py.typed"],
-        "tbm_msgs_py": ["py.typed"],
+        "tbm_msgs_py": ["nodes/loopback.xml", "py.typed"],
         "tbm_gsa": ["report/*.html", "py.typed"],
     },
     data_files=data_files(),

@@ -9,6 +9,8 @@ from pathlib import Path
 
 import pytest
 
+from tbm_msgs_py.nodes.transport import avoid_shared_memory
+
 # One BLAS thread, as the command line and its processes have it: sums over more threads differ in their last bit.
 for _name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"):
     os.environ.setdefault(_name, "1")
@@ -17,6 +19,7 @@ for _name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"):
 os.environ["ROS_DOMAIN_ID"] = str(1 + os.getpid() % 100)
 os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "LOCALHOST"
 os.environ["ROS_PYTHON_CHECK_FIELDS"] = "1"
+avoid_shared_memory()  # as the nodes do: one that a test kills must not hold up the tests after it
 
 # What a test compares does not go into the history of whoever runs it.
 _data = tempfile.TemporaryDirectory(prefix="tbm_test_data_")

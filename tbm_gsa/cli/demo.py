@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -11,11 +11,22 @@ import typer
 from rich.table import Table
 
 from tbm_dynamics import Machine, load_machine
-from tbm_gsa.cli.output import JSON_OPTION, MACHINE_OPTION, SEED_OPTION, notes, print_json, progress_bar, results
+from tbm_gsa.cli.output import (
+    JSON_OPTION,
+    MACHINE_OPTION,
+    OUTPUTS_OPTION,
+    SEED_OPTION,
+    notes,
+    print_json,
+    progress_bar,
+    results,
+    split_names,
+)
 from tbm_gsa.cli.processes import NodeCommand, NodeProcesses, ParameterValue, settle_ros_environment
 from tbm_gsa.cli.ros import ANALYSIS_NODE, BAG_PLAYER, DYNAMICS_NODE, LOAD_NODE, watch
 from tbm_gsa.cli.shipped import is_shipped, shipped_bag
 from tbm_gsa.errors import RunError
+from tbm_gsa.study.outputs import parse_outputs
 from tbm_msgs_py.bags.mapping import default_mapping_file
 from tbm_msgs_py.recording import Recording, read_recording
 
@@ -35,6 +46,7 @@ def demo(
     out: Annotated[Path, typer.Option(help="Folder for logs and the study.")] = Path("tbm_demo"),
     samples: Annotated[int, typer.Option(min=10, help="Training simulations of the sensitivity analysis.")] = 200,
     test: Annotated[int, typer.Option(min=2, help="Test simulations.")] = 20,
+    outputs: Annotated[str | None, OUTPUTS_OPTION] = None,
     seed: Annotated[int, SEED_OPTION] = 0,
     json: Annotated[bool, JSON_OPTION] = False,
 ) -> None:
@@ -44,9 +56,11 @@ def demo(
     length = max(record.duration for record in recording.points.values())
     described = load_machine(machine)
     described.assemble()
+    names = split_names(outputs)
+    parse_outputs(names, described.description.test_points)  # refused before anything starts
     start = time.monotonic()
     with watch(described.description.test_points) as watching, NodeProcesses(out / "logs") as nodes:
-        for command in node_commands(recording, machine, seed, out, samples, test):
+        for command in node_commands(recording, machine, seed, out, samples, test, names):
             nodes.start(command)
         notes.print(
             f"playing {recording.path} ({length:.0f} s) to three nodes; logs in {out / 'logs'}", highlight=False
@@ -61,13 +75,14 @@ def demo(
 
 
 def node_commands(
-    recording: Recording, machine: str, seed: int, out: Path, samples: int, test: int
+    recording: Recording, machine: str, seed: int, out: Path, samples: int, test: int, outputs: Sequence[str]
 ) -> list[NodeCommand]:
     """Give player and nodes; the nodes follow the recording's clock."""
     common: dict[str, ParameterValue] = {"machine": machine, "use_sim_time": True}
     study: dict[str, ParameterValue] = {
         "gsa.samples": samples,
         "gsa.test": test,
+        "gsa.outputs": list(outputs) or [""],  # empty: all of them
         "gsa.seed": seed,
         "gsa.folder": str(out / "studies"),
         "history": str(out / "history.sqlite"),  # not among the windows of a real machine

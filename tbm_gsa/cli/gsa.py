@@ -13,7 +13,17 @@ from rich.table import Table
 from tbm_dynamics import load_machine
 from tbm_dynamics.indicators import INDICATORS
 from tbm_gsa.cli.explain import explain
-from tbm_gsa.cli.output import JSON_OPTION, MACHINE_OPTION, SEED_OPTION, notes, print_json, progress_bar, results
+from tbm_gsa.cli.output import (
+    JSON_OPTION,
+    MACHINE_OPTION,
+    OUTPUTS_OPTION,
+    SEED_OPTION,
+    notes,
+    print_json,
+    progress_bar,
+    results,
+    split_names,
+)
 from tbm_gsa.cli.workers import Scheduler, Workers, analysis_progress, anonymous_main, campaign_progress
 from tbm_gsa.study.definition import Definition, read_definition
 from tbm_gsa.study.design import KINDS
@@ -42,13 +52,7 @@ def run(
         Path | None,
         typer.Option(help="YAML file with inputs, distributions, groups, outputs; default: the paper's Table 4."),
     ] = None,
-    outputs: Annotated[
-        str | None,
-        typer.Option(
-            help="Names, separated by commas: indicators, or rms_POINT_AXIS, peak_…, kurtosis_…, rms_LOW-HIGH_hz_…; "
-            "default: those of the file, else the eight indicators."
-        ),
-    ] = None,
+    outputs: Annotated[str | None, OUTPUTS_OPTION] = None,
     high_hz: Annotated[
         float | None,
         typer.Option(help="Upper limit of the band of accelerations (Hz); default: a comparison's, 1000."),
@@ -61,7 +65,7 @@ def run(
 ) -> None:
     """Simulate a design, fit surrogates, print Sobol indices; an unfinished study of the folder goes on."""
     definition = Definition(PAPER_INPUTS) if inputs is None else read_definition(inputs)
-    names = _names(outputs) or definition.outputs or INDICATORS
+    names = split_names(outputs) or definition.outputs or INDICATORS
     load_machine(machine).assemble()  # a bad machine is refused before a folder is made
     evaluate = MachineEvaluation.of(machine, duration, seed, names, high_hz)
     evaluate.check({item.code: (item.lower, item.upper) for item in definition.inputs.inputs})
@@ -119,11 +123,6 @@ app.command()(explain)
 def _methods(given: list[str] | None) -> Sequence[str]:
     """Surrogates to choose from: those asked for, else all."""
     return tuple(given) if given else StudyOptions().methods
-
-
-def _names(given: str | None) -> tuple[str, ...]:
-    """Names separated by commas."""
-    return tuple(name.strip() for name in (given or "").split(",") if name.strip())
 
 
 def _evaluation(problem: Problem) -> MachineEvaluation:

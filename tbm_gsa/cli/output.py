@@ -33,6 +33,16 @@ WHERE_OPTION = typer.Option(
     "--schedule-where", help="Only its rows with a text in a column, such as cycle=7; can be repeated."
 )
 MACHINE_OPTION = typer.Option("--machine", help="Name of a shipped machine, or path of a machine file.")
+OUTPUTS_OPTION = typer.Option(
+    "--outputs",
+    help="Names, separated by commas: indicators, or rms_POINT_AXIS, peak_…, kurtosis_…, rms_LOW-HIGH_hz_…; "
+    "default: those of the file with the inputs if there is one, else the eight indicators.",
+)
+
+
+def split_names(given: str | None) -> tuple[str, ...]:
+    """Names separated by commas."""
+    return tuple(name.strip() for name in (given or "").split(",") if name.strip())
 
 
 def print_json(document: Any) -> None:

@@ -16,6 +16,7 @@ from typing import Self
 
 from tbm_gsa.errors import InputError, RunError
 from tbm_gsa.nodes.start import WITH_PARENT
+from tbm_msgs_py.nodes.transport import avoid_shared_memory
 
 _GRACE_S = 5.0
 _ENDING = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
@@ -27,9 +28,9 @@ ParameterValue = bool | int | float | str | list[str]
 
 
 def settle_ros_environment() -> None:
-    """Check the ROS domain, and limit discovery to this computer unless the environment says otherwise.
+    """Check the ROS domain, and keep messages on this computer and out of shared memory.
 
-    For this process and all it starts.
+    For this process and all it starts, unless the environment says otherwise.
 
     Raises
     ------
@@ -40,6 +41,7 @@ def settle_ros_environment() -> None:
     if not (domain.isascii() and domain.isdigit() and int(domain) <= _LAST_DOMAIN):
         raise InputError(f"environment ROS_DOMAIN_ID: {domain}, allowed: 0 to {_LAST_DOMAIN}")
     os.environ.setdefault(_DISCOVERY, "LOCALHOST")
+    avoid_shared_memory()
 
 
 @dataclass(frozen=True)

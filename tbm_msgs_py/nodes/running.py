@@ -14,6 +14,8 @@ from rclpy.exceptions import ParameterException
 from rclpy.executors import ExternalShutdownException
 from rclpy.logging import get_logger
 
+from tbm_msgs_py.nodes.transport import avoid_shared_memory
+
 if TYPE_CHECKING:
     from tbm_msgs_py.nodes.managed import ManagedNode
 
@@ -43,6 +45,7 @@ def run_node(factory: Callable[[], ManagedNode], args: Sequence[str] | None = No
         # Before rclpy.init: rclpy's own handlers, which end the context, call the ones they find.
         sys.unraisablehook = _without_interruptions
         _handle(_on_signal)
+        avoid_shared_memory()
         rclpy.init(args=None if args is None else list(args))
         node = factory()
         return _spin(node)

@@ -42,6 +42,7 @@ BAD = {
     "an empty folder": (["compare", "empty", "--json"], "empty"),
     "no mapped topic": (["compare", "strange", "--html", "page.html"], "no topic"),
     "demo without a bag": (["demo", "--bag", "nowhere", "--out", "new"], "nowhere"),
+    "demo of an unknown output": (["demo", "--outputs", "MF_M,loudness", "--out", "new"], "unknown output 'loudness'"),
     "demo of an empty folder": (["demo", "--bag", "empty", "--out", "new"], "empty"),
     "demo without a mapped topic": (["demo", "--bag", "strange", "--out", "new"], "no topic"),
     "negative stiffness": (["simulate", "--machine", "stiffness.yaml"], "stiffness"),

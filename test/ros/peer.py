@@ -49,7 +49,14 @@ class Peer:
             self.executor.spin_once(timeout_sec=left)
 
     def wait_for(self, condition, deadline=DEADLINE):
-        wait_for(condition, deadline, self.spin)
+        try:
+            wait_for(condition, deadline, self.spin)
+        except AssertionError as error:
+            raise AssertionError(f"{error}; on /diagnostics:\n{self._heard()}") from None
+
+    def _heard(self):
+        now = time.monotonic()
+        return "\n".join(f"{now - s.came:5.1f} s ago: {n}: {s.level} {s.message}" for n, s in self.diagnostics.items())
 
     def listen(self, kind, topic, profile):
         """List that fills with what comes."""
@@ -104,6 +111,7 @@ class Status:
         self.message = status.message
         self.hardware = status.hardware_id
         self.values = {pair.key: pair.value for pair in status.values}
+        self.came = time.monotonic()
 
 
 def stamps(received):
