@@ -9,11 +9,11 @@ from pathlib import Path
 
 import pytest
 
-from tbm_msgs_py.nodes.transport import avoid_shared_memory
-
 # One BLAS thread, as the command line and its processes have it: sums over more threads differ in their last bit.
 for _name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"):
     os.environ.setdefault(_name, "1")
+
+from tbm_msgs_py.nodes.transport import avoid_shared_memory  # noqa: E402 - it imports numpy, which has its threads then
 
 # A domain of this test process alone, on this computer; up to 101 the ports stay clear of the ephemeral range.
 os.environ["ROS_DOMAIN_ID"] = str(1 + os.getpid() % 100)
