@@ -22,9 +22,9 @@ pytestmark = pytest.mark.ros
 LOAD_NODE, DYNAMICS_NODE = "tbm_dynamics.nodes.load_node", "tbm_dynamics.nodes.dynamics_node"
 ANALYSIS_NODE, PLAYER = "tbm_gsa.nodes.analysis_node", "tbm_msgs_py.nodes.bag_player"
 START_NS = 1_700_000_000_000_000_000
-# Long beside what a busy computer takes to notice that the clock went back, a second and more at ten times its rate:
+# Long beside what a busy computer takes to notice that the clock went back, a second and more at four times its rate:
 # over a gap the run of the dynamics goes on, and does not know that the loads behind it are those of a new run.
-BLOCK_NS, LENGTH_S, SEED = 50_000_000, 15.0, 3
+BLOCK_NS, LENGTH_S, SEED = 50_000_000, 8.0, 3
 STEP_NS = 200_000  # of the blocks of the model
 
 
@@ -82,6 +82,9 @@ def test_nodes_follow_the_clock_of_a_bag(run_node, bag):
         peer.wait_for(lambda: len(meshes) > standing + 1)
         assert peer.set_parameters("/tbm/bag_player", rate=20.0), "over its range"
         assert not peer.set_parameters("/tbm/bag_player", rate=10.0)
+        peer.wait_for(lambda: len(meshes) > standing + 40)
+        # A full computer does not keep up with that for long, and would lose blocks.
+        assert not peer.set_parameters("/tbm/bag_player", rate=4.0)
         peer.wait_for(lambda: len(runs(meshes)) > 2 and len(runs(meshes)[-1]) > 10)
         assert not peer.set_parameters("/tbm/bag_player", rate=1.0)
         peer.wait_for(lambda: len(runs(meshes)[-1]) > 40 and len(runs(windows)) > 2)
