@@ -36,7 +36,7 @@ MACHINE_OPTION = typer.Option("--machine", help="Name of a shipped machine, or p
 OUTPUTS_OPTION = typer.Option(
     "--outputs",
     help="Names, separated by commas: indicators, or rms_POINT_AXIS, peak_…, kurtosis_…, rms_LOW-HIGH_hz_…; "
-    "default: those of the file with the inputs if there is one, else the eight indicators.",
+    "default: the eight indicators.",
 )
 
 

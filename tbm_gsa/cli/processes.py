@@ -16,13 +16,12 @@ from typing import Self
 
 from tbm_gsa.errors import InputError, RunError
 from tbm_gsa.nodes.start import WITH_PARENT
-from tbm_msgs_py.nodes.transport import avoid_shared_memory
+from tbm_msgs_py.nodes.transport import DISCOVERY_RANGE, avoid_shared_memory
 
 _GRACE_S = 5.0
 _ENDING = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 _START = "tbm_gsa.nodes.start"
 _LAST_DOMAIN = 232
-_DISCOVERY = "ROS_AUTOMATIC_DISCOVERY_RANGE"
 
 ParameterValue = bool | int | float | str | list[str]
 
@@ -40,7 +39,7 @@ def settle_ros_environment() -> None:
     domain = os.environ.get("ROS_DOMAIN_ID", "").strip() or "0"
     if not (domain.isascii() and domain.isdigit() and int(domain) <= _LAST_DOMAIN):
         raise InputError(f"environment ROS_DOMAIN_ID: {domain}, allowed: 0 to {_LAST_DOMAIN}")
-    os.environ.setdefault(_DISCOVERY, "LOCALHOST")
+    os.environ.setdefault(DISCOVERY_RANGE, "LOCALHOST")
     avoid_shared_memory()
 
 

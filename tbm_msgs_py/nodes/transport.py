@@ -9,7 +9,7 @@ import os
 from pathlib import Path
 
 LOOPBACK = Path(__file__).with_name("loopback.xml")
-_RANGE, _IMPLEMENTATION = "ROS_AUTOMATIC_DISCOVERY_RANGE", "RMW_IMPLEMENTATION"
+DISCOVERY_RANGE, _IMPLEMENTATION = "ROS_AUTOMATIC_DISCOVERY_RANGE", "RMW_IMPLEMENTATION"
 _TRANSPORTS, _PROFILES = "FASTDDS_BUILTIN_TRANSPORTS", "FASTRTPS_DEFAULT_PROFILES_FILE"
 # Whoever sets one of these knows how messages are to travel.
 _STATED = (_TRANSPORTS, _PROFILES, "FASTDDS_DEFAULT_PROFILES_FILE", "ROS_STATIC_PEERS")
@@ -24,8 +24,8 @@ def avoid_shared_memory() -> None:
     implementation = os.environ.get(_IMPLEMENTATION) or "rmw_fastrtps_cpp"
     if not implementation.startswith("rmw_fastrtps") or any(os.environ.get(name) for name in _STATED):
         return
-    if os.environ.get(_RANGE) == "LOCALHOST":
+    if os.environ.get(DISCOVERY_RANGE) == "LOCALHOST":
         # By name: another implementation would know nothing of the profile, and be heard on the network.
-        os.environ |= {_IMPLEMENTATION: implementation, _RANGE: "SYSTEM_DEFAULT", _PROFILES: str(LOOPBACK)}
+        os.environ |= {_IMPLEMENTATION: implementation, DISCOVERY_RANGE: "SYSTEM_DEFAULT", _PROFILES: str(LOOPBACK)}
     else:
         os.environ[_TRANSPORTS] = "UDPv4"

@@ -16,6 +16,8 @@ pytestmark = pytest.mark.ros
 
 RANGE, TRANSPORTS = "ROS_AUTOMATIC_DISCOVERY_RANGE", "FASTDDS_BUILTIN_TRANSPORTS"
 PROFILES, IMPLEMENTATION = "FASTRTPS_DEFAULT_PROFILES_FILE", "RMW_IMPLEMENTATION"
+NEW_PROFILES, PEERS = "FASTDDS_DEFAULT_PROFILES_FILE", "ROS_STATIC_PEERS"
+NAMES = (RANGE, TRANSPORTS, PROFILES, IMPLEMENTATION, NEW_PROFILES, PEERS)
 OURS = {RANGE: "SYSTEM_DEFAULT", PROFILES: str(LOOPBACK), IMPLEMENTATION: "rmw_fastrtps_cpp"}
 
 
@@ -25,7 +27,7 @@ def stated():
     before = dict(os.environ)
 
     def state(settings):
-        for name in (RANGE, TRANSPORTS, PROFILES, IMPLEMENTATION):
+        for name in NAMES:
             os.environ.pop(name, None)
         os.environ.update(settings)
 
@@ -64,8 +66,8 @@ def test_nodes_meet_and_share_memory_only_when_told_to(run_node, stated, theirs)
             for said in (
                 {RANGE: "LOCALHOST", TRANSPORTS: "DEFAULT"},
                 {RANGE: "LOCALHOST", PROFILES: "site.xml"},
-                {RANGE: "LOCALHOST", "FASTDDS_DEFAULT_PROFILES_FILE": "site.xml"},
-                {RANGE: "LOCALHOST", "ROS_STATIC_PEERS": "10.0.0.7"},
+                {RANGE: "LOCALHOST", NEW_PROFILES: "site.xml"},
+                {RANGE: "LOCALHOST", PEERS: "10.0.0.7"},
                 {RANGE: "LOCALHOST", IMPLEMENTATION: "rmw_cyclonedds_cpp"},
             )
         ),
@@ -75,5 +77,4 @@ def test_what_somebody_said_holds(stated, given, settled):
     stated(given)
     for _ in range(2):  # a process that was started by one of ours settles nothing anew
         avoid_shared_memory()
-        names = {RANGE, TRANSPORTS, PROFILES, IMPLEMENTATION, *given}
-        assert {name: os.environ[name] for name in names if name in os.environ} == settled
+        assert {name: os.environ[name] for name in NAMES if name in os.environ} == settled
