@@ -50,7 +50,7 @@ def run(
     duration: Annotated[float, typer.Option(min=0.01, max=3600.0, help="Length of a simulation (s).")] = 3.0,
     inputs: Annotated[
         Path | None,
-        typer.Option(help="YAML file with inputs, distributions, groups, and outputs if --outputs names none."),
+        typer.Option(help="YAML file with inputs, distributions, groups, outputs; default: the paper's Table 4."),
     ] = None,
     outputs: Annotated[str | None, OUTPUTS_OPTION] = None,
     high_hz: Annotated[
