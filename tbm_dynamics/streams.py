@@ -9,6 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from tbm_dynamics.continuity import NANOSECONDS, Continuity, Samples
 from tbm_dynamics.errors import InputError
 from tbm_dynamics.integration.errors import SimulationError
 from tbm_dynamics.integration.simulator import Chunk, Simulator
@@ -17,9 +18,6 @@ from tbm_dynamics.machine.loading import MachineError
 from tbm_dynamics.machine.machine import Machine, OperatingPoint
 from tbm_dynamics.response import default_outputs
 from tbm_dynamics.schedule import Schedule
-
-NANOSECONDS = 1_000_000_000
-_JUMP_BACK_S = 0.5  # a run of load blocks behind the present that is longer than this is a stream that jumped back
 
 
 def step_ns(rate_hz: float) -> int:
@@ -165,7 +163,7 @@ class DynamicsStream:
     level : "spectral" or "cutter"
         Of the loads that come: their mean is where a run starts.
     longest_bridge : float
-        s; a longer gap, or a jump back by more, starts the run afresh from the static equilibrium.
+        s; a longer gap, or a jump back, starts the run afresh from the static equilibrium.
 
     Attributes
     ----------
@@ -176,7 +174,7 @@ class DynamicsStream:
     epoch_ns : int
         Time of step 0.
     lost_steps, restarts, dropped : int
-        Load samples that never came; fresh starts after the first; blocks that lay behind what was integrated.
+        Load samples that never came; fresh starts after the first; blocks that did not belong to the stream.
     """
 
     def __init__(
@@ -188,8 +186,8 @@ class DynamicsStream:
         self._step = step_ns(rate_hz)
         self._longest = round(longest_bridge * rate_hz)
         self.nodes = default_outputs(machine)
-        self.lost_steps = self.restarts = self.dropped = 0
-        self._behind: tuple[int, int] | None = None  # first and next step of blocks dropped in a row
+        self._continuity = Continuity(self._step, self._longest * self._step)
+        self.lost_steps = self.restarts = 0
         self.meshes = self._system.couplings.drives
         self._point = self._loads.reached(machine.operating_point)
         self._ahead: list[tuple[int, OperatingPoint]] = []  # points asked for, by the time from which they hold
@@ -203,6 +201,11 @@ class DynamicsStream:
         """Stand in the static equilibrium of the operating point asked for last."""
         self._changed = False  # the operating point, since the last block
         return Simulator(self._system.under(self._point, self.mean_loads), self.nodes, 1.0 / self._rate)
+
+    @property
+    def dropped(self) -> int:
+        """Blocks that did not belong to the stream."""
+        return self._continuity.dropped
 
     @property
     def mean_loads(self) -> np.ndarray:
@@ -237,9 +240,8 @@ class DynamicsStream:
     def process(self, stamp_ns: int, loads: np.ndarray) -> list[Chunk]:
         """Integrate over a block of loads (n, 6) whose first sample belongs to `stamp_ns`.
 
-        Returns the chunk of the block, after that of a bridged gap if there was one. A block behind what has been
-        integrated is dropped, so that a second publisher changes nothing; when such blocks follow each other for
-        half a second, the stream has jumped back and starts afresh.
+        Returns the chunk of the block; none while it waits, and several when what waited is believed, the straight
+        line over a gap before it among them: see `Continuity`.
 
         Raises
         ------
@@ -248,8 +250,14 @@ class DynamicsStream:
         """
         if not np.isfinite(loads).all():
             raise SimulationError("loads hold a value that is not finite")
-        if self._drop(stamp_ns, len(loads)):
-            return []
+        begins = self._lost or not self._started
+        end = None if begins else self.epoch_ns + self._simulator.next_step * self._step
+        return [
+            chunk for block in self._continuity.take(Samples(stamp_ns, loads), end) for chunk in self._go_on(*block)
+        ]
+
+    def _go_on(self, stamp_ns: int, loads: np.ndarray) -> list[Chunk]:
+        """Integrate over a block of the stream, and over the gap before it."""
         self._reach(stamp_ns - 1)
         missing = self._missing(stamp_ns)
         self._reach(stamp_ns)
@@ -266,21 +274,6 @@ class DynamicsStream:
         self._lost = False
         self._last = loads[-1].copy()
         return [*bridge, chunk]
-
-    def _drop(self, stamp_ns: int, samples: int) -> bool:
-        """Whether a block lies behind the run, and the stream has not jumped back there."""
-        first = round((stamp_ns - self.epoch_ns) / self._step)
-        ahead = first - self._simulator.next_step
-        if not self._started or self._lost or not -self._longest <= ahead < 0:
-            self._behind = None
-            return False
-        since = self._behind[0] if self._behind and self._behind[1] == first else first
-        self._behind = since, first + samples
-        if first + samples - since > _JUMP_BACK_S * self._rate:
-            self._behind = None
-            return False
-        self.dropped += 1
-        return True
 
     def _missing(self, stamp_ns: int) -> int:
         """Count the steps between what has come and this stamp; a stamp that does not follow starts afresh."""

@@ -57,6 +57,8 @@ class Quality:
 
 OPERATING_POINT_QUALITY = Quality(reliable=True, latched=True, depth=1)
 BLOCK_QUALITY = Quality(reliable=True, latched=False, depth=64)
+# Each one counts from its stamp on, and there may be one a block.
+LOADS_OPERATING_POINT_QUALITY = Quality(reliable=True, latched=True, depth=BLOCK_QUALITY.depth)
 # Best effort like any sensor; the depth is what keeps a 1 kHz stream whole in a busy process.
 LIVE_QUALITY = Quality(reliable=False, latched=False, depth=100)
 ANALYSIS_QUALITY = Quality(reliable=True, latched=False, depth=64)
@@ -64,6 +66,14 @@ GSA_QUALITY = Quality(reliable=True, latched=True, depth=1)
 DIAGNOSTICS_QUALITY = Quality(reliable=True, latched=False, depth=10)
 # Reliable offers match both kinds of clock subscriber.
 CLOCK_QUALITY = Quality(reliable=True, latched=False, depth=10)
+
+
+_OTHERS = {
+    OPERATING_POINT: OPERATING_POINT_QUALITY,
+    LOADS_OPERATING_POINT: LOADS_OPERATING_POINT_QUALITY,
+    DIAGNOSTICS: DIAGNOSTICS_QUALITY,
+    CLOCK: CLOCK_QUALITY,
+}
 
 
 def model_block(point: str) -> str:
@@ -109,12 +119,10 @@ def absolute(name: str, namespace: str = NAMESPACE) -> str:
 def quality(name: str, namespace: str = NAMESPACE) -> Quality:
     """Quality of service that the contract gives a topic, by its absolute or relative name."""
     name = name.removeprefix(f"{namespace.rstrip('/')}/")
-    if name in (OPERATING_POINT, LOADS_OPERATING_POINT):
-        return OPERATING_POINT_QUALITY
     if name in (GSA_STATUS, GSA_RESULT):
         return GSA_QUALITY
     if name == MODEL_DRIVES or name.endswith("/accel"):
         return LIVE_QUALITY
     if name.startswith("analysis/"):
         return ANALYSIS_QUALITY
-    return {DIAGNOSTICS: DIAGNOSTICS_QUALITY, CLOCK: CLOCK_QUALITY}.get(name, BLOCK_QUALITY)
+    return _OTHERS.get(name, BLOCK_QUALITY)

@@ -20,10 +20,10 @@ from tbm_dynamics.live import LiveFilter
 from tbm_dynamics.machine import Machine, MachineError, OperatingPoint, load_machine
 from tbm_dynamics.nodes.pace import Pace
 from tbm_dynamics.sensors import SensorModel, SensorPacket, SensorParameters
-from tbm_dynamics.streams import NANOSECONDS, DynamicsStream, step_ns
+from tbm_dynamics.streams import DynamicsStream, step_ns
 from tbm_dynamics.structure.drive import gear_pair
 from tbm_msgs_py import blocks, operating_point, topics
-from tbm_msgs_py.blocks import BlockError
+from tbm_msgs_py.blocks import NANOSECONDS, BlockError
 from tbm_msgs_py.nodes import messages, qos
 from tbm_msgs_py.nodes.faults import Faults
 from tbm_msgs_py.nodes.managed import ManagedNode, Parameter, run_node
@@ -94,7 +94,7 @@ class DynamicsNode(ManagedNode):
         self._refused = 0
         self._faults: Faults[str] = Faults(lambda text: self.get_logger().warning(text))
         self._pace = Pace()
-        self._lost_shown = self._dropped_shown = 0
+        self._lost_shown = self._dropped_shown = self._restarts_shown = 0
         self._new_sensors()
         self._stream.warm_up()
         self._create_topics()
@@ -107,7 +107,7 @@ class DynamicsNode(ManagedNode):
         self._accels = {p: create(AccelStamped, topics.model_accel(p), qos.LIVE) for p in self._points}
         self._meshes = create(PointCloud2, topics.MODEL_MESH_FORCES, qos.BLOCK)
         self._drives = create(JointState, topics.MODEL_DRIVES, qos.LIVE)
-        self._subscribe(JointState, topics.LOADS_OPERATING_POINT, self._on_operating_point, qos.OPERATING_POINT)
+        self._subscribe(JointState, topics.LOADS_OPERATING_POINT, self._on_operating_point, qos.LOADS_OPERATING_POINT)
 
     def activate(self) -> None:
         """Take loads from now on; what came before has not been waiting."""
@@ -160,16 +160,16 @@ class DynamicsNode(ManagedNode):
             block = messages.block_from(message)
             self._check_block(block)
             chunks = self._stream.process(int(block.times_ns()[0]), block.values)
+            if self._stream.restarts != self._restarts:
+                self._new_sensors()
+            for chunk in chunks:
+                self._publish(chunk)
         except (BlockError, SimulationError) as error:
             self._refused += 1
             self._faults.report(topics.LOADS_BLOCK, f"{topics.LOADS_BLOCK}: {error}; not used")
             return
         self._faults.clear(topics.LOADS_BLOCK)
         self._doubt_units(block.values)
-        if self._stream.restarts != self._restarts:
-            self._new_sensors()
-        for chunk in chunks:
-            self._publish(chunk)
         self._taken.count(len(block.values))
         length = len(block.values) / self._rate
         now = self.get_clock().now().nanoseconds
@@ -236,9 +236,11 @@ class DynamicsNode(ManagedNode):
         stream, pace = self._stream, self._pace
         lost, self._lost_shown = stream.lost_steps - self._lost_shown, stream.lost_steps
         dropped, self._dropped_shown = stream.dropped - self._dropped_shown, stream.dropped
+        restarts, self._restarts_shown = stream.restarts - self._restarts_shown, stream.restarts
         problems = list(self._faults.show().values())
         problems += [f"{lost} lost steps bridged"] if lost else []
-        problems += [f"{dropped} blocks behind the stream dropped{self._rivals()}"] if dropped else []
+        problems += [f"{dropped} blocks beside the stream dropped{self._rivals()}"] if dropped else []
+        problems += ["the loads jumped: the run started afresh"] if restarts else []
         values = {
             "blocks": pace.blocks,
             "measured_rate_hz": self._taken.look(),
@@ -263,7 +265,7 @@ class DynamicsNode(ManagedNode):
         return ("warn", "; ".join(["integrating", *problems])) if problems else ("ok", "integrating")
 
     def _rivals(self) -> str:
-        """Name two publishers of loads; asked only when blocks overlap: one that was killed is listed for 20 s more."""
+        """Name two publishers of loads; asked only when there were any: one that was killed is listed for 20 s more."""
         names = sorted(p.node_name for p in self.get_publishers_info_by_topic(topics.LOADS_BLOCK))
         return f": {len(names)} publishers, {', '.join(names)}" if len(names) > 1 else ""
 

@@ -16,16 +16,19 @@ from sensor_msgs.msg import JointState, PointCloud2
 from tbm_dynamics.levels import LOAD_LEVELS
 from tbm_dynamics.machine import Machine, MachineError, OperatingPoint, load_machine
 from tbm_dynamics.schedule import COLUMNS, Schedule, pairs, read_schedule
-from tbm_dynamics.streams import NANOSECONDS, LoadBlock, LoadStream, step_ns
+from tbm_dynamics.streams import LoadBlock, LoadStream, step_ns
 from tbm_msgs_py import blocks, operating_point, topics
+from tbm_msgs_py.blocks import NANOSECONDS
 from tbm_msgs_py.nodes import messages, qos
 from tbm_msgs_py.nodes.faults import Faults
 from tbm_msgs_py.nodes.managed import ManagedNode, Parameter, run_node
 from tbm_msgs_py.nodes.rate import Rate
 from tbm_msgs_py.operating_point import OperatingPointError
 
-# A clock that leaps further than this (a bag that loops, a suspended computer) starts the stream afresh.
+# A clock that leaps further than this (a bag that loops, a suspended computer), or than readers have room for, starts
+# the stream afresh.
 _LONGEST_BACKLOG_S = 5.0
+_MOST_BLOCKS = topics.BLOCK_QUALITY.depth - 8
 _MATCHING_S = 0.3  # a publisher knows of a subscriber before that one takes what it sends
 # A block is late by up to the time between two looks at the clock.
 _LOOKS_A_BLOCK = 5
@@ -107,7 +110,7 @@ class LoadNode(ManagedNode):
 
         self._blocks = create(PointCloud2, topics.LOADS_BLOCK, qos.BLOCK)
         self._live = create(WrenchStamped, topics.LOADS_WRENCH, qos.BLOCK)
-        self._applied = create(JointState, topics.LOADS_OPERATING_POINT, qos.OPERATING_POINT)
+        self._applied = create(JointState, topics.LOADS_OPERATING_POINT, qos.LOADS_OPERATING_POINT)
         self.create_subscription(
             JointState,
             topics.OPERATING_POINT,
@@ -161,11 +164,11 @@ class LoadNode(ManagedNode):
         )
 
     def activate(self) -> None:
-        """Start the stream; its epoch is the node's time, rounded to the step."""
+        """Start the stream at the first look at which the clock runs and the subscribers are there."""
         self._stream = None
         self._sent = Rate()
         self._matched_since: float | None = None
-        self.create_timer(self._samples / self._rate / _LOOKS_A_BLOCK, self._tick)
+        self._timer = self.create_timer(self._samples / self._rate / _LOOKS_A_BLOCK, self._tick)
 
     def _on_operating_point(self, message: Any) -> None:
         try:
@@ -186,7 +189,7 @@ class LoadNode(ManagedNode):
         stream = self._stream
         assert stream is not None  # noqa: S101 - _begin made it
         due = (now - self._epoch_ns) // self._step - stream.next_step
-        if due < -self._samples or due > _LONGEST_BACKLOG_S * self._rate:
+        if due < -self._samples or due > min(_LONGEST_BACKLOG_S * self._rate, _MOST_BLOCKS * self._samples):
             self._faults.report("clock", "the clock jumped: the load stream starts afresh")
             self._faults.clear("clock")
             self._stream = None
@@ -199,7 +202,9 @@ class LoadNode(ManagedNode):
         """Start the stream once the clock runs and enough subscribers are there."""
         if now == 0 or not self._matched():
             return False
-        self._epoch_ns = round(now / self._step) * self._step
+        # When this look was due, however late it came: every block is complete at one, and waits for none after it.
+        due = now - max(0, self._timer.timer_period_ns - self._timer.time_until_next_call())
+        self._epoch_ns = due // self._step * self._step
         self._stream = self._new_stream()
         if self._wanted is not None:
             self._stream.set_operating_point(self._wanted)

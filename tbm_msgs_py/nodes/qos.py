@@ -40,11 +40,13 @@ def offered(publishers: Iterable[Any]) -> Quality:
     return Quality(
         reliable=all(known.reliability == ReliabilityPolicy.RELIABLE for known in profiles),
         latched=all(known.durability == DurabilityPolicy.TRANSIENT_LOCAL for known in profiles),
-        depth=max([1, *depths]),
+        # Fast DDS tells nobody how much others keep: as much then as keeps a live topic whole.
+        depth=max([0, *depths]) or topics.LIVE_QUALITY.depth,
     )
 
 
 OPERATING_POINT = profile(topics.OPERATING_POINT_QUALITY)
+LOADS_OPERATING_POINT = profile(topics.LOADS_OPERATING_POINT_QUALITY)
 BLOCK = profile(topics.BLOCK_QUALITY)
 LIVE = profile(topics.LIVE_QUALITY)
 ANALYSIS = profile(topics.ANALYSIS_QUALITY)
