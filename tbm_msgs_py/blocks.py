@@ -6,7 +6,6 @@ with the attributes of a PointCloud2 decodes, be it from rclpy or from a bag lib
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
@@ -16,6 +15,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 NANOSECONDS = 1_000_000_000
+LONGEST_S = 86400.0  # a sample further from its stamp is a damaged block
 FLOAT32, FLOAT64 = 7, 8  # sensor_msgs/PointField datatypes
 _DATATYPES = {"f4": FLOAT32, "f8": FLOAT64}
 _KNOWN = "t float64 then ax ay az float32, fx fy fz mx my mz float64 or f1 ... fn float64"
@@ -174,9 +174,17 @@ def from_cloud(message: Cloud) -> Block:
     layout = layout_of(message.fields)
     _check_sizes(message, layout)
     offsets, values = decode(layout, message.data)
-    if not all(math.isfinite(t) for t in (offsets[0], offsets[-1])) or not np.isfinite(offsets).all():
-        raise BlockError("block field t: a time that is not finite, allowed: finite times")
+    _check_times(offsets)
     return Block(layout, stamp_to_ns(message.header.stamp), offsets, values, message.header.frame_id)
+
+
+def _check_times(offsets: NDArray[np.float64]) -> None:
+    """Raise a `BlockError` unless every sample has a time near the stamp."""
+    if not np.isfinite(offsets).all():
+        raise BlockError("block field t: a time that is not finite, allowed: finite times")
+    furthest = float(np.abs(offsets).max())
+    if furthest >= LONGEST_S:
+        raise BlockError(f"block field t: {furthest:g} s from the stamp, allowed: below {LONGEST_S:g} s")
 
 
 def _check_sizes(message: Cloud, layout: BlockLayout) -> None:

@@ -17,9 +17,7 @@ from numpy.typing import NDArray
 from tbm_msgs_py import blocks
 from tbm_msgs_py.bags.records import Bytes, gather, join
 from tbm_msgs_py.bags.samples import BLOCK_TYPE, ENCAPSULATION, UNDECODABLE, Samples, read_headers, typestore
-from tbm_msgs_py.blocks import ACCELERATION, NANOSECONDS, BlockError
-
-LONGEST_S = 86400.0  # a sample further from its stamp is a damaged block
+from tbm_msgs_py.blocks import ACCELERATION, LONGEST_S, NANOSECONDS, BlockError
 
 
 class _Head(NamedTuple):
@@ -140,8 +138,6 @@ def _decoded(message: bytes) -> blocks.Block:
     block = blocks.from_cloud(typestore().deserialize_cdr(message, BLOCK_TYPE))  # type: ignore[arg-type]
     if block.layout != ACCELERATION:
         raise BlockError(f"block channels {' '.join(block.layout.channels)}, allowed: ax ay az")
-    if (longest := np.abs(block.offsets).max()) >= LONGEST_S:
-        raise BlockError(f"block field t: {longest:g} s from the stamp, allowed: below {LONGEST_S:g} s")
     return block
 
 
