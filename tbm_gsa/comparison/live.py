@@ -12,9 +12,12 @@ from numpy.typing import ArrayLike
 
 from tbm_gsa.arrays import Array, Integers
 from tbm_gsa.comparison.levels import Kind
+from tbm_gsa.comparison.pace import NANOSECONDS
 from tbm_gsa.comparison.statistics import ratio, relative_error
-from tbm_gsa.comparison.streams import NANOSECONDS, SOURCES, ClosedWindow, PointStreams, Source, StreamCounters
+from tbm_gsa.comparison.streams import SOURCES, ClosedWindow, PointStreams, Source, StreamCounters
 from tbm_gsa.errors import InputError
+
+LARGEST = 1e6  # m/s²: nothing that is bolted to a machine measures more, and a filter would not get over it
 
 
 @dataclass(frozen=True, eq=False)
@@ -114,7 +117,7 @@ class WindowedComparison:
         t : array_like, shape (n,)
             Times after the stamp, s.
         values : array_like, shape (n, 3)
-            m/s², in the machine axes.
+            m/s², in the machine axes; samples that are not finite, or beyond `LARGEST`, count as rejected.
 
         Returns
         -------
@@ -127,14 +130,14 @@ class WindowedComparison:
                 f"test point {point}: t and values must be (n,) and (n, 3), not {offsets.shape} and {rows.shape}"
             )
         counters = self.counters.setdefault(point, {name: StreamCounters() for name in SOURCES})
-        finite = np.isfinite(offsets) & np.isfinite(rows).all(axis=1)
+        finite = np.isfinite(offsets) & (np.abs(rows) <= LARGEST).all(axis=1)
         counters[source].rejected += int(np.count_nonzero(~finite))
         times = stamp_ns + np.rint(offsets[finite] * NANOSECONDS).astype(np.int64)
         if not times.size:
             return []
         streams = self._streams(point, source, times)
         closed = streams.feed(source, times, rows[finite], high_hz=self._high_hz, patience=self._patience)
-        return [self._result(point, streams, window) for window in closed]
+        return [self._result(point, window) for window in closed]
 
     def restart(self, point: str) -> None:
         """Begin a point anew: its signals come from elsewhere now, at another rate perhaps."""
@@ -152,10 +155,10 @@ class WindowedComparison:
         self._points[point] = PointStreams(self._window_ns, counters, point in self._rotating)
         return self._points[point]
 
-    def _result(self, point: str, streams: PointStreams, closed: ClosedWindow) -> WindowResult:
+    def _result(self, point: str, closed: ClosedWindow) -> WindowResult:
         start_ns, length_ns = closed.index * self._window_ns, self._window_ns
         model, field = (closed.sums[source] for source in SOURCES)
-        shares = [closed.sums[source].coverage(streams[source].rate_hz, length_ns) for source in SOURCES]
+        shares = [closed.sums[source].coverage(length_ns) for source in SOURCES]
         levels = model.rms(), field.rms()
         error = relative_error(levels[1], levels[0]) if min(shares) >= self._least_coverage else np.full(3, np.nan)
         return WindowResult(

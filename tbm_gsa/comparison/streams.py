@@ -9,12 +9,12 @@ import numpy as np
 from tbm_gsa.arrays import Array, Integers
 from tbm_gsa.comparison.clock import sampling_rate
 from tbm_gsa.comparison.conditioning import HIGH_PASS_HZ, Band, CausalConditioner, common_band
+from tbm_gsa.comparison.pace import NANOSECONDS, Pace
 from tbm_gsa.comparison.statistics import coverage, kurtosis, rms
 
 Source = Literal["model", "field"]
 SOURCES: tuple[Source, Source] = ("model", "field")
 
-NANOSECONDS = 1_000_000_000
 BATCH_NS = 200_000_000  # samples are worked off in batches; the first one gives the rate and the mean to start from
 LEAST_BATCH = 8  # samples
 JUMP_BACK_NS = 500_000_000  # a run of samples behind the present that is longer is a clock that jumped back
@@ -29,6 +29,10 @@ class StreamCounters:
     late: int = 0  # samples not newer than the ones before, or of a window already closed
     gaps: int = 0  # stretches without samples that were longer than a window
     restarts: int = 0  # jumps back of the stamps
+    rate_changes: int = 0  # of the rate that stamps declare, while they run on
+    declared_hz: float = 0.0  # the rate since then
+    came_hz: float = 0.0  # samples a second in the last stretch as long as a window
+    block_gaps: int = 0  # in it, if they follow most blocks: another rate comes than is declared
 
 
 @dataclass
@@ -36,6 +40,7 @@ class WindowSum:
     """Sums of one signal over one window."""
 
     count: int = 0
+    rate_hz: float = 0.0  # of the samples; zero before there are any
     moments: Array = field(default_factory=lambda: np.zeros((4, 3)))  # of powers 1 to 4, (m/s²)^k; NaN without a band
     largest: Array = field(default_factory=lambda: np.zeros(3))  # magnitude, m/s²; NaN likewise
     settling: bool = False
@@ -59,9 +64,9 @@ class WindowSum:
         """Kurtosis, (3,)."""
         return kurtosis(self.count, self.moments)
 
-    def coverage(self, rate_hz: float | None, window_ns: int) -> float:
+    def coverage(self, window_ns: int) -> float:
         """Share of the window that arrived."""
-        return coverage(self.count, rate_hz, window_ns / NANOSECONDS) if rate_hz else 0.0
+        return coverage(self.count, self.rate_hz, window_ns / NANOSECONDS) if self.rate_hz else 0.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -107,11 +112,11 @@ class PointStreams:
         return list(self._close(patience))
 
     def _settle_on_band(self, high_hz: float | None) -> None:
-        """Fix the band once it is known, for as long as the clock runs on, and start what can start."""
+        """Take the band of the rates once both are known, another one after a rate has changed."""
         rates = [stream.rate_hz for stream in self._streams.values() if stream.rate_hz]
-        if self._band is None and high_hz is not None:
+        if high_hz is not None:
             self._band = Band(HIGH_PASS_HZ, high_hz)
-        elif self._band is None and len(rates) == len(SOURCES):
+        elif len(rates) == len(SOURCES):
             self._band = common_band(*rates)
         if self._band:
             for stream in self._streams.values():
@@ -133,7 +138,8 @@ class _Stream:
     """One signal of one point.
 
     Short gaps leave the state of the filter as it is: its high-pass remembers the mean, and a jump between two values
-    of a vibration is no worse than the vibration. After more than a window without a sample it starts afresh.
+    of a vibration is no worse than the vibration. After more than a window without a sample it starts afresh, and so
+    it does once the stamps declare another rate.
     """
 
     def __init__(self, window_ns: int, counters: StreamCounters, rotating: bool) -> None:
@@ -147,6 +153,9 @@ class _Stream:
         self._pending_rows: list[Array] = []
         self._latest_ns: int | None = None  # of all samples, pending or not
         self._behind: tuple[int, int, int] | None = None  # begin, end and number of samples behind the present
+        self._pace: Pace | None = None
+        self._changing = False  # the rate; it is learnt again
+        self._design: tuple[float, Band] | None = None  # rate and band of the conditioner
         self._conditioner: CausalConditioner | None = None
         self._settled_ns: int | None = None
 
@@ -175,23 +184,46 @@ class _Stream:
         return round(NANOSECONDS / self.rate_hz) if self.rate_hz else 0
 
     def start(self, band: Band) -> None:
-        """Condition from now on, if the rate is known."""
-        if self.rate_hz and self._conditioner is None:
+        """Condition to this band from now on, if the rate is known."""
+        if self.rate_hz and self._design != (self.rate_hz, band):
             self._conditioner = CausalConditioner(self.rate_hz, band)
+            self._design = self.rate_hz, band
+            self._settled_ns = None
 
     def push(self, times: Integers, rows: Array) -> None:
-        """Take what is newer than all before, and learn the rate from the first batch."""
-        latest = times[0] - 1 if self._latest_ns is None else self._latest_ns
+        """Take what is newer than all before; learn the rate from the first batch, and again once it changes."""
+        latest = int(times[0]) - 1 if self._latest_ns is None else self._latest_ns
         fresh = times > np.maximum.accumulate(np.concatenate([[latest], times[:-1]]))
         self._counters.late += int(np.count_nonzero(~fresh))
+        if self._pace:
+            self._pace.count(times, latest)
+            self._counters.came_hz, self._counters.block_gaps = self._pace.came_hz, self._pace.gaps
         if not fresh.any():
             return
         self._pending_times.append(times[fresh])
         self._pending_rows.append(rows[fresh])
         self._latest_ns = int(times[fresh][-1])
-        if self.rate_hz is None and self._holds(BATCH_NS):
-            pending = np.concatenate(self._pending_times)
-            self.rate_hz = sampling_rate((pending - pending[0]) / NANOSECONDS)
+        if self._pace:
+            since = self._pace.changed_since(times[fresh])
+            if since is not None:
+                self._forget_rate(since)
+        elif self._holds(BATCH_NS):
+            self._learn_rate()
+
+    def _learn_rate(self) -> None:
+        pending = np.concatenate(self._pending_times)
+        self.rate_hz = sampling_rate((pending - pending[0]) / NANOSECONDS)
+        self._pace = Pace(self.rate_hz, self._window_ns)
+        self._counters.declared_hz = self.rate_hz
+        self._counters.rate_changes += self._changing
+        self._changing = False
+
+    def _forget_rate(self, since_ns: int) -> None:
+        """Drop what is pending, of either rate, and leave out the windows in which samples of both may be."""
+        self.rate_hz, self._pace, self._changing = None, None, True
+        self._pending_times, self._pending_rows = [], []
+        for index, total in self.sums.items():
+            total.settling |= index >= since_ns // self._window_ns
 
     def work_off(self, closed: int | None) -> None:
         """Add what is pending to the sums, if it is enough; while there is no band, a window of it waits for one."""
@@ -250,4 +282,5 @@ class _Stream:
                 continue
             total = self.sums.setdefault(index, WindowSum())
             total.add(conditioned[inside])
+            total.rate_hz = self.rate_hz or 0.0
             total.settling |= self._settled_ns is not None and bool(times[inside][0] < self._settled_ns)

@@ -13,9 +13,10 @@ from tbm_msgs_py.nodes.rate import Rate
 
 SILENCE_S = 2.0  # wall time after which a signal that came no longer comes
 _COUNTED = {
-    "rejected": "{} samples of the {} that are not finite",
+    "rejected": "{} samples of the {} that are not finite or absurdly large",
     "late": "{} samples of the {} late or twice: ",
     "restarts": "{} jumps back of the stamps of the {}",
+    "rate_changes": "{} changes of the rate of the {}: ",
 }
 
 
@@ -85,7 +86,8 @@ class StreamHealth:
         for point, sources in counters.items():
             for source, counts in sources.items():
                 for name, text in _COUNTED.items():
-                    self._compare(point, source, name, getattr(counts, name), text)
+                    self._compare(point, source, name, counts, text)
+                self._compare_rates(point, source, counts)
         found: dict[str, Condition] = {}
         for (kind, point, _), text in self._faults.show().items():
             getattr(found.setdefault(point, Condition()), kind).append(text)
@@ -95,14 +97,22 @@ class StreamHealth:
             found.setdefault(point, Condition()).rates[source] = rate.look()
         return found
 
-    def _compare(self, point: str, source: Any, name: str, count: int, text: str) -> None:
+    def _compare(self, point: str, source: Any, name: str, counts: StreamCounters, text: str) -> None:
+        count = getattr(counts, name)
         more = count - self._counted.get((point, source, name), 0)
         self._counted[point, source, name] = count
         if more > 0:
-            cause = self._cause(point) if name == "late" else ""
-            self.doubt(point, f"{source} {name}", text.format(more, source) + cause)
+            details = {"late": self._cause(point), "rate_changes": f"{counts.declared_hz:.0f} Hz now"}
+            self.doubt(point, f"{source} {name}", text.format(more, source) + details.get(name, ""))
         else:
             self.settle(point, f"{source} {name}")
+
+    def _compare_rates(self, point: str, source: Any, counts: StreamCounters) -> None:
+        if counts.block_gaps:
+            rates = f"{counts.declared_hz:.0f} Hz declared, {counts.came_hz:.0f} Hz came"
+            self.doubt(point, f"{source} pace", f"{counts.block_gaps} gaps between the blocks of the {source}: {rates}")
+        else:
+            self.settle(point, f"{source} pace")
 
     def _cause(self, point: str) -> str:
         """Why samples overlap. A publisher that was killed is listed for 20 s more: two are no fault by themselves."""

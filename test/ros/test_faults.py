@@ -84,6 +84,10 @@ def wrong_rate(send, point, stamp, offsets, values):
     sound(send, point, stamp, 2.0 * offsets, values)
 
 
+def half_the_spacing(send, point, stamp, offsets, values):
+    sound(send, point, stamp, 0.5 * offsets, values)
+
+
 def silent(*_):
     """Nothing comes."""
 
@@ -158,15 +162,19 @@ def test_sensors_that_err(system):
     system.has_fault_for(spoilt, {comparison(point): fault for point, fault in faults.items()})
 
 
-def test_two_publishers_and_none(system):
+def test_two_publishers_none_and_gaps_between_blocks(system):
     other = rclpy.create_node("other_rig")
-    spoilt = {"shield": system.field.second(other, "shield"), "girder": silent}
+    spoilt = {"shield": system.field.second(other, "shield"), "girder": silent, "gripper": half_the_spacing}
     faults = {
         comparison("shield"): (WARN, "2 publishers on field/shield/block, other_rig, peer"),
         comparison("girder"): (STALE, "no signal of the field for"),
+        comparison("gripper"): (WARN, "gaps between the blocks of the field: 10000 Hz declared, 5000 Hz came"),
     }
     system.has_fault_for(spoilt, faults)
     other.destroy_node()
+
+
+BESIDE = "blocks beside the stream dropped: 2 publishers, load_node, peer"
 
 
 def test_loads_of_others_change_no_bit_of_the_run(system):
@@ -179,7 +187,8 @@ def test_loads_of_others_change_no_bit_of_the_run(system):
         ({"values": values[:, :3], "layout": ACCELERATION}, "block channels ax ay az"),
         ({"values": values, "frame": "girder"}, "block frame_id girder, allowed: cutterhead"),
         ({"values": values, "spacing": 2.0}, "allowed: 0.0001 s of load_rate 10000 Hz"),
-        ({"values": values, "late": 70_000_000}, "blocks behind the stream dropped: 2 publishers, load_node, peer"),
+        ({"values": values, "spacing": 1e20}, "s from the stamp, allowed: below 86400 s"),
+        *(({"values": values, "late": late}, BESIDE) for late in (70_000_000, -1_030_000_000, -10 * 10**9, 10**18)),
     ):
         before = len(peer.said[DYNAMICS])
 
