@@ -16,7 +16,7 @@ from rich.text import Text
 from tbm_gsa.cli.output import JSON_OPTION, notes, print_json, results
 from tbm_gsa.errors import InputError
 from tbm_gsa.files import check_folder, write_whole
-from tbm_gsa.history import History, Selection, default_history, make_baseline
+from tbm_gsa.history import BY_MACHINE, History, Selection, default_history, make_baseline
 from tbm_gsa.history.summary import baseline_document, history_document
 from tbm_gsa.report.history_page import history_page, history_picture
 
@@ -25,6 +25,7 @@ app = typer.Typer(
 )
 
 HISTORY_HELP = "History file; default: $TBM_HISTORY, else tbm_monitor/history.sqlite in the user's data folder."
+MOST_PLOTTED = 5_000_000  # windows, which are held in memory: a week of five points every 2 s
 _UNITS = {"s": 1, "m": 60, "h": 3600, "d": 86400}
 
 File = Annotated[Path | None, typer.Option("--history", help=HISTORY_HELP, dir_okay=False)]
@@ -79,7 +80,9 @@ def show(
 
 @app.command()
 def baseline(
-    name: Annotated[str, typer.Argument(help="Name of the baseline; one that is there is replaced.")] = "commissioning",
+    name: Annotated[
+        str, typer.Argument(help="Name of the baseline; one of the same machine is replaced.")
+    ] = "commissioning",
     history: File = None,
     point: Point = None,
     since: Since = None,
@@ -90,8 +93,8 @@ def baseline(
 ) -> None:
     """Store mean and scatter of the error per point and axis of the chosen windows; alarms are set against them."""
     with History(history or default_history(), create=False) as opened:
-        windows = opened.windows(_selection(point, since, until, source, machine))
-        made = make_baseline(name, windows, time.time_ns())
+        groups = opened.groups(BY_MACHINE, _selection(point, since, until, source, machine))
+        made = make_baseline(name, groups, time.time_ns())
         opened.store_baseline(made)
     document = baseline_document(made)
     if json:
@@ -121,9 +124,11 @@ def _stamp(option: str, text: str | None) -> int | None:
 
 
 def _plot(history: History, selection: Selection, html: Path | None, png: Path | None) -> None:
+    count = history.count(selection)
+    if not 1 <= count <= MOST_PLOTTED:
+        number = count or "no"
+        raise InputError(f"{history.path}: {number} windows to plot, allowed: options that choose 1 to {MOST_PLOTTED}")
     windows = history.windows(selection)
-    if not windows:
-        raise InputError(f"{history.path}: no window to plot, allowed: options that choose at least one")
     machines = {window.source.machine for window in windows}
     baselines = [one for one in history.baselines() if one.machine in machines]
     if html is not None:

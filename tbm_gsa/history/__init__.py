@@ -1,14 +1,17 @@
 """Every compared window of live and offline comparisons in one SQLite file, and baselines made of them."""
 
-from tbm_gsa.history.baseline import Baseline, make_baseline
-from tbm_gsa.history.entries import Entry, Source, Window, live_entries, recording_entries
-from tbm_gsa.history.store import History, HistoryError, Selection, default_history
+from tbm_gsa.history.baseline import BY_MACHINE, Baseline, make_baseline
+from tbm_gsa.history.entries import Entry, Group, Source, Window, live_entries, recording_entries
+from tbm_gsa.history.store import History, HistoryError, HistoryLockedError, Selection, default_history
 
 __all__ = [
+    "BY_MACHINE",
     "Baseline",
     "Entry",
+    "Group",
     "History",
     "HistoryError",
+    "HistoryLockedError",
     "Selection",
     "Source",
     "Window",

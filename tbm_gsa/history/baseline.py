@@ -1,15 +1,17 @@
 """A commissioning baseline: the usual error of a machine's test points, from windows that are known to be sound."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
+from typing import Final
 
 import numpy as np
 
-from tbm_gsa.comparison import DEAD_SHARE, UsualError
+from tbm_gsa.comparison import UsualError
 from tbm_gsa.errors import InputError
-from tbm_gsa.history.entries import Window
+from tbm_gsa.history.entries import Group
 
-LEAST_WINDOWS = 5  # a scatter of fewer means nothing
+LEAST_WINDOWS: Final = 5  # a scatter of fewer means nothing
+BY_MACHINE: Final = ("point", "axis", "machine", "machine_sha256")
 _COLUMNS = {"x": (0,), "y": (1,), "z": (2,), "yz": (1, 2)}
 
 
@@ -54,42 +56,42 @@ class Baseline:
         return found
 
 
-def sound_windows(windows: Sequence[Window]) -> list[Window]:
-    """Windows with a known error in which the sensor lived: its RMS is no hundredth of the median of point and axis."""
-    known = [window for window in windows if np.isfinite(window.entry.relative_error)]
-    levels: dict[tuple[str, str], list[float]] = {}
-    for window in known:
-        levels.setdefault((window.entry.point, window.entry.axis), []).append(window.entry.field_rms)
-    least = {key: DEAD_SHARE * float(np.median(values)) for key, values in levels.items()}
-    return [one for one in known if one.entry.field_rms >= least[one.entry.point, one.entry.axis]]
-
-
-def make_baseline(name: str, windows: Sequence[Window], created_ns: int) -> Baseline:
+def make_baseline(name: str, groups: Iterable[Group], created_ns: int) -> Baseline:
     """Make a baseline of windows with a known error; those of a dead sensor are left out.
+
+    Parameters
+    ----------
+    name : str
+    groups : iterable of Group
+        By `BY_MACHINE`, as `History.groups` gives them; one at a time is held.
+    created_ns : int
 
     Raises
     ------
     InputError
         Windows of several machines, or too few at any point and axis.
     """
-    known = sound_windows(windows)
-    machines = sorted({(window.source.machine, window.source.machine_sha256) for window in known})
+    usual: dict[tuple[str, str], Usual] = {}
+    machines: set[tuple[str, str]] = set()
+    spans: list[tuple[int, int]] = []
+    most = 0
+    for group in groups:
+        sound = group.sound()
+        if not sound.any():
+            continue
+        point, axis, machine, digest = group.key
+        machines.add((machine, digest))
+        starts, errors = group.start_ns[sound], group.relative_error[sound]
+        spans.append((int(starts[0]), int((starts + group.length_ns[sound]).max())))
+        most = max(most, len(errors))
+        if len(errors) >= LEAST_WINDOWS:
+            usual[point, axis] = Usual(float(np.mean(errors)), float(np.std(errors, ddof=1)), len(errors))
     if len(machines) > 1:
-        listed = ", ".join(f"{machine} {digest[:8]}" for machine, digest in machines)
+        listed = ", ".join(f"{machine} {digest[:8]}" for machine, digest in sorted(machines))
         raise InputError(f"baseline {name}: windows of several machines: {listed}; choose by --machine or --source")
-    errors: dict[tuple[str, str], list[float]] = {}
-    for window in known:
-        errors.setdefault((window.entry.point, window.entry.axis), []).append(window.entry.relative_error)
-    usual = {
-        key: Usual(float(np.mean(values)), float(np.std(values, ddof=1)), len(values))
-        for key, values in sorted(errors.items())
-        if len(values) >= LEAST_WINDOWS
-    }
     if not usual:
-        most = max(map(len, errors.values()), default=0)
         raise InputError(
             f"baseline {name}: {most} windows with a known error at a point and axis, allowed: at least {LEAST_WINDOWS}"
         )
-    entries = [window.entry for window in known]
-    since, until = min(one.start_ns for one in entries), max(one.start_ns + one.length_ns for one in entries)
-    return Baseline(name, *machines[0], created_ns, since, until, usual)
+    since, until = min(start for start, _ in spans), max(end for _, end in spans)
+    return Baseline(name, *machines.pop(), created_ns, since, until, usual)

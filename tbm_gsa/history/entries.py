@@ -5,7 +5,11 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any, Literal
 
-from tbm_gsa.comparison import WindowResult
+import numpy as np
+from numpy.typing import NDArray
+
+from tbm_gsa.arrays import Array
+from tbm_gsa.comparison import DEAD_SHARE, WindowResult
 
 Kind = Literal["live", "offline"]
 
@@ -32,7 +36,7 @@ class Source:
     machine_sha256: str
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, slots=True)
 class Entry:
     """One window at one test point along one axis; NaN where a number is not known.
 
@@ -70,12 +74,40 @@ class Entry:
         return self.field_peak / self.field_rms if self.field_rms > 0.0 else math.nan
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, slots=True)
 class Window:
     """An entry as it is read back, with its source."""
 
     source: Source
     entry: Entry
+
+
+@dataclass(frozen=True)
+class Group:
+    """Windows at one point along one axis in the order of time, as columns.
+
+    Attributes
+    ----------
+    key : tuple of str
+        What they have in common; the point and the axis come first.
+    start_ns, length_ns : array of int, (n,)
+    field_rms : array, (n,)
+        m/s².
+    relative_error : array, (n,)
+        Not finite where it is not known.
+    """
+
+    key: tuple[str, ...]
+    start_ns: NDArray[np.int64]
+    length_ns: NDArray[np.int64]
+    field_rms: Array
+    relative_error: Array
+
+    def sound(self) -> NDArray[np.bool_]:
+        """Windows with a known error in which the sensor lived: its RMS is no hundredth of their median."""
+        known = np.isfinite(self.relative_error)
+        level = np.median(self.field_rms[known]) if known.any() else 0.0
+        return known & (self.field_rms >= DEAD_SHARE * level)
 
 
 def live_entries(result: WindowResult, rotating: bool) -> Iterator[Entry]:

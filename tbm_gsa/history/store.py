@@ -3,22 +3,49 @@
 import math
 import os
 import sqlite3
-from collections.abc import Callable, Iterable, Iterator
+import sys
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import astuple, dataclass, fields
+from functools import lru_cache
 from pathlib import Path
 from typing import Any, Final, Self
 
+import numpy as np
+
 from tbm_gsa.errors import InputError
 from tbm_gsa.history.baseline import Baseline, Usual
-from tbm_gsa.history.entries import Entry, Source, Window
+from tbm_gsa.history.entries import Entry, Group, Source, Window
 
-SCHEMA_VERSION: Final = 2
+SCHEMA_VERSION: Final = 3
 APPLICATION_ID: Final = 0x54424D48  # "TBMH"
 WAIT_S: Final = 5.0  # for another writer
 _SOURCE: Final = "kind, name, digest, machine, machine_sha256"
 _ENTRY: Final = ", ".join(field.name for field in fields(Entry))
 _ROW: Final = ", ".join("?" * (1 + len(fields(Entry))))  # with its source
+_COLUMNS: Final = [("start_ns", "i8"), ("length_ns", "i8"), ("field_rms", "f8"), ("relative_error", "f8")]
+_BASELINES: Final = """
+CREATE TABLE baselines (
+    name TEXT NOT NULL,
+    machine TEXT NOT NULL,
+    machine_sha256 TEXT NOT NULL,
+    created_ns INTEGER NOT NULL,
+    since_ns INTEGER NOT NULL,
+    until_ns INTEGER NOT NULL,
+    PRIMARY KEY (machine, name)
+) WITHOUT ROWID;
+CREATE TABLE usual_errors (
+    machine TEXT NOT NULL,
+    baseline TEXT NOT NULL,
+    point TEXT NOT NULL,
+    axis TEXT NOT NULL,
+    mean REAL NOT NULL,
+    scatter REAL NOT NULL,
+    windows INTEGER NOT NULL,
+    PRIMARY KEY (machine, baseline, point, axis),
+    FOREIGN KEY (machine, baseline) REFERENCES baselines (machine, name) ON DELETE CASCADE
+) WITHOUT ROWID;
+"""
 _SCHEMA: Final = f"""
 CREATE TABLE sources (
     id INTEGER PRIMARY KEY,
@@ -43,35 +70,36 @@ CREATE TABLE windows (
     field_kurtosis REAL,
     PRIMARY KEY (start_ns, source, point, axis, length_ns)
 ) WITHOUT ROWID;
-CREATE TABLE baselines (
-    name TEXT PRIMARY KEY,
-    machine TEXT NOT NULL,
-    machine_sha256 TEXT NOT NULL,
-    created_ns INTEGER NOT NULL,
-    since_ns INTEGER NOT NULL,
-    until_ns INTEGER NOT NULL
-) WITHOUT ROWID;
-CREATE TABLE usual_errors (
-    baseline TEXT NOT NULL REFERENCES baselines (name) ON DELETE CASCADE,
-    point TEXT NOT NULL,
-    axis TEXT NOT NULL,
-    mean REAL NOT NULL,
-    scatter REAL NOT NULL,
-    windows INTEGER NOT NULL,
-    PRIMARY KEY (baseline, point, axis)
-) WITHOUT ROWID;
+{_BASELINES}
 PRAGMA application_id = {APPLICATION_ID};
 PRAGMA user_version = {SCHEMA_VERSION};
 """
-_FROM_VERSION_1: Final = f"""
+_UPDATES: Final = {  # from the version to the next one
+    1: """
 ALTER TABLE windows ADD COLUMN field_peak REAL;
 ALTER TABLE windows ADD COLUMN field_kurtosis REAL;
-PRAGMA user_version = {SCHEMA_VERSION};
-"""
+PRAGMA user_version = 2;
+""",
+    2: f"""
+ALTER TABLE usual_errors RENAME TO old_errors;
+ALTER TABLE baselines RENAME TO old_baselines;
+{_BASELINES}
+INSERT INTO baselines SELECT * FROM old_baselines;
+INSERT INTO usual_errors
+    SELECT machine, baseline, point, axis, mean, scatter, windows FROM old_errors JOIN old_baselines ON baseline = name;
+DROP TABLE old_errors;
+DROP TABLE old_baselines;
+PRAGMA user_version = 3;
+""",  # noqa: S608
+}
 
 
 class HistoryError(InputError):
     """A file that is no history, or one that cannot be used; one line."""
+
+
+class HistoryLockedError(HistoryError):
+    """A history that another program holds locked; it may be tried again."""
 
 
 @dataclass(frozen=True)
@@ -133,7 +161,7 @@ class History:
     Raises
     ------
     HistoryError
-        No file, no history, of a newer version, or not to be written.
+        No file, no history, of a newer version, or not to be written; `HistoryLockedError` while another one writes.
     """
 
     def __init__(self, path: Path, *, create: bool = True, wait_s: float = WAIT_S) -> None:
@@ -149,6 +177,8 @@ class History:
             self._prepare()
         except sqlite3.DatabaseError as error:
             self._connection.close()
+            if getattr(error, "sqlite_errorcode", 0) & 0xFF in (sqlite3.SQLITE_BUSY, sqlite3.SQLITE_LOCKED):
+                raise HistoryLockedError(f"{path}: {error}") from None
             raise HistoryError(f"{path}: not a history of tbm_monitor that can be used ({error})") from None
         except HistoryError:
             self._connection.close()
@@ -165,11 +195,12 @@ class History:
         elif application != APPLICATION_ID:
             ask("ROLLBACK")
             raise HistoryError(f"{self.path}: a database of something else, allowed: a history of tbm_monitor")
-        elif version == 1:
-            self._run(_FROM_VERSION_1)
-        elif version != SCHEMA_VERSION:
+        elif not 1 <= version <= SCHEMA_VERSION:
             ask("ROLLBACK")
             raise HistoryError(f"{self.path}: schema version {version}, allowed: 1 to {SCHEMA_VERSION}")
+        else:
+            for older in range(version, SCHEMA_VERSION):
+                self._run(_UPDATES[older])
         ask("COMMIT")
         ask("PRAGMA journal_mode = WAL")
         ask("PRAGMA synchronous = NORMAL")
@@ -221,10 +252,40 @@ class History:
         query = f"SELECT COUNT(*) FROM windows JOIN sources ON source = id WHERE {condition}"  # noqa: S608
         return int(self._connection.execute(query, values).fetchone()[0])
 
-    def store_baseline(self, baseline: Baseline) -> None:
-        """Store a baseline, replacing the one of its name."""
+    def groups(self, columns: Sequence[str], selection: Selection | None = None) -> Iterator[Group]:
+        """Windows that have these columns in common, which begin with point and axis; one group is read at a time."""
+        condition, values = (selection or Selection()).condition()
+        chosen = f"FROM windows JOIN sources ON source = id WHERE {condition}"
+        names = ", ".join(columns)
+        same = f"({names}) = ({', '.join('?' * len(columns))})"
+        numbers = "start_ns, length_ns, ifnull(field_rms, 0.0), ifnull(relative_error, 9e999)"  # infinity is not known
+        for key in sorted(self._connection.execute(f"SELECT DISTINCT {names} {chosen}", values)):
+            rows = self._connection.execute(f"SELECT {numbers} {chosen} AND {same} ORDER BY start_ns", [*values, *key])
+            read = np.fromiter(rows, dtype=_COLUMNS)
+            if read.size:  # not discarded meanwhile
+                yield Group(key, *(read[name] for name, _ in _COLUMNS))
+
+    def discard(self, node: str, since_ns: int, until_ns: int, most: int) -> int:
+        """Delete what a node wrote among the first so many windows that begin in a span of time.
+
+        Returns
+        -------
+        int
+            Begin of the span that is left, ns; `until_ns` at its end.
+        """
         with self._transaction() as ask:
-            ask("DELETE FROM baselines WHERE name = ?", (baseline.name,))
+            span = "FROM windows WHERE start_ns >= ? AND start_ns < ?"
+            query = f"SELECT start_ns {span} ORDER BY start_ns LIMIT 1 OFFSET ?"
+            beyond = ask(query, (since_ns, until_ns, most)).fetchone()
+            end = max(beyond[0], since_ns + 1) if beyond else until_ns
+            own = "SELECT id FROM sources WHERE kind = 'live' AND name = ?"
+            ask(f"DELETE {span} AND source IN ({own})", (since_ns, end, node))
+        return end
+
+    def store_baseline(self, baseline: Baseline) -> None:
+        """Store a baseline, replacing the one of its machine and name."""
+        with self._transaction() as ask:
+            ask("DELETE FROM baselines WHERE (machine, name) = (?, ?)", (baseline.machine, baseline.name))
             ask(
                 "INSERT INTO baselines VALUES (?, ?, ?, ?, ?, ?)",
                 (
@@ -237,24 +298,30 @@ class History:
                 ),
             )
             for (point, axis), usual in baseline.usual.items():
-                ask("INSERT INTO usual_errors VALUES (?, ?, ?, ?, ?, ?)", (baseline.name, point, axis, *astuple(usual)))
+                row = (baseline.machine, baseline.name, point, axis, *astuple(usual))
+                ask("INSERT INTO usual_errors VALUES (?, ?, ?, ?, ?, ?, ?)", row)
 
     def baselines(self) -> list[Baseline]:
         """All baselines, the oldest first."""
-        rows = self._connection.execute("SELECT * FROM baselines ORDER BY created_ns, name").fetchall()
-        return [Baseline(*(*row, self._usual(row[0]))) for row in rows]
+        rows = self._connection.execute("SELECT * FROM baselines ORDER BY created_ns, name, machine").fetchall()
+        return [Baseline(*(*row, self._usual(*row[:2]))) for row in rows]
 
-    def baseline(self, name: str) -> Baseline:
-        """Find a baseline by its name."""
-        found = {baseline.name: baseline for baseline in self.baselines()}
-        if name not in found:
-            raise HistoryError(f"{self.path}: no baseline {name}, there: {', '.join(found) or 'none'}")
-        return found[name]
+    def baseline(self, name: str, machine: str) -> Baseline:
+        """Find the baseline of a machine by its name."""
+        found = self.baselines()
+        named = {baseline.machine: baseline for baseline in found if baseline.name == name}
+        if not named:
+            there = ", ".join(dict.fromkeys(baseline.name for baseline in found))
+            raise HistoryError(f"{self.path}: no baseline {name}, there: {there or 'none'}")
+        if machine not in named:
+            raise HistoryError(f"baseline {name}: of machine {', '.join(named)}, allowed: one of {machine}")
+        return named[machine]
 
-    def _usual(self, name: str) -> dict[tuple[str, str], Usual]:
+    def _usual(self, name: str, machine: str) -> dict[tuple[str, str], Usual]:
         rows = self._connection.execute(
-            "SELECT point, axis, mean, scatter, windows FROM usual_errors WHERE baseline = ? ORDER BY point, axis",
-            (name,),
+            "SELECT point, axis, mean, scatter, windows FROM usual_errors "
+            "WHERE (machine, baseline) = (?, ?) ORDER BY point, axis",
+            (machine, name),
         )
         return {(point, axis): Usual(*values) for point, axis, *values in rows}
 
@@ -272,5 +339,11 @@ class History:
 
 def _window(*row: Any) -> Window:
     """Window from a row; SQLite keeps NaN as NULL."""
-    entry: list[Any] = [math.nan if value is None else value for value in row[5:]]
-    return Window(Source(*row[:5]), Entry(*entry))
+    entry: list[Any] = [math.nan if value is None else value for value in row[7:]]
+    return Window(_source(*row[:5]), Entry(sys.intern(row[5]), sys.intern(row[6]), *entry))
+
+
+@lru_cache(maxsize=256)
+def _source(*row: Any) -> Source:
+    """Source from its columns; many windows share one."""
+    return Source(*row)

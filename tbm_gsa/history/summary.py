@@ -1,22 +1,24 @@
 """The history as a document: windows, what they come to at each point and axis, baselines."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import asdict
 from datetime import UTC, datetime
 from typing import Any, Final
 
 import numpy as np
+from numpy.typing import NDArray
 
-from tbm_gsa.history.baseline import Baseline, sound_windows
-from tbm_gsa.history.entries import Window
+from tbm_gsa.history.baseline import Baseline
+from tbm_gsa.history.entries import Entry, Group, Window
 from tbm_gsa.history.store import History, Selection
 
+_BY_SOURCE: Final = ("point", "axis", "machine", "kind")
 _NUMBERS: Final = ("field_rms", "model_rms", "relative_error", "field_peak", "field_crest_factor", "field_kurtosis")
 
 
 def history_document(history: History, selection: Selection, newest: int) -> dict[str, Any]:
-    """Gather a selection.
+    """Gather a selection; of the windows that are not listed one point and axis at a time is held.
 
     Returns
     -------
@@ -25,40 +27,46 @@ def history_document(history: History, selection: Selection, newest: int) -> dic
         last, error_mean, error_scatter, error_latest}]`` over all of them; ``windows[…]``, the newest ones;
         ``baselines[…]``. Times are ISO 8601 in UTC.
     """
-    windows = history.windows(selection)
+    windows = history.windows(selection, newest)
+    summary = [_row(group) for group in history.groups(_BY_SOURCE, selection)]
     return {
         "path": str(history.path),
-        "total": len(windows),
-        "summary": summarise(windows),
-        "windows": [_window(window) for window in windows[max(0, len(windows) - newest) :]],
+        "total": sum(row["windows"] for row in summary),
+        "summary": summary,
+        "windows": [_window(window) for window in windows],
         "baselines": [baseline_document(baseline) for baseline in history.baselines()],
     }
 
 
 def summarise(windows: Sequence[Window]) -> list[dict[str, Any]]:
     """Say what windows in the order of time come to, by point, axis, machine and kind of source."""
-    groups: dict[tuple[str, str, str, str], list[Window]] = {}
+    members: dict[tuple[str, ...], list[Entry]] = {}
     for window in windows:
         key = (window.entry.point, window.entry.axis, window.source.machine, window.source.kind)
-        groups.setdefault(key, []).append(window)
-    rows = []
-    for (point, axis, machine, kind), members in sorted(groups.items()):
-        known = np.array([member.entry.relative_error for member in sound_windows(members)])
-        rows.append(
-            {
-                "point": point,
-                "axis": axis,
-                "machine": machine,
-                "source": kind,
-                "windows": len(members),
-                "first": iso_time(members[0].entry.start_ns),
-                "last": iso_time(members[-1].entry.start_ns),
-                "error_mean": float(known.mean()) if known.size else None,
-                "error_scatter": float(known.std(ddof=1)) if known.size > 1 else None,
-                "error_latest": float(known[-1]) if known.size else None,
-            }
-        )
-    return rows
+        members.setdefault(key, []).append(window.entry)
+    return [_row(Group(key, *_columns(entries))) for key, entries in sorted(members.items())]
+
+
+def _columns(entries: Sequence[Entry]) -> Iterator[NDArray[Any]]:
+    for name in ("start_ns", "length_ns", "field_rms", "relative_error"):
+        yield np.array([getattr(entry, name) for entry in entries])
+
+
+def _row(group: Group) -> dict[str, Any]:
+    point, axis, machine, kind = group.key
+    errors = group.relative_error[group.sound()]
+    return {
+        "point": point,
+        "axis": axis,
+        "machine": machine,
+        "source": kind,
+        "windows": len(group.start_ns),
+        "first": iso_time(int(group.start_ns[0])),
+        "last": iso_time(int(group.start_ns[-1])),
+        "error_mean": float(errors.mean()) if errors.size else None,
+        "error_scatter": float(errors.std(ddof=1)) if errors.size > 1 else None,
+        "error_latest": float(errors[-1]) if errors.size else None,
+    }
 
 
 def baseline_document(baseline: Baseline) -> dict[str, Any]:

@@ -2,16 +2,32 @@
 
 from __future__ import annotations
 
+import math
 import sqlite3
+import time
 from collections.abc import Callable
 from pathlib import Path
 
 from tbm_gsa.comparison import UsualError, WindowResult
-from tbm_gsa.history import Entry, History, HistoryError, Source, default_history, live_entries
+from tbm_gsa.history import (
+    Entry,
+    History,
+    HistoryError,
+    HistoryLockedError,
+    Source,
+    default_history,
+    live_entries,
+)
 
 OFF = "none"
 WAIT_S = 0.2  # for another writer; callbacks wait meanwhile
+RETRY_S = 5.0  # between two tries to open a file that cannot be used
 MOST_WAITING = 10_000  # entries that are kept while the file is locked
+DISCARD_S = 10.0  # between two looks for windows that are too old
+MOST_DISCARDED = (
+    2500  # entries that a look goes through, some ms; windows of 0.1 s at five points are 1500 in that time
+)
+_DAY_NS = 86_400_000_000_000
 
 
 class HistoryWriter:
@@ -24,6 +40,9 @@ class HistoryWriter:
     source : Source
     warn : callable
         Called with one line when writing begins to fail.
+    days : float
+        Age at which windows of this node are deleted; 0 keeps them all. It counts from the newest window, so that a
+        recording that is replayed has no age, and from now where a stamp is of the future.
 
     Attributes
     ----------
@@ -35,60 +54,96 @@ class HistoryWriter:
     Raises
     ------
     HistoryError
-        A file that was named and cannot be used; the default one only warns.
+        A file that was named and cannot be used, unless it is only locked; the default one only warns.
     """
 
-    def __init__(self, file: str, source: Source, warn: Callable[[str], object]) -> None:
+    def __init__(self, file: str, source: Source, warn: Callable[[str], object], days: float = 0.0) -> None:
         self.problem, self.written, self.lost = "", 0, 0
         self._source, self._warn = source, warn
         self._waiting: list[Entry] = []
         self._history: History | None = None
+        self._file: Path | None = None
+        self._keep_ns = round(days * _DAY_NS)
+        self._discarded_ns = 0  # this far the look for old windows has come
+        self._next_try = self._next_discard = -math.inf
         if file == OFF:
             return
         try:
-            self._history = History(Path(file) if file else default_history(), wait_s=WAIT_S)
+            self._file = Path(file) if file else default_history()
+            self._open()
         except HistoryError as error:
-            if file:
+            if file and not isinstance(error, HistoryLockedError):
                 raise
             self._fail(error)
 
     @property
     def path(self) -> str:
         """Where the windows go; empty if nowhere."""
-        return str(self._history.path) if self._history else ""
+        return str(self._file or "")
 
     def usual_errors(self, baseline: str) -> dict[str, UsualError]:
-        """Give the usual errors of a baseline, which has to be of the source's machine; none without a name."""
+        """Give the usual errors of a baseline of the source's machine; none without a name.
+
+        Raises
+        ------
+        HistoryError
+            There is none, or the file cannot be read.
+        """
         if not baseline:
             return {}
-        if self._history is None:
-            raise HistoryError(f"baseline {baseline}: no history to find it in ({self.problem or 'it is none'})")
-        found = self._history.baseline(baseline)
-        if found.machine != self._source.machine:
-            raise HistoryError(
-                f"baseline {baseline}: of machine {found.machine}, allowed: one of {self._source.machine}"
-            )
-        return found.usual_errors()
+        try:
+            history, reason = self._open(), self.problem or "it is none"
+        except HistoryError as error:
+            history, reason = None, str(error)
+        if history is None:
+            raise HistoryError(f"baseline {baseline}: no history to find it in ({reason})")
+        try:
+            return history.baseline(baseline, self._source.machine).usual_errors()
+        except sqlite3.Error as error:
+            raise HistoryError(f"baseline {baseline}: {self.path}: {error}") from None
 
     def add(self, result: WindowResult, rotating: bool) -> None:
         """Write a window in which something was measured."""
-        if self._history is None:
+        if self._file is None:
             return
         self._waiting += live_entries(result, rotating)
         surplus = len(self._waiting) - MOST_WAITING
         if surplus > 0:
             self.lost += surplus
             del self._waiting[:surplus]
-        if self._waiting:
-            self._write(self._history)
+        if self._waiting and (self._history is not None or time.monotonic() >= self._next_try):
+            self._write()
 
-    def _write(self, history: History) -> None:
+    def _open(self) -> History | None:
+        """Open the file if it is not open yet; None where nothing is kept."""
+        if self._history is None and self._file is not None:
+            self._next_try = time.monotonic() + RETRY_S
+            self._history = History(self._file, wait_s=WAIT_S)
+        return self._history
+
+    def _write(self) -> None:
         try:
+            history = self._open()
+            if history is None:
+                return
             self.written += history.add(self._source, self._waiting)
-        except sqlite3.Error as error:
+            newest_ns = max(entry.start_ns for entry in self._waiting)
+            self._waiting = []
+            self._discard(history, newest_ns)
+        except (HistoryError, sqlite3.Error) as error:
             self._fail(error)
             return
-        self._waiting, self.problem = [], ""
+        self.problem = ""
+
+    def _discard(self, history: History, newest_ns: int) -> None:
+        """Delete a portion of the windows that are too old; from the oldest again once all have been looked through."""
+        if not self._keep_ns or time.monotonic() < self._next_discard:
+            return
+        self._next_discard = time.monotonic() + DISCARD_S
+        until_ns = min(newest_ns, time.time_ns()) - self._keep_ns
+        if self._discarded_ns < until_ns:
+            reached = history.discard(self._source.name, self._discarded_ns, until_ns, MOST_DISCARDED)
+            self._discarded_ns = reached if reached < until_ns else 0
 
     def _fail(self, error: Exception) -> None:
         if not self.problem:
@@ -97,7 +152,7 @@ class HistoryWriter:
 
     def close(self) -> None:
         """Close the file; what still waits is tried once more."""
+        if self._waiting:
+            self._write()
         if self._history is not None:
-            if self._waiting:
-                self._write(self._history)
             self._history.close()

@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 
 from tbm_gsa.comparison import AlarmRule, WindowResult
 from tbm_gsa.history import (
+    BY_MACHINE,
     Entry,
     History,
     HistoryError,
@@ -141,10 +142,10 @@ def test_a_file_of_version_1_keeps_what_it_has_and_takes_new_windows(old):
     with History(old) as opened:
         kept = [window.entry for window in opened.windows()]
         assert repr(kept) == repr([entry(0), entry(1, error=math.nan)])  # peak and kurtosis are NaN
-        assert opened.baseline("spring").usual["shield", "x"].mean == 0.3
+        assert opened.baseline("spring", "dz101").usual["shield", "x"].mean == 0.3
         opened.add(LIVE, [new])
     connection = sqlite3.connect(old)
-    assert connection.execute("PRAGMA user_version").fetchone() == (2,)
+    assert connection.execute("PRAGMA user_version").fetchone() == (3,)
     written = connection.execute("SELECT field_peak, field_kurtosis FROM windows").fetchall()
     assert written == [(None, None), (None, None), (4.0, 3.5)]
     with History(old, create=False) as opened:
@@ -155,8 +156,12 @@ def test_a_file_of_version_1_keeps_what_it_has_and_takes_new_windows(old):
 def test_a_migrated_file_has_the_columns_of_a_new_one(old, history):
     with History(old):
         pass
-    columns = [sqlite3.connect(path).execute("PRAGMA table_info(windows)").fetchall() for path in (old, history.path)]
-    assert columns[0] == columns[1]
+    for table in ("windows", "baselines", "usual_errors"):
+        for pragma in ("table_info", "foreign_key_list"):
+            found = [
+                sqlite3.connect(path).execute(f"PRAGMA {pragma}({table})").fetchall() for path in (old, history.path)
+            ]
+            assert found[0] == found[1]
 
 
 def test_a_version_1_file_that_cannot_be_migrated_stays_as_it_is(old):
@@ -229,7 +234,7 @@ def test_another_database_a_damaged_one_and_a_newer_one(tmp_path, history):
     newer.write_bytes(bytes(whole))
     with sqlite3.connect(newer) as connection:
         connection.execute("PRAGMA user_version = 99")
-    with pytest.raises(HistoryError, match=r"schema version 99, allowed: 1 to 2$"):
+    with pytest.raises(HistoryError, match=r"schema version 99, allowed: 1 to 3$"):
         History(newer)
 
 
@@ -257,8 +262,8 @@ def test_a_baseline_is_mean_and_scatter_and_alarms_are_set_against_it(history):
     history.add(LIVE, [entry(n, error=error) for n, error in enumerate(errors)])
     history.add(LIVE, [entry(n, axis="yz", error=0.6) for n in range(5)])
     history.add(LIVE, [entry(9, error=math.inf), entry(10, error=math.nan), entry(11, "girder")])
-    history.store_baseline(make_baseline("first", history.windows(), START))
-    found = history.baseline("first")
+    history.store_baseline(make_baseline("first", history.groups(BY_MACHINE), START))
+    found = history.baseline("first", "dz101")
     assert (found.machine, found.since_ns, found.until_ns) == ("dz101", START, START + 12 * LENGTH)
     assert set(found.usual) == {("shield", "x"), ("shield", "yz")}  # one window of the girder is too few
     usual = found.usual["shield", "x"]
@@ -274,21 +279,31 @@ def test_a_baseline_is_mean_and_scatter_and_alarms_are_set_against_it(history):
     assert not rule.update(result([0.7, 0.6, 0.6]))  # within three times 0.158
     assert rule.update(result([0.8, 0.6, 0.6]))
     with pytest.raises(HistoryError, match="no baseline second, there: first"):
-        history.baseline("second")
+        history.baseline("second", "dz101")
 
 
 def test_windows_of_a_dead_sensor_are_no_part_of_a_baseline(history):
     dead = [Entry("shield", "x", START + n * LENGTH, LENGTH, 1e-6, 1.2, 1.2e6, 1.0) for n in range(90, 94)]
     history.add(LIVE, [*(entry(n) for n in range(8)), *dead])
-    usual = make_baseline("one", history.windows(), START).usual["shield", "x"]
+    usual = make_baseline("one", history.groups(BY_MACHINE), START).usual["shield", "x"]
     assert (usual.mean, usual.windows) == (pytest.approx(0.2), 8)
 
 
 def test_a_baseline_is_replaced_by_its_namesake(history):
     for error in (0.2, 0.4):
         history.add(LIVE, [entry(n, error=error) for n in range(5)])
-        history.store_baseline(make_baseline("one", history.windows(), START))
+        history.store_baseline(make_baseline("one", history.groups(BY_MACHINE), START))
     assert [one.usual["shield", "x"].mean for one in history.baselines()] == [pytest.approx(0.4)]
+
+
+def test_machines_that_share_a_file_have_a_baseline_of_the_same_name_each(history):
+    for number, machine in enumerate(("dz101", "south")):
+        history.add(Source("live", machine, "", machine, "ab"), [entry(n, error=0.2 + 0.2 * number) for n in range(5)])
+        history.store_baseline(make_baseline("one", history.groups(BY_MACHINE, Selection(machine=machine)), START))
+    means = {machine: history.baseline("one", machine).usual["shield", "x"].mean for machine in ("dz101", "south")}
+    assert means == {"dz101": pytest.approx(0.2), "south": pytest.approx(0.4)}
+    with pytest.raises(HistoryError, match="baseline one: of machine dz101, south, allowed: one of open380"):
+        history.baseline("one", "open380")
 
 
 def test_baselines_without_sense_are_refused(history):
@@ -297,7 +312,7 @@ def test_baselines_without_sense_are_refused(history):
     history.add(LIVE, [entry(n) for n in range(5)])
     history.add(Source("live", "n", "", "dz101", "ef" * 32), [entry(n) for n in range(5)])
     with pytest.raises(ValueError, match="windows of several machines: dz101 abababab, dz101 efefefef"):
-        make_baseline("two", history.windows(), START)
+        make_baseline("two", history.groups(BY_MACHINE), START)
 
 
 def test_live_windows_give_an_entry_an_axis():
@@ -342,10 +357,10 @@ def test_windows_at_no_level_change_no_baseline_and_no_summary(history):
     """A standstill is quiet: its RMS must not lower the median that tells a dead sensor from one that lives, either."""
     sound = [entry(n, error=0.1 * n) for n in range(1, 7)]
     history.add(BAG, sound)
-    usual, (before,) = make_baseline("one", history.windows(), START).usual, summarise(history.windows())
+    usual, (before,) = make_baseline("one", history.groups(BY_MACHINE), START).usual, summarise(history.windows())
     still = [replace(entry(n, error=math.nan), field_rms=1e-3, model_rms=math.nan) for n in range(10, 40)]
     history.add(BAG, still)
-    assert make_baseline("one", history.windows(), START).usual == usual
+    assert make_baseline("one", history.groups(BY_MACHINE), START).usual == usual
     (after,) = summarise(history.windows())
     errors = ("error_mean", "error_scatter", "error_latest")
     assert [after[name] for name in errors] == [before[name] for name in errors]

@@ -11,6 +11,7 @@ import pytest
 from compare_bags import START_NS, noise, write_bag
 from matplotlib.image import imread
 
+from tbm_gsa.cli import history as history_command
 from tbm_gsa.cli.main import main
 from tbm_gsa.history import Entry, History, Source, Window
 from tbm_gsa.report.history_figures import trends
@@ -139,6 +140,14 @@ def test_a_baseline_and_pictures(run, file, tmp_path):
     assert "spring" in run("history", "--history", file)[1]
 
 
+def test_more_windows_than_fit_into_memory_are_not_plotted(run, file, monkeypatch, tmp_path):
+    monkeypatch.setattr(history_command, "MOST_PLOTTED", 179)
+    code, _, err = run("history", "--history", file, "--html", tmp_path / "h.html")
+    assert code == 2
+    assert "180 windows to plot, allowed: options that choose 1 to 179" in err
+    assert run("history", "--history", file, "--point", "shield", "--html", tmp_path / "h.html")[0] == 0
+
+
 def test_crest_factor_and_kurtosis_are_drawn_where_they_are_known():
     source = Source("live", "node", "", "dz101", "ab")
     plain = [Entry("shield", axis, START_NS, 2_000_000_000, 2.0, 1.2, 0.2, 1.0) for axis in "xy"]
@@ -159,7 +168,7 @@ def test_crest_factor_and_kurtosis_are_drawn_where_they_are_known():
         (["--history", "nowhere.sqlite"], "nowhere.sqlite: no such history"),
         (["--history", "{file}", "--since", "soon"], "--since soon: allowed: ISO 8601"),
         (["--history", "{file}", "--until", "2026-13-01"], "--until 2026-13-01: allowed"),
-        (["--history", "{file}", "--point", "none", "--html", "h.html"], "no window to plot"),
+        (["--history", "{file}", "--point", "none", "--html", "h.html"], "no windows to plot"),
         (["--history", "{file}", "--html", "no/such/h.html"], "no folder no/such"),
         (["baseline", "--history", "{file}", "--point", "none"], "0 windows with a known error"),
         (["baseline", "--history", "nowhere.sqlite"], "no such history"),

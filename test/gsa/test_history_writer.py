@@ -4,6 +4,7 @@ The lock is SQLite's own, held by a connection of the standard library.
 """
 
 import sqlite3
+import time
 from contextlib import contextmanager
 
 import numpy as np
@@ -83,7 +84,7 @@ def test_a_default_file_that_cannot_be_used_only_warns(tmp_path, said, monkeypat
     writer = HistoryWriter("", SOURCE, said.append)
     writer.add(window(0), rotating=False)
     writer.close()
-    assert (writer.path, writer.written) == ("", 0)
+    assert (writer.path, writer.written) == (str(tmp_path / "h.sqlite"), 0)
     assert len(said) == 1
     assert "h.sqlite" in said[0]
     with pytest.raises(HistoryError, match="no history to find it in"):
@@ -92,11 +93,68 @@ def test_a_default_file_that_cannot_be_used_only_warns(tmp_path, said, monkeypat
         HistoryWriter(str(tmp_path / "h.sqlite"), SOURCE, said.append)
 
 
+@pytest.mark.parametrize("named", [True, False])
+def test_a_file_that_is_locked_at_the_start_is_tried_again(tmp_path, said, monkeypatch, named):
+    file = tmp_path / "h.sqlite"
+    monkeypatch.setenv("TBM_HISTORY", str(file))
+    monkeypatch.setattr(history_writer, "WAIT_S", 0.0)
+    monkeypatch.setattr(history_writer, "MOST_WAITING", 6)
+    with locked(file):
+        writer = HistoryWriter(str(file) if named else "", SOURCE, said.append)
+        for number in range(3):
+            writer.add(window(number), rotating=False)
+        with pytest.raises(HistoryError, match=r"baseline sound: no history to find it in \(.*is locked"):
+            writer.usual_errors("sound")
+    assert (writer.written, writer.lost, writer.problem) == (0, 3, f"{file}: database is locked")
+    assert said == [f"history: {file}: database is locked; the comparison goes on"]
+    writer.add(window(3), rotating=False)
+    assert (writer.written, writer.lost) == (0, 6), "too early to try again"
+    monkeypatch.setattr(writer, "_next_try", 0.0)
+    writer.add(window(4), rotating=False)
+    assert (writer.written, writer.lost, writer.problem) == (6, 9, "")
+    writer.close()
+    assert starts(file) == [3, 4]
+
+
+def test_windows_that_are_too_old_are_deleted_but_none_because_of_a_stamp_of_the_future(tmp_path, said, monkeypatch):
+    file, day = tmp_path / "h.sqlite", 43_200  # windows
+    writer = HistoryWriter(str(file), SOURCE, said.append, days=1.0)
+    for number in range(10):
+        writer.add(window(number), rotating=False)
+    writer.add(window(day + 5), rotating=False)
+    assert len(starts(file)) == 11, "too early to look again"
+    monkeypatch.setattr(history_writer, "DISCARD_S", 0.0)
+    writer._next_discard = 0.0
+    monkeypatch.setattr(history_writer, "MOST_DISCARDED", 9)
+    for place, left in enumerate(([3, 4, 5, 6, 7, 8, 9], [5, 6, 7, 8, 9])):
+        writer.add(window(day + 5), rotating=False)
+        assert starts(file) == [*left, day + 5], place
+    now = time.time_ns() // (2 * SECOND)
+    for number in (now - 5, now, 2 * now, now):
+        writer.add(window(number), rotating=False)
+    assert {now - 5, now} < set(starts(file))
+    writer.close()
+    forever = HistoryWriter(str(file), SOURCE, said.append, days=0.0)
+    forever.add(window(2 * now), rotating=False)
+    assert {now - 5, now} < set(starts(file))
+    forever.close()
+    assert said == []
+
+
+def test_a_file_that_fails_gives_no_baseline_and_a_reason(tmp_path, writer):
+    with sqlite3.connect(tmp_path / "h.sqlite") as other:
+        other.execute("DROP TABLE usual_errors")
+        other.execute("DROP TABLE baselines")
+    with pytest.raises(HistoryError, match=r"baseline sound: .*h\.sqlite: no such table: baselines"):
+        writer.usual_errors("sound")
+
+
 def test_a_baseline_has_to_be_of_the_same_machine(tmp_path, writer):
     usual = {("shield", "x"): Usual(0.4, 0.01, 9)}
     with History(tmp_path / "h.sqlite") as history:
         history.store_baseline(Baseline("sound", "dz101", "", 1, 0, 1, usual))
-        history.store_baseline(Baseline("foreign", "open380", "", 1, 0, 1, usual))
+        for name in ("sound", "foreign"):
+            history.store_baseline(Baseline(name, "open380", "", 1, 0, 1, {("shield", "x"): Usual(0.9, 0.01, 9)}))
     assert np.asarray(writer.usual_errors("sound")["shield"].mean)[0] == 0.4
     with pytest.raises(HistoryError, match="baseline foreign: of machine open380, allowed: one of dz101"):
         writer.usual_errors("foreign")
