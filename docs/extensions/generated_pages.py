@@ -45,7 +45,8 @@ def command_page() -> str:
         "Made from the commands themselves; `tbm-monitor COMMAND --help` says the same.",
         "",
         "Exit codes: 0 success; 2 bad input, said in one line with what is allowed; 1 a fault of the program,",
-        "in one line that names the error of the library; 130 after Ctrl-C.",
+        "in one line that names the error of the library; 130 after Ctrl-C, but 0 for `run`, `bag record` and",
+        "`bag play`, which go on until they are told to end.",
         "",
     ]
     for names, command in commands():

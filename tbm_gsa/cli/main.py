@@ -47,19 +47,27 @@ _UsageError: type[Exception] = next(kind for kind in typer.BadParameter.__mro__ 
 
 
 class _Interruption:
-    """Signal handler that remembers; it raises KeyboardInterrupt where the program stands."""
+    """Signal handler that remembers; it raises KeyboardInterrupt where the program stands.
+
+    A command that goes on until it is told to end handles signals itself once it has begun; before, it ends at once.
+    """
 
     received = False
 
     @classmethod
     def handle(cls, number: int, frame: FrameType | None) -> None:
         """Handle a signal."""
+        if INTERRUPTED == 0:
+            os._exit(INTERRUPTED)
         cls.received = True
         signal.default_int_handler(number, frame)
 
 
 def main() -> None:
-    """Run the command line; exit code 0 on success, 2 on bad input, 1 on a fault of the program, 130 after Ctrl-C."""
+    """Run the command line; exit code 0 on success, 2 on bad input, 1 on a fault of the program.
+
+    After Ctrl-C 130, but 0 for a command that goes on until it is told to end.
+    """
     # What was started is ended in order, whichever signal comes.
     for number in ENDING:
         if signal.getsignal(number) != signal.SIG_IGN:  # nohup

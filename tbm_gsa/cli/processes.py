@@ -7,7 +7,7 @@ import signal
 import subprocess
 import sys
 import time
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -18,7 +18,7 @@ from tbm_gsa.errors import InputError, RunError
 from tbm_gsa.nodes.start import WITH_PARENT
 from tbm_msgs_py.nodes.transport import DISCOVERY_RANGE, avoid_shared_memory
 
-_GRACE_S = 5.0
+_GRACE_S = 2.2  # a command has 3 s to end, its nodes included
 _ENDING = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 _START = "tbm_gsa.nodes.start"
 _LAST_DOMAIN = 232
@@ -78,6 +78,21 @@ def _literal(value: ParameterValue) -> str:
     if isinstance(value, str):
         return "'" + value.replace("'", "''") + "'"
     return repr(value)
+
+
+def until_told() -> Callable[[], bool]:
+    """Take note of signals from now on for good; they break off nothing, so that nothing is left half-made.
+
+    Returns
+    -------
+    callable
+        Whether one has come.
+    """
+    came: list[int] = []
+    for number in _ENDING:
+        if signal.getsignal(number) != signal.SIG_IGN:  # nohup
+            signal.signal(number, lambda number, _frame: came.append(number))
+    return lambda: bool(came)
 
 
 @contextmanager
@@ -142,14 +157,17 @@ class NodeProcesses:
                 raise RunError(f"{name} was ended from outside")
 
     def stop(self) -> None:
-        """End every node: SIGINT, and after a grace period SIGKILL; another Ctrl-C meanwhile changes nothing."""
+        """End every node, after a grace period with SIGKILL; a signal meanwhile changes nothing.
+
+        A node ends when its pipe closes. That never comes too early, as a signal to a Python that still starts does.
+        """
         with _deaf():
             self._stop()
 
     def _stop(self) -> None:
         for process in self._running.values():
-            if process.poll() is None:
-                process.send_signal(signal.SIGINT)
+            if process.stdin:
+                process.stdin.close()
         deadline = time.monotonic() + _GRACE_S
         for process in self._running.values():
             try:
@@ -157,8 +175,6 @@ class NodeProcesses:
             except subprocess.TimeoutExpired:
                 process.kill()
                 process.wait()
-            if process.stdin:
-                process.stdin.close()
 
     def _log(self, name: str) -> Path:
         return self._folder / f"{name}.log"

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -25,7 +25,7 @@ from tbm_gsa.cli.output import (
     progress_bar,
     results,
 )
-from tbm_gsa.cli.processes import NodeCommand, NodeProcesses, ParameterValue, settle_ros_environment
+from tbm_gsa.cli.processes import NodeCommand, NodeProcesses, ParameterValue, settle_ros_environment, until_told
 from tbm_gsa.cli.ros import ANALYSIS_NODE, DYNAMICS_NODE, LIVE_VIEW, LOAD_NODE, watch
 from tbm_gsa.cli.simulate import schedule_of
 from tbm_gsa.cli.site import Site
@@ -99,14 +99,15 @@ def run(
     commands = node_commands(driven, seed, out, site)
     if foxglove:
         commands.append(NodeCommand("live_view", LIVE_VIEW, {"port": foxglove}))
-    first_block, stopped, watching = _run(described.description.test_points, commands, out / "logs", point, duration)
+    watching = watch(described.description.test_points)
+    first_block, stopped = _run(watching, commands, out / "logs", point, duration)
     document = run_document(watching, first_block)
     if json:
         print_json(document)
     else:
         _print_table(document)
     if stopped:
-        notes.print("stopped by Ctrl-C", highlight=False)
+        notes.print("stopped by a signal", highlight=False)
 
 
 def _level(site: Site) -> LoadLevel:
@@ -147,32 +148,31 @@ def node_commands(driven: Mapping[str, ParameterValue], seed: int | None, out: P
 
 
 def _run(
-    points: Iterable[str],
+    watching: Watch,
     commands: Iterable[NodeCommand],
     logs: Path,
     point: OperatingPoint | None,
     duration: float | None,
-) -> tuple[float | None, bool, Watch]:
-    """Seconds to the first block, whether Ctrl-C ended it, and what was seen."""
-    start, first_block, stopped = time.monotonic(), None, True
-    with watch(points) as watching, NodeProcesses(logs) as nodes:
-        try:
-            if point is not None:
-                watching.operate(point.speed, point.torque, point.thrust)
-            for command in commands:
-                nodes.start(command)
-            first_block = _wait_for_blocks(watching, nodes, start)
-            _follow(watching, nodes, duration)
-            stopped = False
-        except KeyboardInterrupt:
-            pass
-    return first_block, stopped, watching
+) -> tuple[float | None, bool]:
+    """Seconds to the first block, and whether a signal ended it."""
+    start, told = time.monotonic(), until_told()
+    with watching, NodeProcesses(logs) as nodes:
+        if point is not None:
+            watching.operate(point.speed, point.torque, point.thrust)
+        for command in commands:
+            nodes.start(command)
+        first_block = _wait_for_blocks(watching, nodes, start, told)
+        _follow(watching, nodes, duration, told)
+        stopped = told()
+    return first_block, stopped
 
 
-def _wait_for_blocks(watching: Watch, nodes: NodeProcesses, start: float) -> float:
-    """Seconds from the start to the first block of the model."""
+def _wait_for_blocks(watching: Watch, nodes: NodeProcesses, start: float, told: Callable[[], bool]) -> float | None:
+    """Seconds from the start to the first block of the model; None when told to end before it."""
     first = watching.seen.blocks[topics.MODEL_MESH_FORCES]
     while first.received == 0:
+        if told():
+            return None
         nodes.check()
         if time.monotonic() - start > _FIRST_BLOCK_S:
             raise RunError(
@@ -182,15 +182,15 @@ def _wait_for_blocks(watching: Watch, nodes: NodeProcesses, start: float) -> flo
     return time.monotonic() - start
 
 
-def _follow(watching: Watch, nodes: NodeProcesses, duration: float | None) -> None:
-    """Watch until every stream has reached the duration."""
+def _follow(watching: Watch, nodes: NodeProcesses, duration: float | None, told: Callable[[], bool]) -> None:
+    """Watch until every stream has reached the duration, or until told to end."""
     counts = watching.seen.blocks.values()
     with progress_bar("running") as bar:
         task = bar.add_task("", total=duration)
         reached = 0.0
-        while duration is None or reached < duration:
-            watching.spin(_LOOK_S)
+        while not told() and (duration is None or reached < duration):
             nodes.check()
+            watching.spin(_LOOK_S)
             reached = min(count.stream_time for count in counts)
             bar.update(task, completed=reached)
 

@@ -1,4 +1,4 @@
-"""Start of `tbm-monitor`: a signal while the commands are still imported ends it without a word, code 130.
+"""Start of `tbm-monitor`: a signal while the commands are still imported ends it without a word.
 
 Nothing here may import anything that takes time.
 """
@@ -7,11 +7,14 @@ from __future__ import annotations
 
 import os
 import signal
+import sys
 from importlib import import_module
 from types import FrameType
 from typing import NoReturn
 
-INTERRUPTED = 130
+# These go on until they are told to end: for them a signal is the usual end, for others a job cut short.
+_UNTIL_TOLD = sys.argv[1:2] == ["run"] or sys.argv[1:3] in (["bag", "record"], ["bag", "play"])
+INTERRUPTED = 0 if _UNTIL_TOLD else 130
 ENDING = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)  # the last is that of a closed terminal
 
 

@@ -10,6 +10,7 @@ from typing import Any, NamedTuple
 
 from diagnostic_msgs.msg import DiagnosticStatus
 from rclpy.event_handler import SubscriptionEventCallbacks
+from rclpy.logging import get_logger
 from rclpy.subscription import Subscription
 
 from tbm_msgs_py import topics
@@ -21,6 +22,8 @@ from tbm_msgs_py.nodes.managed import ManagedNode, Parameter, run_node
 from tbm_msgs_py.topics import Quality
 
 DISCOVERY = 0.05  # s between looks for topics that are not there yet
+FOLLOWING = 1.0  # s between looks at what the publishers of the others offer
+MOST_HELD = 64_000_000  # bytes that may wait for a simulated clock to begin; what comes then is lost, and counted
 QUOTA_PERIOD = 2.0  # s between looks at the disk
 DEPTH = 1000  # messages that may wait while the disk is slow
 MEGABYTE = 1e6
@@ -59,7 +62,9 @@ class BagRecorder(ManagedNode):
         super().__init__("bag_recorder", PARAMETERS)
         self._writer: BagWriter | None = None
         self._subscribed: dict[str, Subscription] = {}
+        self._asked: dict[str, Quality] = {}
         self._arrived: list[Arrived] = []
+        self._held = 0  # bytes of what has arrived
         self._lost = self._lost_shown = 0
         self._deleted: list[str] = []
         self._over_quota = False
@@ -85,13 +90,17 @@ class BagRecorder(ManagedNode):
             max_seconds=self.value("split_time") or None,
             custom_data=MARK,
         )
-        writer.open()
+        try:
+            writer.open()
+        except KeyboardInterrupt:  # a signal while nothing is recorded
+            writer.discard()
+            raise
         self._writer = writer
 
     def activate(self) -> None:
         """Record: subscribe to what is there, look for the rest, write out what waits."""
         self._discover()
-        tasks = [(DISCOVERY, self._discover), (self.value("flush_period"), self._flush)]
+        tasks = [(DISCOVERY, self._discover), (FOLLOWING, self._follow), (self.value("flush_period"), self._flush)]
         if self.value("quota"):
             tasks.append((QUOTA_PERIOD, self._keep_quota))
         if self.value("duration"):
@@ -103,21 +112,15 @@ class BagRecorder(ManagedNode):
         """Stop recording."""
         for subscription in self._subscribed.values():
             self.destroy_subscription(subscription)
-        self._subscribed = {}
+        self._subscribed, self._asked = {}, {}
 
     def cleanup(self) -> None:
         """Finish the recording: index and metadata."""
-        writer, self._writer = self._writer, None
-        try:
-            if writer is not None:
-                writer.close()
-        except RecordingError as error:
-            self._problem = str(error)
-            raise
-        finally:
-            if self.value("summary"):
-                document = {"lost": self._lost + len(self._arrived), "deleted": self._deleted, "problem": self._problem}
-                Path(self.value("summary")).write_text(json.dumps(document), encoding="utf-8")
+        self._on_disk(lambda writer: writer.close())
+        self._writer = None
+        if self.value("summary"):
+            document = {"lost": self._lost + len(self._arrived), "deleted": self._deleted, "problem": self._problem}
+            Path(self.value("summary")).write_text(json.dumps(document), encoding="utf-8")
 
     def _discover(self) -> None:
         known = dict(self.get_topic_names_and_types())
@@ -125,6 +128,14 @@ class BagRecorder(ManagedNode):
             publishers = self.get_publishers_info_by_topic(name) if name not in self._subscribed else []
             if publishers and name in known:
                 self._subscribe(name, known[name][0], publishers)
+
+    def _follow(self) -> None:
+        """Subscribe again where the publishers of now offer less than was asked of those before."""
+        for name, asked in list(self._asked.items()):
+            publishers = self.get_publishers_info_by_topic(name)
+            offered = qos.offered(publishers)
+            if asked.reliable > offered.reliable or asked.latched > offered.latched:
+                self._subscribe(name, publishers[0].topic_type, publishers)
 
     def _subscribe(self, name: str, message_type: str, publishers: list[Any]) -> None:
         message_class = messages.message_class(message_type)
@@ -134,7 +145,9 @@ class BagRecorder(ManagedNode):
             self._unrecorded.append(name)
             self._wanted.remove(name)
             return
-        offered = qos.offered(publishers)
+        offered = self._asked[name] = qos.offered(publishers)
+        if before := self._subscribed.pop(name, None):
+            self.destroy_subscription(before)
         profile = qos.profile(Quality(offered.reliable, offered.latched, DEPTH))
         self._subscribed[name] = self.create_subscription(
             message_class,
@@ -147,6 +160,10 @@ class BagRecorder(ManagedNode):
 
     def _recorder(self, name: str, message_type: str, offered: Quality) -> Callable[[bytes], None]:
         def record(data: bytes) -> None:
+            if self._held > MOST_HELD:
+                self._lost += 1
+                return
+            self._held += len(data)
             self._arrived.append(Arrived(name, message_type, offered, data))
             self._on_disk(self._write)
 
@@ -155,7 +172,7 @@ class BagRecorder(ManagedNode):
     def _write(self, writer: BagWriter) -> None:
         """Write what has arrived; it waits for a simulated clock that has not begun."""
         if now := self.get_clock().now().nanoseconds:
-            arrived, self._arrived = self._arrived, []
+            arrived, self._arrived, self._held = self._arrived, [], 0
             for message in arrived:
                 writer.write(message.topic, message.type, now, message.data, quality=message.offered)
 
@@ -167,8 +184,11 @@ class BagRecorder(ManagedNode):
             work(self._writer)
         except (RecordingError, OSError) as error:
             self._problem = str(error)
-            self.get_logger().error(f"the recording ends with what was written before: {self._problem}")
-            self.say()
+            running = self.context.ok()  # else it was the end after a signal, and nothing can be published
+            said_by = self.get_logger() if running else get_logger("tbm_monitor")
+            said_by.error(f"the recording ends with what was written before: {self._problem}")
+            if running:
+                self.say()
             self._writer.salvage()
             self._writer = None
             self.end(2)
@@ -202,6 +222,7 @@ class BagRecorder(ManagedNode):
         troubles = [
             *([self._problem] if self._problem else []),
             *([f"waiting for {', '.join(missing)}"] if missing else []),
+            *([f"waiting for {topics.CLOCK}, nothing is written before it"] if self._arrived else []),
             *([f"not recorded: {', '.join(self._unrecorded)}"] if self._unrecorded else []),
             *([f"{lost} messages lost on their way"] if lost else []),
             *(["over the quota"] if self._over_quota else []),

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 import rclpy
 from rclpy.exceptions import ParameterException
-from rclpy.executors import ExternalShutdownException
+from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
 from rclpy.logging import get_logger
 
 from tbm_msgs_py.nodes.transport import avoid_shared_memory
@@ -41,6 +41,7 @@ def run_node(factory: Callable[[], ManagedNode], args: Sequence[str] | None = No
         Exit code: 0 after SIGINT, SIGTERM or the node's own end, 2 for bad arguments or parameters, 1 for a failure.
     """
     node: ManagedNode | None = None
+    code = 0
     try:
         # Before rclpy.init: rclpy's own handlers, which end the context, call the ones they find.
         sys.unraisablehook = _without_interruptions
@@ -48,13 +49,14 @@ def run_node(factory: Callable[[], ManagedNode], args: Sequence[str] | None = No
         avoid_shared_memory()
         rclpy.init(args=None if args is None else list(args))
         node = factory()
-        return _spin(node)
+        code = _spin(node)
     except (KeyboardInterrupt, ExternalShutdownException):
-        return node.exit_code if node else 0
+        pass
     except Exception as error:  # noqa: BLE001  the last resort before a traceback
-        return _explain(error, node)
+        code = _explain(error, node)
     finally:
         _close(node)
+    return code or (node.exit_code if node else 0)  # its end may have gone wrong, too
 
 
 def _handle(handler: Any) -> None:
@@ -92,7 +94,7 @@ def _spin(node: ManagedNode) -> int:
             return 2 if node.context.ok() else node.exit_code
         _spinning.set()
         while not node.ended.done() and node.context.ok():
-            executor.spin_until_future_complete(node.ended, timeout_sec=WAIT)
+            _turn(executor, node)
     finally:
         _spinning.clear()
         executor.remove_node(node)
@@ -100,13 +102,19 @@ def _spin(node: ManagedNode) -> int:
     return node.exit_code
 
 
+def _turn(executor: Any, node: ManagedNode) -> None:
+    """Work for a while, until the node's end at most."""
+    if isinstance(executor, SingleThreadedExecutor):
+        executor.spin_once(timeout_sec=WAIT)  # the other leaves a callback at the future for each that it has run
+    else:
+        executor.spin_until_future_complete(node.ended, timeout_sec=WAIT)
+
+
 def fastest_executor() -> Any:
     """Events executor where this rclpy has it: half the CPU, no losses at high rates."""
     try:
         from rclpy.experimental import EventsExecutor  # noqa: PLC0415
     except ImportError:
-        from rclpy.executors import SingleThreadedExecutor  # noqa: PLC0415
-
         return SingleThreadedExecutor()
     return EventsExecutor()
 

@@ -20,6 +20,7 @@ from processes import wait_for  # noqa: E402
 from rosgraph_msgs.msg import Clock  # noqa: E402
 from sensor_msgs.msg import JointState, PointCloud2  # noqa: E402
 
+from tbm_gsa.cli.bag.info import info_document  # noqa: E402
 from tbm_msgs_py import ACCELERATION, Bag, BagWriter, OperatingPoint, read_recording  # noqa: E402
 from tbm_msgs_py.bags.samples import typestore  # noqa: E402
 from tbm_msgs_py.blocks import from_cloud  # noqa: E402
@@ -108,6 +109,60 @@ def test_full_disk_ends_the_recording_with_what_was_written(run_node, peer, tmp_
     assert described["message_count"] == len(kept)
 
 
+def test_disk_that_is_full_at_the_end_is_said_too(run_node, peer, tmp_path):
+    output, summary = tmp_path / "bag", tmp_path / "summary.json"
+    recorder = run_node(RECORDER, output=output, topics=f"[{TOPIC}]", summary=summary)
+    sender = Sender(peer)
+    sender.send(0.2)
+    wait_for(lambda: Bag(output).info().messages == sender.sent, step=peer.spin)  # nothing waits but the index
+    size = (output / "bag.mcap").stat().st_size
+    resource.prlimit(recorder.process.pid, resource.RLIMIT_FSIZE, (size, size))
+    recorder.send(signal.SIGTERM)
+    assert recorder.exit_code() == 2, recorder.output
+    (line,) = recorder.output.splitlines()
+    assert "[ERROR]" in line
+    assert "the recording ends with what was written before" in line
+    assert "File too large" in line
+    assert "File too large" in json.loads(summary.read_text())["problem"]
+    assert numbers(output) == list(range(sender.sent))
+    described = yaml.safe_load((output / "metadata.yaml").read_text())["rosbag2_bagfile_information"]
+    assert described["message_count"] == sender.sent
+
+
+def test_a_signal_while_the_recording_is_created_leaves_none(monkeypatch, tmp_path):
+    created = BagWriter.open
+
+    def interrupted(writer):
+        created(writer)
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(BagWriter, "open", interrupted)
+    rclpy.init(args=["--ros-args", "-p", f"output:={tmp_path / 'bag'}", "-p", f"topics:=[{TOPIC}]"])
+    recorder = BagRecorder()
+    try:
+        with pytest.raises(KeyboardInterrupt):
+            recorder.start()
+    finally:
+        recorder.finish()
+        recorder.destroy_node()
+        rclpy.try_shutdown()
+    assert not (tmp_path / "bag").exists()
+
+
+def test_a_publisher_that_comes_back_and_offers_less_is_recorded(run_node, peer, tmp_path):
+    recorder = run_node(RECORDER, output=tmp_path / "bag", topics=f"[{TOPIC}]")
+    sender = Sender(peer)
+    sender.send(0.1)
+    peer.node.destroy_publisher(sender.publisher)
+    sender.publisher = peer.node.create_publisher(PointCloud2, TOPIC, qos.LIVE)  # best effort
+    peer.wait_for(lambda: sender.publisher.get_subscription_count() == 1)
+    before = int(peer.value("tbm: recorder", "messages"))
+    sender.send(0.5)
+    peer.wait_for(lambda: int(peer.value("tbm: recorder", "messages")) > before)
+    recorder.send(signal.SIGTERM)
+    assert recorder.exit_code() == 0, recorder.output
+
+
 def test_quota_and_splitting_by_size(run_node, peer, tmp_path):
     output = tmp_path / "bag"
     recorder = run_node(
@@ -138,6 +193,7 @@ def test_what_comes_before_a_simulated_clock_is_kept(run_node, peer, tmp_path):
     point = peer.publisher(JointState, "/tbm/operating_point", qos.OPERATING_POINT)
     point.publish(messages.operating_point_message(START_NS, OperatingPoint(0.5, 2e6, 1e7)))
     Sender(peer).send(0.1)
+    peer.wait_for(lambda: "waiting for /clock" in peer.text("tbm: recorder"))
     clock = peer.publisher(Clock, "/clock", qos.CLOCK)
 
     def tick():
@@ -218,6 +274,8 @@ def test_record_and_play_commands(started, bag, tmp_path):
         "/tbm/operating_point": 1,
     }
     assert (document["lost"], document["deleted"], document["files"]) == (0, [], ["copy.mcap"])
+    told = info_document(output, Bag(output).info())
+    assert {key: document[key] for key in told} == told
     assert numbers(output) == list(range(20, 40))
     assert read_recording(output).operating_point.points == (OperatingPoint(0.586, 3.04e6, 1.2e7),)
 
@@ -235,3 +293,19 @@ def test_looping_play_ends_cleanly_with_a_signal(started, peer, bag):
     assert document["played"] > 60
     assert document["ended"] is False
     assert clock == []
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+@pytest.mark.parametrize("what", ["record", "play"])
+def test_a_signal_while_the_node_starts(started, bag, tmp_path, what, number):
+    """From the moment its process is there."""
+    given = {"record": ["--out", tmp_path / "copy", "--topics", TOPIC], "play": [bag]}[what]
+    command = started(what, *given, "--json")
+    wait_for(lambda: children(command.pid))
+    nodes = children(command.pid)
+    command.send_signal(number)
+    out, _ = command.communicate(timeout=60)
+    said = (tmp_path / "command0.err").read_text()
+    assert (command.returncode, out, said) == (0, b"", "stopped before it had begun\n")
+    assert not any(map(alive, nodes))
+    assert not (tmp_path / "copy").exists()

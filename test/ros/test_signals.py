@@ -90,13 +90,34 @@ def test_a_signal_that_a_library_swallows_comes_again():
     assert (process.returncode, out, err) == (0, "", "")
 
 
-def test_ctrl_c_while_the_command_line_is_imported():
+# Those that go on until they are told to end have ended well.
+COMMANDS = [(["run"], 0), (["bag", "record"], 0), (["bag", "play"], 0), (["bag", "info"], 130), (["demo"], 130)]
+
+
+@pytest.mark.parametrize(("arguments", "code"), COMMANDS)
+def test_ctrl_c_while_the_command_line_is_imported(arguments, code):
     script = Path(sys.executable).with_name("tbm-monitor")
-    process = subprocess.Popen([script, "run"], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    process = subprocess.Popen([script, *arguments], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
     wait_for(lambda: listens(process))
     process.send_signal(signal.SIGINT)
     out, err = process.communicate(timeout=30)
-    assert (process.returncode, out, err) == (130, "", "")
+    assert (process.returncode, out, err) == (code, "", "")
+
+
+INTERRUPTED_IMPORT = """
+import signal
+from tbm_gsa.cli import commands, main
+commands.load = lambda name: signal.raise_signal(signal.SIGTERM)
+main.main()
+"""
+
+
+@pytest.mark.parametrize(("arguments", "code"), COMMANDS)
+def test_a_signal_while_a_command_is_imported(arguments, code):
+    done = subprocess.run(
+        [sys.executable, "-c", INTERRUPTED_IMPORT, *arguments], capture_output=True, text=True, check=False
+    )
+    assert (done.returncode, done.stdout, done.stderr) == (code, "", "")
 
 
 def test_a_signal_waits_until_rclpy_is_done(monkeypatch):

@@ -6,13 +6,13 @@ import json
 import re
 import tempfile
 import time
-from contextlib import suppress
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 from tbm_gsa.cli.output import notes
-from tbm_gsa.cli.processes import NodeCommand, NodeProcesses, settle_ros_environment
+from tbm_gsa.cli.processes import NodeCommand, NodeProcesses, settle_ros_environment, until_told
 from tbm_gsa.errors import RunError
 
 _LOOK_S = 0.1
@@ -20,13 +20,13 @@ _LOG_HEAD = re.compile(r"\[\w+\] \[[\d.]+\] \[[\w.]+\]: ")  # level, time and no
 _FAULTS = ("[ERROR]", "[FATAL]")  # said once, by the error that ends the command
 
 
-def run_to_end(command: NodeCommand) -> dict[str, Any]:
+def run_to_end(command: NodeCommand) -> dict[str, Any] | None:
     """Run a node to its end, or until Ctrl-C or SIGTERM ends it in order.
 
     Returns
     -------
-    dict
-        What the node writes to the file of its parameter `summary`.
+    dict, optional
+        What the node writes to the file of its parameter `summary`; None when it ended before it had begun.
 
     Raises
     ------
@@ -34,22 +34,25 @@ def run_to_end(command: NodeCommand) -> dict[str, Any]:
         It ended with an error; the message is its last line.
     """
     settle_ros_environment()
+    told = until_told()
     with tempfile.TemporaryDirectory(prefix="tbm_monitor.") as name:
         folder = Path(name)
         summary, log = folder / "summary.json", folder / f"{command.name}.log"
         try:
-            _follow(replace(command, parameters={**command.parameters, "summary": str(summary)}), log)
+            _follow(replace(command, parameters={**command.parameters, "summary": str(summary)}), log, told)
         except RunError as error:
             raise RunError(_LOG_HEAD.sub("", str(error))) from error
-        return dict(json.loads(summary.read_text(encoding="utf-8")))
+        if summary.exists():
+            return dict(json.loads(summary.read_text(encoding="utf-8")))
+    notes.print("stopped before it had begun", highlight=False)
+    return None
 
 
-def _follow(command: NodeCommand, log: Path) -> None:
+def _follow(command: NodeCommand, log: Path, told: Callable[[], bool]) -> None:
     said = 0
-    nodes = NodeProcesses(log.parent)
-    with suppress(KeyboardInterrupt), nodes:
+    with NodeProcesses(log.parent) as nodes:
         nodes.start(command)
-        while nodes.running(command.name):
+        while nodes.running(command.name) and not told():
             said = _say(log, said)
             time.sleep(_LOOK_S)
     nodes.running(command.name)  # raises when its end, too, went wrong

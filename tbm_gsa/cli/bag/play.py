@@ -47,7 +47,10 @@ def play(
             "wait_for_subscribers": subscribers,
         },
     )
-    document = {"path": str(bag), "rate": rate, **run_to_end(command)}
+    summary = run_to_end(command)
+    if summary is None:
+        return
+    document = {"path": str(bag), "rate": rate, **summary}
     if json:
         print_json(document)
     else:
