@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+import time
 from collections.abc import Mapping as AnyMapping
 from collections.abc import Sequence
 from dataclasses import replace
@@ -72,6 +73,7 @@ PARAMETERS = (
         "",
         "history file of the windows; empty: tbm_monitor/history.sqlite in the user's data folder; none: not kept",
     ),
+    Parameter("history_days", 90.0, "age at which its windows are deleted; 0: never (d)", minimum=0.0, maximum=36500.0),
     Parameter(
         "baseline",
         "",
@@ -79,6 +81,14 @@ PARAMETERS = (
         changes="running",
     ),
     Parameter("gsa.on_threshold", True, "start the sensitivity analysis when the alarm is raised", changes="running"),
+    Parameter(
+        "gsa.pause",
+        60.0,
+        "least time from the start of a study to one that an alarm starts (min)",
+        minimum=0.0,
+        maximum=100000.0,
+        changes="running",
+    ),
     Parameter("gsa.samples", 200, "training simulations", minimum=10, maximum=100000, changes="running"),
     Parameter("gsa.test", 20, "test simulations", minimum=2, maximum=100000, changes="running"),
     Parameter("gsa.duration", 3.0, "length of a simulation (s)", minimum=0.1, maximum=600.0, changes="running"),
@@ -103,6 +113,7 @@ class AnalysisNode(ManagedNode):
         self._points = tuple(machine.description.test_points)
         self._sensors = self._field_sensors()
         self._history = self._open_history(machine)
+        self._baselines = {self.value("baseline"): self._history.usual_errors(self.value("baseline"))}
         self._alarm = self._new_alarm()
         self._rotating = frozenset(sensor.point for sensor in self._sensors.values() if sensor.frame == "rotating")
         self._comparison = self._new_comparison()
@@ -144,8 +155,8 @@ class AnalysisNode(ManagedNode):
         """Refuse axes and baselines that there are not."""
         if "alarm_axes" in values:
             _check_axes(values["alarm_axes"])
-        if "baseline" in values:
-            self._history.usual_errors(values["baseline"])
+        if "baseline" in values:  # what was read holds until it is set again, whatever happens to the file
+            self._baselines[values["baseline"]] = self._history.usual_errors(values["baseline"])
 
     def parameters_changed(self, names: frozenset[str]) -> None:
         """Take over another alarm, window or sensitivity analysis; what was counted for the old one is forgotten."""
@@ -157,7 +168,8 @@ class AnalysisNode(ManagedNode):
 
     def _open_history(self, machine: Machine) -> HistoryWriter:
         source = Source("live", self.get_fully_qualified_name(), "", machine.name, machine_sha256(machine))
-        return HistoryWriter(self.value("history"), source, self.get_logger().warning)
+        days = float(self.value("history_days"))
+        return HistoryWriter(self.value("history"), source, self.get_logger().warning, days)
 
     def _new_alarm(self) -> AlarmRule:
         axes = self.value("alarm_axes")
@@ -165,7 +177,7 @@ class AnalysisNode(ManagedNode):
         return AlarmRule(
             float(self.value("threshold")),
             int(self.value("threshold_windows")),
-            self._history.usual_errors(self.value("baseline")),
+            self._baselines[self.value("baseline")],
             axes=[_AXES.index(axis) for axis in axes],
         )
 
@@ -204,7 +216,7 @@ class AnalysisNode(ManagedNode):
                 JointState,
                 name,
                 partial(self._on_operating_point, name),
-                qos.OPERATING_POINT,
+                qos.profile(topics.quality(name)),
                 qos_overriding_options=qos.overridable(),
             )
 
@@ -250,24 +262,27 @@ class AnalysisNode(ManagedNode):
     def _feed(self, sensor: SensorMapping, source: Any, stamp: int, offsets: np.ndarray, values: np.ndarray) -> None:
         self._health.arrived(sensor.point, source, len(offsets))
         rows = values @ sensor.matrix().T
-        for result in self._comparison.feed(sensor.point, source, stamp, offsets, rows):
-            self._on_window(result)
+        try:
+            for result in self._comparison.feed(sensor.point, source, stamp, offsets, rows):
+                self._on_window(result)
+        except ValueError as error:  # a rate too low for a band, a stamp beyond what a message holds
+            self._health.refuse(sensor.point, source, str(error))
 
     def _on_window(self, result: WindowResult) -> None:
         if result.point not in self._points:
             return
         result = self._operated(result)
         self._latest[result.point] = result
-        self._history.add(result, result.point in self._rotating)
         for quantity in topics.ANALYSIS_QUANTITIES:
             message = messages.vector3(result.start_ns, getattr(result, quantity), result.point)
             self._quantities[result.point, quantity].publish(message)
+        self._history.add(result, result.point in self._rotating)
         if self._alarm.update(result):
             windows, baseline = self.value("threshold_windows"), self.value("baseline")
             what = f"change of the relative error against {baseline}" if baseline else "relative error"
             reason = f"{result.point}: {what} over {self.value('threshold'):g} for {windows} windows"
             self.get_logger().warning(reason)
-            if self.value("gsa.on_threshold"):
+            if self.value("gsa.on_threshold") and self._rested(reason):
                 self._start_gsa(reason)
 
     def _operated(self, result: WindowResult) -> WindowResult:
@@ -278,6 +293,15 @@ class AnalysisNode(ManagedNode):
             if apart in kinds:
                 return replace(result, relative_error=np.full(3, np.nan), operation=apart)
         return result
+
+    def _rested(self, reason: str) -> bool:
+        """Whether the last study is long enough ago: an error that hovers at the threshold starts no end of them."""
+        passed = (time.monotonic() - self._gsa.started) / 60.0
+        if passed >= self.value("gsa.pause"):
+            return True
+        what = f"the last one began {passed:.0f} min ago, gsa.pause is {self.value('gsa.pause'):g} min"
+        self.get_logger().warning(f"sensitivity analysis: {what}; not started: {reason}")
+        return False
 
     def _start_gsa(self, reason: str) -> bool:
         self._look_at_gsa()

@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 import json
+import math
+import os
 import signal
 import sqlite3
 import subprocess
 import sys
-from dataclasses import dataclass, field
+import time
+from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any, Literal
@@ -19,7 +22,8 @@ from tbm_gsa.study.store import Store
 
 State = Literal["idle", "running", "finished", "failed", "cancelled"]
 _LOG_NAME = "gsa.log"
-_GRACE_S = 1.5  # a node has 3 s to end, its study included
+_PRIORITY = 10  # of the study and its workers: they give way to the nodes, whatever priority those have
+_GRACE_S = 1.0  # a node has 3 s to end, its study included
 
 
 @dataclass(frozen=True)
@@ -65,10 +69,19 @@ class GsaStatus:
 
 @dataclass
 class GsaProcess:
-    """Starts, watches and cancels the process; store and report stay when this object is gone."""
+    """Starts, watches and cancels the process; store and report stay when this object is gone.
+
+    Attributes
+    ----------
+    options : GsaOptions
+    status : GsaStatus
+    started : float
+        When the last one was, s, monotonic.
+    """
 
     options: GsaOptions
     status: GsaStatus = GsaStatus()
+    started: float = -math.inf
     _process: subprocess.Popen[bytes] | None = field(default=None, repr=False)
 
     @property
@@ -98,6 +111,8 @@ class GsaProcess:
                 stderr=log,
                 start_new_session=True,
             )
+        os.setpriority(os.PRIO_PROCESS, self._process.pid, _PRIORITY)
+        self.started = time.monotonic()
         self.status = GsaStatus("running", reason, 0, options.samples + options.test, 0, folder)
         return True
 
@@ -121,7 +136,10 @@ class GsaProcess:
         return document
 
     def cancel(self, reason: str) -> bool:
-        """End the running analysis; what it has simulated stays in its store."""
+        """End the running analysis, what it has simulated stays in its store; or take note of one that failed."""
+        if self.status.state == "failed":
+            self.status = replace(self.status, state="cancelled", reason=f"{reason}; it had {self.status.reason}")
+            return True
         if not self.running or self._process is None:
             return False
         self._process.send_signal(signal.SIGTERM)  # SIGINT is ignored where the node runs in the background
@@ -166,5 +184,8 @@ def _end(code: int | None) -> str:
 
 
 def _last_line(folder: Path) -> str:
-    lines = (folder / _LOG_NAME).read_text(encoding="utf-8", errors="replace").split("\n")
+    try:
+        lines = (folder / _LOG_NAME).read_text(encoding="utf-8", errors="replace").split("\n")
+    except OSError as error:  # somebody cleared the folder away
+        return str(error)
     return next((line.strip() for line in reversed(lines) if line.strip()), "no message")

@@ -103,6 +103,7 @@ class BagPlayer(ManagedNode):
     def cleanup(self) -> None:
         """Forget the publishers."""
         self._publishers_by_topic, self._clock_publisher = {}, None
+        self._latched.clear()
 
     @property
     def lost(self) -> int:

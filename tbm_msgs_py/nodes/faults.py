@@ -9,6 +9,7 @@ from typing import Generic, TypeVar
 
 Key = TypeVar("Key", bound=Hashable)
 
+_NUMBER = re.compile(r"[-+]?\d+(\.\d+)?(e[-+]?\d+)?")
 REPEAT_S = 60.0  # the same line is not said again before
 
 
@@ -27,17 +28,17 @@ class Faults(Generic[Key]):
         self._warn, self._now = warn, now
         self._standing: dict[Key, str] = {}
         self._over: set[Key] = set()
-        self._said: dict[Key, tuple[str, float]] = {}
+        self._said: dict[tuple[Key, str], float] = {}
 
     def report(self, key: Key, text: str) -> None:
         """Take note that something is wrong."""
         self._standing[key] = text
         self._over.discard(key)
-        gist = re.sub(r"\d+", "#", text)  # another count is no other fault
-        said, when = self._said.get(key, ("", 0.0))
-        if gist != said or self._now() - when > REPEAT_S:
+        gist, now = _NUMBER.sub("#", text), self._now()  # another count is no other fault
+        if (key, gist) not in self._said or now - self._said[key, gist] > REPEAT_S:
             self._warn(text)
-            self._said[key] = gist, self._now()
+            self._said = {said: when for said, when in self._said.items() if now - when <= REPEAT_S}
+            self._said[key, gist] = now
 
     def clear(self, key: Key) -> None:
         """Take note that it is over."""

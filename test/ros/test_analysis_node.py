@@ -2,6 +2,7 @@
 
 import os
 import signal
+import sqlite3
 from weakref import WeakKeyDictionary
 
 import numpy as np
@@ -159,11 +160,25 @@ def test_windows_alarm_and_study(run_node, peer, tmp_path):
     assert "relative error over its threshold" in peer.said["tbm: comparison shield"]
     assert peer.text("tbm: comparison girder") == "no window yet"
 
-    model.publish(messages.block(ACCELERATION, 0, [float("inf")] * SAMPLES, np.zeros((SAMPLES, 3))))
-    peer.wait_for(lambda: "not finite" in peer.text("tbm: comparison shield"))
+    for t, reason in ((float("inf"), "not finite"), (1.7e9, "allowed: below 86400 s")):
+        model.publish(messages.block(ACCELERATION, 0, [t] * SAMPLES, np.zeros((SAMPLES, 3))))
+        peer.wait_for(lambda reason=reason: reason in peer.text("tbm: comparison shield"))
+    slow = [peer.node.create_publisher(PointCloud2, f"/tbm/{s}/girder/block", qos.BLOCK) for s in ("model", "field")]
+    wait_for(lambda: all(publisher.get_subscription_count() for publisher in slow))
+    for k in range(12):  # 1 Hz
+        for publisher in slow:
+            publisher.publish(messages.block(ACCELERATION, START_NS + 2 * k * 10**9, [0.0, 1.0], np.ones((2, 3))))
+    peer.wait_for(lambda: "leaves no band" in peer.text("tbm: comparison girder"))
+    pairs[1] = field, lambda k: block_message(k, sine(MODEL, k))
+    feed(peer, windows, len(whole(windows["model_rms"])) + 2, pairs)  # the alarm falls, and rises again
+    pairs[1] = field, lambda k: block_message(k, sine(FIELD, k))
+    feed(peer, windows, len(whole(windows["model_rms"])) + 10, pairs)
+    wait_for(lambda: "the last one began" in node.output)
+    assert len(list((tmp_path / "studies").glob("gsa_*"))) == 1
     feed(peer, {"model_rms": windows["model_rms"]}, len(whole(windows["model_rms"])) + 1, pairs)
     peer.wait_for(lambda: "not finite" not in peer.text("tbm: comparison shield"))
-    assert len(node.output.strip().splitlines()) == 5, node.output  # alarm, start, no second one, end, wrong block
+    # Alarm, start, no second one, end, two wrong blocks, two slow signals, alarm, not so soon.
+    assert len(node.output.strip().splitlines()) == 10, node.output
 
 
 def test_one_study_at_a_time_cancelled_or_killed(run_node, peer, tmp_path):
@@ -187,12 +202,17 @@ def test_one_study_at_a_time_cancelled_or_killed(run_node, peer, tmp_path):
     assert peer.call(Trigger, "/tbm/analysis/run_gsa").success
     peer.wait_for(lambda: len(children(node.process.pid)) >= 3)
     killed = children(node.process.pid)
+    assert os.getpriority(os.PRIO_PROCESS, gsa_pid(node)) == 10  # it gives way to the nodes
     os.kill(gsa_pid(node), signal.SIGKILL)
     study.wait_for("failed")
     assert "killed" in study.text
     peer.wait_for(lambda: peer.text(GSA) == study.text)
     assert peer.diagnostics[GSA].level == 2
     wait_for(lambda: not any(map(alive, killed)))
+    assert peer.call(Trigger, "/tbm/analysis/cancel_gsa").success  # somebody has taken note
+    study.wait_for("cancelled")
+    assert "killed" in study.text
+    peer.wait_for(lambda: peer.diagnostics[GSA].level == 0)
 
     assert peer.call(Trigger, "/tbm/analysis/run_gsa").success
     study.wait_for("running")
@@ -253,6 +273,7 @@ def test_windows_go_into_the_history_and_alarms_are_set_against_its_baseline(run
     usual = {("shield", axis): Usual(value, 0.01, 9) for axis, value in (("x", 0.5), ("y", 0.0), ("z", 0.5))}
     with History(file) as history:
         history.store_baseline(Baseline("sound", "dz101", "", 1, 0, 1, usual))
+        history.store_baseline(Baseline("sound", "south", "", 2, 0, 1, {("shield", "x"): Usual(0.0, 0.01, 9)}))
     windows = listen_to(peer, "shield")
     node = run_node(
         ANALYSIS_NODE,
@@ -287,6 +308,17 @@ def test_windows_go_into_the_history_and_alarms_are_set_against_its_baseline(run
     feed(peer, windows, 20, pairs)
     peer.wait_for(lambda: node.says("change of the relative error against sound over 0.3 for 2 windows"))
     peer.wait_for(lambda: peer.text("tbm: comparison shield") != "compared")
+
+    (refused,) = peer.set_parameters(NODE, baseline="other")
+    assert "no baseline other, there: sound" in refused
+    with sqlite3.connect(file) as connection:  # the worst that can happen to the baseline while the node runs
+        connection.execute("DROP TABLE usual_errors")
+        connection.execute("DROP TABLE baselines")
+    assert peer.set_parameters(NODE, threshold=0.5, alarm_axes=["x"]) == []
+    (refused,) = peer.set_parameters(NODE, baseline="sound")
+    assert "no such table: baselines" in refused
+    assert peer.set_parameters(NODE, baseline="") == []
+    assert node.process.poll() is None
 
 
 def test_a_standstill_is_no_alarm_and_blocks_go_before_samples(run_node, peer):
