@@ -1,19 +1,25 @@
 """A node of the test process that listens, publishes, calls services and drives other nodes' lifecycles."""
 
+import math
 import os
 import time
+from importlib import import_module
 from pathlib import Path
 
 import rclpy
 from diagnostic_msgs.msg import DiagnosticArray
 from lifecycle_msgs.srv import ChangeState, GetState
 from processes import DEADLINE, wait_for
-from rcl_interfaces.srv import SetParameters
+from rcl_interfaces.msg import ParameterType
+from rcl_interfaces.srv import DescribeParameters, ListParameters, SetParameters
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.parameter import Parameter
 
+from tbm_gsa.nodes.start import NODES
 from tbm_msgs_py.nodes import messages, qos
+from tbm_msgs_py.nodes.parameters import AUTOSTART
 
+NOT_OURS = ("qos_overrides", "use_sim_time", "start_type_description")  # parameters that rclpy declares
 TRANSITIONS = {"configure": 1, "cleanup": 2, "activate": 3, "deactivate": 4}
 
 
@@ -94,9 +100,33 @@ class Peer:
         results = self.call(SetParameters, f"{node}/set_parameters", request).results
         return [result.reason for result in results if not result.successful]
 
+    def check_parameters(self, namespace, node):
+        """Hold a node's declarations against what every parameter has to say; names of its vectors.
+
+        ROS has ranges of single numbers only: a node looks at the numbers of its vectors itself.
+        """
+        names = self.call(ListParameters, f"{namespace}/{node}/list_parameters").result.names
+        own = [name for name in names if not name.startswith(NOT_OURS)]
+        assert set(own) == {known.name for known in (AUTOSTART, *import_module(NODES[node]).PARAMETERS)}
+        request = DescribeParameters.Request(names=own)
+        found = self.call(DescribeParameters, f"{namespace}/{node}/describe_parameters", request).descriptors
+        for described in found:
+            assert described.description, described.name
+            assert described.additional_constraints, described.name
+            assert described.read_only == (described.name == "autostart"), described.name
+            ranges = [*described.integer_range, *described.floating_point_range]
+            if described.type in (ParameterType.PARAMETER_INTEGER, ParameterType.PARAMETER_DOUBLE):
+                (limits,) = ranges
+                assert -math.inf < limits.from_value < limits.to_value, described.name
+        vectors = (ParameterType.PARAMETER_INTEGER_ARRAY, ParameterType.PARAMETER_DOUBLE_ARRAY)
+        return {described.name for described in found if described.type in vectors}
+
     def transition(self, node, name):
         request = ChangeState.Request()
-        request.transition.id = TRANSITIONS[name]
+        if name == "shutdown":  # an id for each state that it starts from, but one label
+            request.transition.label = name
+        else:
+            request.transition.id = TRANSITIONS[name]
         return self.call(ChangeState, f"{node}/change_state", request).success
 
     def state(self, node):

@@ -1,25 +1,30 @@
-"""Two machines side by side, each in its namespace; parameters at run time; quality of service by parameter."""
+"""Two machines side by side, each in its namespace, one with a remapped topic; parameters; quality of service."""
+
+import json
+from pathlib import Path
+from xml.etree import ElementTree
 
 import numpy as np
 import pytest
 
 rclpy = pytest.importorskip("rclpy")
 
+from diagnostic_msgs.msg import DiagnosticArray  # noqa: E402
 from geometry_msgs.msg import AccelStamped  # noqa: E402
-from peer import Peer, stamps  # noqa: E402
-from rcl_interfaces.srv import DescribeParameters, ListParameters  # noqa: E402
+from peer import Peer, Status, stamps  # noqa: E402
 from rclpy.qos import ReliabilityPolicy  # noqa: E402
 from sensor_msgs.msg import JointState, PointCloud2  # noqa: E402
 
 from tbm_dynamics import load_machine, simulate  # noqa: E402
+from tbm_gsa.nodes.start import NODES  # noqa: E402
 from tbm_msgs_py.nodes import messages, qos  # noqa: E402
 from tbm_msgs_py.operating_point import from_joint_state  # noqa: E402
 
 pytestmark = pytest.mark.ros
 
-LOAD_NODE, DYNAMICS_NODE = "tbm_dynamics.nodes.load_node", "tbm_dynamics.nodes.dynamics_node"
-ANALYSIS_NODE = "tbm_gsa.nodes.analysis_node"
 SEEDS = {"north": 1, "south": 2}
+LOADS = {"north": "loads/block", "south": "loads/excavation"}  # what the topic is called there
+LAYOUTS = Path(__file__).parents[2] / "config" / "layouts"
 STEP_NS = 200_000
 
 
@@ -31,16 +36,16 @@ def nodes(tmp_path_factory):
     with Peer() as peer, node_runner(tmp_path_factory.mktemp("nodes")) as run_node:
         blocks = {}
         for name in SEEDS:
-            for topic in ("loads/block", "model/mesh_forces"):
+            for topic in (LOADS[name], "model/mesh_forces"):
                 blocks[name, topic] = peer.listen(PointCloud2, f"/{name}/{topic}", qos.BLOCK)
         started = {}
         for name, seed in SEEDS.items():
             quality = {f"qos_overrides./{name}/model/shield/accel.publisher.reliability": "reliable"}
             quality |= {f"qos_overrides./{name}/model/mesh_forces.publisher.depth": 200}
-            remapped = ("-r", f"__ns:=/{name}")
-            started[name, "dynamics_node"] = run_node(DYNAMICS_NODE, *remapped, seed=seed, **quality)
-            started[name, "load_node"] = run_node(LOAD_NODE, *remapped, seed=seed, wait_for_subscribers=2)
-        started["north", "analysis_node"] = run_node(ANALYSIS_NODE, "-r", "__ns:=/north")
+            remapped = ("-r", f"__ns:=/{name}", "-r", f"loads/block:={LOADS[name]}")
+            started[name, "dynamics_node"] = run_node(NODES["dynamics_node"], *remapped, seed=seed, **quality)
+            started[name, "load_node"] = run_node(NODES["load_node"], *remapped, seed=seed, wait_for_subscribers=2)
+        started["north", "analysis_node"] = run_node(NODES["analysis_node"], "-r", "__ns:=/north")
         yield peer, started, blocks
 
 
@@ -48,7 +53,7 @@ def test_two_machines_do_not_meet(nodes):
     peer, _, blocks = nodes
     peer.wait_for(lambda: all(len(received) > 20 for received in blocks.values()))
     for name, seed in SEEDS.items():
-        epoch, moved = stamps(blocks[name, "loads/block"])[0], blocks[name, "model/mesh_forces"][:20]
+        epoch, moved = stamps(blocks[name, LOADS[name]])[0], blocks[name, "model/mesh_forces"][:20]
         # The peer may have found the mesh forces late: from wherever they begin.
         response = simulate(load_machine("dz101"), duration=(stamps(moved)[-1] - epoch) / 1e9 + 0.05, seed=seed)
         for message in moved:
@@ -58,6 +63,15 @@ def test_two_machines_do_not_meet(nodes):
     wanted = {f"{name}: {task}" for name in SEEDS for task in ("dynamics", "loads")}
     peer.wait_for(lambda: wanted | {"north: comparison shield"} <= set(peer.diagnostics))
     assert not [name for name in peer.diagnostics if name.startswith("tbm:")]
+
+
+def test_a_remapped_topic_goes_by_its_new_name(nodes):
+    """That the south's dynamics follow its loads is seen above."""
+    peer, _, _ = nodes
+    publishers = peer.node.get_publishers_info_by_topic("/south/loads/excavation")
+    assert [(known.node_namespace, known.node_name) for known in publishers] == [("/south", "load_node")]
+    assert peer.node.count_publishers("/south/loads/block") == 0
+    assert peer.node.count_publishers("/north/loads/block") == 1
 
 
 def test_parameters_at_run_time(nodes):
@@ -78,6 +92,8 @@ def test_parameters_at_run_time(nodes):
         ("load_node", {"operating_point__speed": 1e6}, "speed"),
         ("dynamics_node", {"live_rate": 5000.0}, "live_rate"),
         ("dynamics_node", {"block_rate": 1000}, "fixed while the node is configured; clean up, set, configure"),
+        ("dynamics_node", {"sensor__bias": [0.0, 0.0, 1e5]}, "allowed: 3 decimal numbers from -10000 to 10000"),
+        ("dynamics_node", {"sensor__mounting_rotation": [400.0, 0.0, 0.0]}, "3 decimal numbers from -360 to 360"),
         ("dynamics_node", {"autostart": False}, "read-only"),
         ("analysis_node", {"alarm_axes": ["w"]}, "allowed: one or more of x, y, z"),
         ("analysis_node", {"threshold": -1.0}, "threshold"),
@@ -89,15 +105,10 @@ def test_parameters_at_run_time(nodes):
 
 @pytest.mark.parametrize("node", ["load_node", "dynamics_node", "analysis_node"])
 def test_every_parameter_is_described(nodes, node):
+    """Those of the other nodes: test_lifecycle."""
     peer, _, _ = nodes
-    names = peer.call(ListParameters, f"/north/{node}/list_parameters").result.names
-    own = [name for name in names if not name.startswith(("qos_overrides", "use_sim_time", "start_type_description"))]
-    assert {"autostart", "machine"} <= set(own)
-    request = DescribeParameters.Request(names=own)
-    for described in peer.call(DescribeParameters, f"/north/{node}/describe_parameters", request).descriptors:
-        assert described.description, described.name
-        assert described.additional_constraints, described.name
-        assert described.read_only == (described.name == "autostart"), described.name
+    vectors = {"sensor.bias", "sensor.mounting_rotation"} if node == "dynamics_node" else set()
+    assert peer.check_parameters("/north", node) == vectors
 
 
 def test_quality_of_service_by_parameter_and_one_that_does_not_match(nodes):
@@ -112,3 +123,25 @@ def test_quality_of_service_by_parameter_and_one_that_does_not_match(nodes):
     assert "[south.load_node]" in line
     assert "'operating_point'" in line
     assert "RELIABILITY" in line
+
+
+def test_the_layouts_name_statuses_and_values_that_there_are(nodes):
+    """As PlotJuggler writes it: /topic/hardware_id/name/key."""
+    peer, _, _ = nodes
+    studies = peer.listen(DiagnosticArray, "/north/analysis/gsa_status", qos.GSA)
+    peer.wait_for(lambda: studies)
+    (study,) = [Status(status) for status in studies[0].status]
+    curves = ElementTree.parse(LAYOUTS / "plotjuggler.xml").findall(".//curve")
+    names = [curve.get("name") for curve in curves]
+    for name in (name for name in names if name.startswith("/diagnostics/")):
+        hardware, status, key = name.removeprefix("/diagnostics/").replace("tbm:", "north:").split("/")
+        peer.wait_for(lambda status=status, key=key: peer.value(status, key) is not None)
+        assert peer.diagnostics[status].hardware == hardware
+        float(peer.value(status, key))
+    (done,) = [name for name in names if name.startswith("/tbm/analysis/gsa_status/")]
+    hardware, status, key = done.removeprefix("/tbm/analysis/gsa_status/").replace("tbm:", "north:").split("/")
+    assert (hardware, status) == (study.hardware, studies[0].status[0].name)
+    assert study.values[key] == "0"
+    panel = json.loads((LAYOUTS / "foxglove.json").read_text())["configById"]["DiagnosticStatusPanel!dynamics"]
+    shown = peer.diagnostics[panel["selectedName"].replace("tbm:", "north:")]
+    assert shown.hardware == panel["selectedHardwareId"]

@@ -19,10 +19,12 @@ import yaml
 rclpy = pytest.importorskip("rclpy")
 
 from processes import wait_for  # noqa: E402
+from sensor_msgs.msg import JointState  # noqa: E402
 
 from tbm_gsa.cli.commands import load  # noqa: E402
 from tbm_gsa.nodes.start import NODES  # noqa: E402
-from tbm_msgs_py import topics  # noqa: E402
+from tbm_msgs_py import OperatingPoint, topics  # noqa: E402
+from tbm_msgs_py.nodes import messages  # noqa: E402
 from tbm_msgs_py.nodes.parameters import AUTOSTART  # noqa: E402
 
 SOURCE = Path(__file__).parents[2]
@@ -31,10 +33,23 @@ PARAMETERS = {
     node: {parameter.name: parameter for parameter in (AUTOSTART, *import_module(module).PARAMETERS)}
     for node, module in NODES.items()
 }
-LIVE = (topics.LOADS_WRENCH, topics.MODEL_DRIVES, topics.GSA_STATUS, topics.DIAGNOSTICS)
-POINTS = [topics.model_accel(point) for point in topics.TEST_POINTS]
-ANALYSIS = [topics.analysis(point, q) for point in topics.TEST_POINTS for q in topics.ANALYSIS_QUANTITIES]
-SHOWN = {topics.absolute(name) for name in (*LIVE, *POINTS, *ANALYSIS)}
+NO_TOPICS = {topics.NAMESPACE, topics.RUN_GSA, topics.CANCEL_GSA}
+OF_THE_MACHINE = {text for name, text in vars(topics).items() if name.isupper() and isinstance(text, str)} - NO_TOPICS
+OF_A_POINT = {
+    name(point)
+    for point in topics.TEST_POINTS
+    for name in (topics.model_block, topics.model_accel, topics.field_block, topics.field_accel)
+} | {topics.analysis(point, quantity) for point in topics.TEST_POINTS for quantity in topics.ANALYSIS_QUANTITIES}
+CONTRACT = {topics.absolute(name) for name in OF_THE_MACHINE | OF_A_POINT}
+# Packed samples: no panel and no curve takes them apart. And what every message is stamped with.
+NOT_SHOWN = {name for name in CONTRACT if name.endswith(("/block", topics.MODEL_MESH_FORCES, topics.CLOCK))}
+EXAMPLES = {  # a message of the topics with this last name
+    "operating_point": messages.operating_point_message(0, OperatingPoint(0.5, 2e6, 1e7)),
+    "wrench": messages.wrench(0, [0.0] * 6),
+    "drives": messages.drives(0, [0.0] * 10),
+    "accel": messages.accel(0, [0.0] * 3),
+    **dict.fromkeys(topics.ANALYSIS_QUANTITIES, messages.vector3(0, [0.0] * 3)),
+}
 
 
 @pytest.fixture(scope="module")
@@ -139,22 +154,47 @@ def test_the_parameter_file_holds_the_defaults():
         assert set(declared) - set(given) <= unusual
 
 
-def test_the_layouts_show_topics_of_the_contract():
-    layout = json.loads((CONFIG / "layouts" / "foxglove.json").read_text())
-    shown = set()
-    for panel in layout["configById"].values():
-        paths = [path["value"] for path in panel.get("paths", ())]
-        shown |= {path.partition(".")[0] for path in paths}
-        shown |= {panel[key] for key in ("topicToRender", "topicPath") if key in panel}
-    assert shown
-    assert shown <= SHOWN
-    panels = set(re.findall(r"\w+!\w+", json.dumps(layout["layout"])))
-    assert panels == set(layout["configById"])
+def follow(topic, fields):
+    """What a path leads to in a message of the topic."""
+    found = EXAMPLES[topic.rpartition("/")[2]]
+    for field in fields:
+        name, _, index = field.partition("[")
+        found = getattr(found, name)
+        if index:
+            found = found[int(index.removesuffix("]"))]
+    return found
 
+
+def test_the_foxglove_layout_shows_the_contract():
+    layout = json.loads((CONFIG / "layouts" / "foxglove.json").read_text())
+    panels = layout["configById"]
+    assert set(re.findall(r"\w+!\w+", json.dumps(layout["layout"]))) == set(panels)
+    drawn = [path["value"].split(".") for panel in panels.values() for path in panel.get("paths", ())]
+    for topic, *fields in drawn:
+        assert isinstance(follow(topic, fields), float), (topic, fields)
+    whole = {panel[key] for panel in panels.values() for key in ("topicToRender", "topicPath") if key in panel}
+    assert {topic for topic, *_ in drawn} | whole == CONTRACT - NOT_SHOWN
+
+
+def test_the_plotjuggler_layout_shows_the_contract():
+    """Its names of diagnostics are held against nodes that run, in test_machines."""
     curves = ElementTree.parse(CONFIG / "layouts" / "plotjuggler.xml").findall(".//curve")
-    for curve in curves:
-        assert any(curve.get("name").startswith(f"{topic}/") for topic in SHOWN), curve.get("name")
-    assert len(curves) > 10
+    shown = set()
+    for name in (curve.get("name") for curve in curves):
+        (topic,) = [known for known in CONTRACT if name.startswith(f"{known}/")]
+        shown.add(topic)
+        fields = name.removeprefix(f"{topic}/").split("/")
+        if topic.endswith((topics.DIAGNOSTICS, topics.GSA_STATUS)):
+            continue
+        message = EXAMPLES[topic.rpartition("/")[2]]
+        if isinstance(message, JointState):  # which it names by joint
+            joint, field = fields
+            assert joint in message.name, name
+            assert len(getattr(message, field)) == len(message.name), name
+        else:
+            assert isinstance(follow(topic, fields), float), name
+    # One message a study, which is a table and no curve.
+    assert shown == CONTRACT - NOT_SHOWN - {topics.absolute(topics.GSA_RESULT)}
 
 
 def test_the_systemd_unit_starts_a_command_that_there_is(tmp_path):

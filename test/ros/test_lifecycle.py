@@ -1,0 +1,164 @@
+"""Lifecycle of the nodes whose own tests do not go through it, and of one whose hooks fail."""
+
+import os
+import signal
+from pathlib import Path
+
+import pytest
+
+rclpy = pytest.importorskip("rclpy")
+
+from conftest import node_runner  # noqa: E402
+from peer import Peer  # noqa: E402
+
+from tbm_gsa.nodes.start import NODES  # noqa: E402
+from tbm_msgs_py import Bag  # noqa: E402
+
+pytestmark = pytest.mark.ros
+
+FAULTY = """
+from std_msgs.msg import Empty
+
+from tbm_msgs_py.nodes.managed import ManagedNode, Parameter, run_node
+
+ERRORS = {"refuses": ValueError, "breaks": KeyError}
+
+
+class Faulty(ManagedNode):
+    def __init__(self):
+        super().__init__("faulty", [Parameter("fails", "", "hook that fails, and how", changes="running")])
+
+    def hook(self, name):
+        failing, _, how = self.value("fails").partition(" ")
+        if failing == name:
+            raise ERRORS[how](name)
+
+    def configure(self):
+        self.create_publisher(Empty, "configured", 1)
+        self.hook("configure")
+
+    def activate(self):
+        self.create_publisher(Empty, "activated", 1)
+        self.hook("activate")
+
+    def deactivate(self):
+        self.hook("deactivate")
+
+    def cleanup(self):
+        self.hook("cleanup")
+
+
+def main():
+    return run_node(Faulty)
+"""
+# Each from the state before, with the state that it leads to and what may not be asked there.
+ROUND = (
+    ("configure", "inactive", "deactivate"),
+    ("activate", "active", "activate"),
+    ("deactivate", "inactive", "configure"),
+    ("activate", "active", "cleanup"),
+    ("deactivate", "inactive", "deactivate"),
+    ("cleanup", "unconfigured", "activate"),
+)
+STEPS = {"configure": [], "activate": ["configure"], "deactivate": ["configure", "activate"], "cleanup": ["configure"]}
+
+
+@pytest.fixture(scope="module")
+def nodes(tmp_path_factory):
+    """A peer, the processes by name, and their folder; all start at once and wait unconfigured."""
+    folder = tmp_path_factory.mktemp("nodes")
+    (folder / "faulty.py").write_text(FAULTY)
+    parameters = {
+        "analysis_node": {"history": "none"},
+        "bag_player": {"bag": Path(__file__).parents[2] / "bags" / "field_dz101"},
+        "bag_recorder": {"output": folder / "first", "topics": "[/diagnostics]"},
+        "live_view": {"port": 0},
+        "faulty": {},
+    }
+    with pytest.MonkeyPatch.context() as patch, Peer() as peer, node_runner(folder) as run_node:
+        patch.setenv("PYTHONPATH", str(folder), prepend=os.pathsep)
+        started = {
+            name: run_node(NODES.get(name, name), autostart=False, **given) for name, given in parameters.items()
+        }
+        yield peer, started, folder
+
+
+def expect(peer, name, state, refused):
+    """Find the node in this state, also after a transition that the state does not have."""
+    assert peer.state(f"/tbm/{name}") == state
+    assert not peer.transition(f"/tbm/{name}", refused), refused
+    assert peer.state(f"/tbm/{name}") == state
+
+
+def publishers(peer, topic):
+    return {known.node_name for known in peer.node.get_publishers_info_by_topic(topic)}
+
+
+@pytest.mark.parametrize("name", ["bag_player", "bag_recorder", "live_view"])
+def test_every_parameter_is_described(nodes, name):
+    """Those of the other nodes: test_machines."""
+    peer, _, _ = nodes
+    assert not peer.check_parameters("/tbm", name)
+
+
+@pytest.mark.parametrize("name", ["analysis_node", "bag_player", "bag_recorder", "live_view"])
+def test_there_and_back_and_there_again(nodes, name):
+    peer, started, folder = nodes
+    if name == "live_view":
+        pytest.importorskip("foxglove")
+    expect(peer, name, "unconfigured", "deactivate")
+    for transition, state, refused in ROUND:
+        assert peer.transition(f"/tbm/{name}", transition), transition
+        expect(peer, name, state, refused)
+    peer.wait_for(lambda: name not in publishers(peer, "/diagnostics"))
+    if name == "bag_recorder":  # what it wrote is whole, and it overwrites nothing
+        assert Bag(folder / "first").info().duration >= 0.0
+        assert not peer.transition(f"/tbm/{name}", "configure")
+        expect(peer, name, "unconfigured", "activate")
+        assert not peer.set_parameters(f"/tbm/{name}", output=str(folder / "second"))
+    assert peer.transition(f"/tbm/{name}", "configure")
+    peer.wait_for(lambda: name in publishers(peer, "/diagnostics"))
+    assert peer.transition(f"/tbm/{name}", "shutdown")
+    expect(peer, name, "finalized", "configure")
+    peer.wait_for(lambda: name not in publishers(peer, "/diagnostics"))
+    started[name].send(signal.SIGTERM)
+    assert not started[name].fault_at_end()
+
+
+@pytest.mark.parametrize(
+    ("hook", "how", "answer", "left"),
+    [
+        ("configure", "refuses", False, "unconfigured"),
+        ("configure", "breaks", False, "unconfigured"),
+        ("activate", "refuses", False, "inactive"),
+        ("activate", "breaks", False, "unconfigured"),
+        ("deactivate", "refuses", True, "inactive"),
+        ("deactivate", "breaks", False, "unconfigured"),
+        ("cleanup", "refuses", True, "unconfigured"),
+        ("cleanup", "breaks", False, "unconfigured"),
+    ],
+)
+def test_a_hook_that_fails(nodes, hook, how, answer, left):
+    peer, started, _ = nodes
+    for step in STEPS[hook]:
+        assert peer.transition("/tbm/faulty", step)
+    assert not peer.set_parameters("/tbm/faulty", fails=f"{hook} {how}")
+    assert peer.transition("/tbm/faulty", hook) == answer
+    assert peer.state("/tbm/faulty") == left
+    reason = f"{hook}: KeyError: '{hook}'" if how == "breaks" else f"{hook}: {hook}"
+    peer.wait_for(lambda: started["faulty"].says(reason))
+    peer.wait_for(lambda: not publishers(peer, "/tbm/activated"))
+    peer.wait_for(lambda: bool(publishers(peer, "/tbm/configured")) == (left == "inactive"))
+    assert not peer.set_parameters("/tbm/faulty", fails="")
+    for step in ("activate", "deactivate", "cleanup") if left == "inactive" else ("configure", "cleanup"):
+        assert peer.transition("/tbm/faulty", step), "it goes on as before"
+
+
+def test_a_shutdown_goes_through_whatever_a_hook_says(nodes):
+    peer, _, _ = nodes
+    for step in STEPS["deactivate"]:
+        assert peer.transition("/tbm/faulty", step)
+    assert not peer.set_parameters("/tbm/faulty", fails="deactivate breaks")
+    assert peer.transition("/tbm/faulty", "shutdown")
+    expect(peer, "faulty", "finalized", "configure")
+    peer.wait_for(lambda: not publishers(peer, "/tbm/activated") | publishers(peer, "/tbm/configured"))
