@@ -21,12 +21,13 @@ NODES = ("load_node", "dynamics_node", "analysis_node")
 MOST_GROWTH_MB = 20.0
 
 
-@pytest.mark.parametrize("seconds", [10, pytest.param(1800, marks=pytest.mark.verify)])
+@pytest.mark.parametrize("seconds", [120, pytest.param(1800, marks=pytest.mark.verify)])
 def test_no_block_is_lost_and_no_node_grows(seconds):
     command = [sys.executable, BENCHMARK, "--duration", str(seconds), "--json"]
     done = subprocess.run(command, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
     document = json.loads(done.stdout)
+    assert document["faults"] == []  # a block lost on its way from node to node is bridged and shows nowhere else
     for name in BLOCKS:
         row = document["topics"][topics.absolute(name)]
         assert (row["lost"], row["restarts"]) == (0, 0), name
