@@ -24,9 +24,8 @@ WAIT_S = 0.2  # for another writer; callbacks wait meanwhile
 RETRY_S = 5.0  # between two tries to open a file that cannot be used
 MOST_WAITING = 10_000  # entries that are kept while the file is locked
 DISCARD_S = 10.0  # between two looks for windows that are too old
-MOST_DISCARDED = (
-    2500  # entries that a look goes through, some ms; windows of 0.1 s at five points are 1500 in that time
-)
+# Entries that a look goes through, in some ms; windows of 0.1 s at five points are 1500 in that time.
+MOST_DISCARDED = 2500
 _DAY_NS = 86_400_000_000_000
 
 
