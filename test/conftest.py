@@ -2,6 +2,7 @@
 
 import os
 import signal
+import socket
 import subprocess
 import sys
 import tempfile
@@ -15,8 +16,25 @@ for _name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"):
 
 from tbm_msgs_py.nodes.transport import avoid_shared_memory  # noqa: E402 - it imports numpy, which has its threads then
 
-# A domain of this test process alone, on this computer; up to 101 the ports stay clear of the ephemeral range.
-os.environ["ROS_DOMAIN_ID"] = str(1 + os.getpid() % 100)
+
+def _claim_domain() -> tuple[int, socket.socket]:
+    """Domain that no other test process of this computer has while the socket is open.
+
+    Up to 101 the ports of DDS (UDP) stay clear of the ephemeral range; the one bound here is the same number in TCP.
+    """
+    for domain in (1 + (os.getpid() + k) % 100 for k in range(100)):
+        claim = socket.socket()
+        try:
+            claim.bind(("127.0.0.1", 7400 + 250 * domain))
+        except OSError:
+            claim.close()
+        else:
+            return domain, claim
+    raise RuntimeError("all ROS domains from 1 to 100 are taken by other test processes")
+
+
+_domain, _claim = _claim_domain()
+os.environ["ROS_DOMAIN_ID"] = str(_domain)
 os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "LOCALHOST"
 os.environ["ROS_PYTHON_CHECK_FIELDS"] = "1"
 avoid_shared_memory()  # as the nodes do: one that a test kills must not hold up the tests after it

@@ -104,8 +104,8 @@ _APART: tuple[Kind, ...] = ("standstill", "transient")  # what says more comes f
 class AnalysisNode(ManagedNode):
     """Lifecycle node: model and field blocks in; windowed RMS, relative error and sensitivity analysis out."""
 
-    def __init__(self) -> None:
-        super().__init__("analysis_node", PARAMETERS)
+    def __init__(self, **options: Any) -> None:
+        super().__init__("analysis_node", PARAMETERS, **options)
 
     def configure(self) -> None:
         """Read machine and mapping, create publishers, subscriptions and services."""

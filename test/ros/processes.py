@@ -59,5 +59,7 @@ class NodeProcess:
         return self.process.wait(deadline)
 
 
-def ros_text(value: object) -> str:
-    return str(value).lower() if isinstance(value, bool) else str(value)
+def ros_arguments(remapped: tuple[str, ...], parameters: dict[str, object]) -> list[str]:
+    """What follows a node's name on its command line."""
+    values = {name: str(value).lower() if isinstance(value, bool) else str(value) for name, value in parameters.items()}
+    return ["--ros-args", *remapped, *(part for name, value in values.items() for part in ("-p", f"{name}:={value}"))]
