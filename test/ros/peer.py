@@ -101,7 +101,7 @@ class Peer:
         self.node = rclpy.create_node("peer", namespace="/tbm")
         self.executor = SingleThreadedExecutor()
         self.executor.add_node(self.node)
-        self.diagnostics, self.said = {}, {}  # by status name: the latest, and every text
+        self.diagnostics, self.said, self.levels = {}, {}, {}  # by status name: the latest, and every text and level
         self.node.create_subscription(DiagnosticArray, "/diagnostics", self._on_diagnostics, qos.DIAGNOSTICS)
         self._clients, self._hosted = {}, []
         return self
@@ -117,6 +117,7 @@ class Peer:
         for status in message.status:
             self.diagnostics[status.name] = Status(status)
             self.said.setdefault(status.name, []).append(status.message)
+            self.levels.setdefault(status.name, []).append(self.diagnostics[status.name].level)
 
     def host(self, factory, *arguments, **parameters):
         """Start a node in this process."""

@@ -117,6 +117,7 @@ def test_lost_and_wrong_blocks(host_node, peer):
         loads.send(k)
     peer.wait_for(lambda: len(meshes) == 10)
     node.wait_for(lambda: any("500 lost steps bridged" in text for text in peer.said[STATUS]))
+    assert max(peer.levels[STATUS]) == 1
     assert peer.value(STATUS, "lost_steps") == "500"
     assert peer.value(STATUS, "restarts") == "0"
     for blocks in model.values():
