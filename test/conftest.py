@@ -63,7 +63,7 @@ def startup_cycles() -> Path:
 def command(tmp_path):
     """Run a command to its end in an empty folder: exit code, stdout, stderr."""
 
-    def run(*arguments, deadline=60.0):
+    def run(*arguments, deadline=300.0):
         given = [sys.executable, "-m", "tbm_gsa.cli.main", *arguments]
         done = subprocess.run(given, cwd=tmp_path, capture_output=True, text=True, timeout=deadline, check=False)
         assert "Traceback" not in done.stderr, done.stderr

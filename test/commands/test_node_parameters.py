@@ -44,7 +44,11 @@ BAD = [
     (BagPlayer, {"bag": BAG, "topics": "[/nowhere]"}, "/nowhere"),
     (BagRecorder, {"topics": "[/a]"}, "parameter output"),
     (BagRecorder, {"output": NEW}, "parameter topics"),
-    (BagRecorder, {"output": NEW, "topics": "[/a]", "split_size": 10.0, "quota": 15.0}, "twice the split_size of 10 MB"),
+    (
+        BagRecorder,
+        {"output": NEW, "topics": "[/a]", "split_size": 10.0, "quota": 15.0},
+        "twice the split_size of 10 MB",
+    ),
     (BagRecorder, {"output": f"{NEW}.mcap", "topics": "[/a]", "split_size": 10.0}, "allowed: a new folder"),
 ]
 

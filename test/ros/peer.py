@@ -6,6 +6,7 @@ it and spins it. What only a process can show (signals, kill -9, discovery, memo
 
 import math
 import os
+import sys
 import time
 from contextlib import suppress
 from importlib import import_module
@@ -41,7 +42,7 @@ class Logger:
     def __getattr__(self, severity):
         def log(message):
             self.lines.append(f"[{severity.upper()}] {message}")
-            print(self.lines[-1])  # pytest shows it where a test fails
+            sys.stderr.write(f"{self.lines[-1]}\n")  # pytest shows it where a test fails
 
         return log
 

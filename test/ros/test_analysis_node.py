@@ -106,8 +106,8 @@ class Study:
     def text(self):
         return self.messages[-1].status[0].message
 
-    def wait_for(self, state, deadline=120.0):
-        self._peer.wait_for(lambda: self.states and self.states[-1] == state, deadline)
+    def wait_for(self, state):
+        self._peer.wait_for(lambda: self.states and self.states[-1] == state)
 
 
 def test_windows_alarm_and_study(host_node, peer, tmp_path):

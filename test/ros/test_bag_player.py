@@ -1,4 +1,4 @@
-"""Bag player: every message arrives, the clock runs, rates, loops, losses; with the recorder and signals as processes."""
+"""Bag player: every message arrives, the clock runs, rates, loops, losses; as a process the recorder, signals."""
 
 import json
 import shutil

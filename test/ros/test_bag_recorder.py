@@ -16,7 +16,7 @@ import yaml
 rclpy = pytest.importorskip("rclpy")
 
 from peer import SimulatedClock, alive, children  # noqa: E402
-from processes import wait_for  # noqa: E402
+from processes import DEADLINE, wait_for  # noqa: E402
 from rosgraph_msgs.msg import Clock  # noqa: E402
 from sensor_msgs.msg import JointState, PointCloud2  # noqa: E402
 
@@ -261,16 +261,16 @@ def started(tmp_path):
 def test_record_and_play_commands(started, bag, tmp_path):
     output = tmp_path / "copy"
     record = started("record", "--topics", f"operating_point,{TOPIC}", "--out", output, "--json")
-    wait_for((output / "metadata.yaml").exists, 60)
+    wait_for((output / "metadata.yaml").exists)
     play = started("play", bag, "--start", 1.0, "--rate", 2.0, "--subscribers", 2, "--json")
-    out, _ = play.communicate(timeout=60)
+    out, _ = play.communicate(timeout=DEADLINE)
     assert play.returncode == 0
     document = json.loads(out)
     assert (document["played"], document["lost"], document["ended"]) == (21, 0, True)  # 20 blocks, and the point before
     wait_for(lambda: Bag(output).info().messages == 21)
     nodes = children(record.pid)
     record.send_signal(signal.SIGTERM)
-    out, _ = record.communicate(timeout=60)
+    out, _ = record.communicate(timeout=DEADLINE)
     assert record.returncode == 0
     assert nodes
     assert not any(map(alive, nodes))
@@ -292,7 +292,7 @@ def test_looping_play_ends_cleanly_with_a_signal(started, peer, bag):
     clock = peer.listen(Clock, "/clock", qos.CLOCK)
     peer.wait_for(lambda: len(blocks) > 60)
     play.send_signal(signal.SIGINT)
-    out, _ = play.communicate(timeout=60)
+    out, _ = play.communicate(timeout=DEADLINE)
     assert play.returncode == 0
     document = json.loads(out)
     assert document["loops"] >= 1
@@ -310,7 +310,7 @@ def test_a_signal_while_the_node_starts(started, bag, tmp_path, what, number):
     wait_for(lambda: children(command.pid))
     nodes = children(command.pid)
     command.send_signal(number)
-    out, _ = command.communicate(timeout=60)
+    out, _ = command.communicate(timeout=DEADLINE)
     said = (tmp_path / "command0.err").read_text()
     assert (command.returncode, out, said) == (0, b"", "stopped before it had begun\n")
     assert not any(map(alive, nodes))

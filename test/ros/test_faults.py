@@ -206,7 +206,9 @@ def test_loads_of_others_change_no_bit_of_the_run(system):
             publisher.publish(messages.block(layout, stamp, offsets, wrong["values"], wrong.get("frame", "")))
             system.step()
 
-        system.wait_for(lambda before=before, reason=reason: any(reason in t for t in peer.said[DYNAMICS][before:]), send)
+        system.wait_for(
+            lambda before=before, reason=reason: any(reason in t for t in peer.said[DYNAMICS][before:]), send
+        )
         assert max(peer.levels[DYNAMICS][before:]) == WARN
     peer.node.destroy_publisher(publisher)
     system.wait_until_sound()

@@ -59,9 +59,7 @@ class System:
         """Wait until `/diagnostics` shows this level and text for all of the names."""
         shown = self.peer.diagnostics
         self.peer.wait_for(
-            lambda: all(
-                name in shown and shown[name].level == level and text in shown[name].message for name in names
-            )
+            lambda: all(name in shown and shown[name].level == level and text in shown[name].message for name in names)
         )
 
 

@@ -5,7 +5,6 @@ import os
 import signal
 import subprocess
 import sys
-import time
 from pathlib import Path
 
 import pytest
@@ -13,13 +12,12 @@ import pytest
 rclpy = pytest.importorskip("rclpy")
 
 from peer import Peer, alive, children  # noqa: E402
-from processes import wait_for  # noqa: E402
+from processes import DEADLINE, wait_for  # noqa: E402
 from sensor_msgs.msg import PointCloud2  # noqa: E402
 
 from tbm_dynamics import load_machine  # noqa: E402
 from tbm_gsa.cli.processes import NodeCommand, NodeProcesses  # noqa: E402
 from tbm_msgs_py.nodes import qos  # noqa: E402
-from tbm_msgs_py.topics import TEST_POINTS  # noqa: E402
 
 pytestmark = pytest.mark.ros
 
@@ -27,30 +25,26 @@ COMMAND = [sys.executable, "-m", "tbm_gsa.cli.main"]
 NODES_YAML = Path(__file__).parents[2] / "config" / "nodes.yaml"
 
 
-def test_run_counts_no_loss(command):
-    code, out, err = command("run", "--duration", "3", "--json")
-    assert code == 0, err
-    document = json.loads(out)
-    assert document["first_block_seconds"] < 10.0
-    assert set(document["topics"]) == {
-        "/tbm/loads/block",
-        "/tbm/model/mesh_forces",
-        *(f"/tbm/model/{point}/block" for point in TEST_POINTS),
-    }
-    for name, topic in document["topics"].items():
-        assert topic["lost"] == 0, name
-        assert topic["stream_time"] >= 3.0, name
-    assert document["diagnostics"]["tbm: dynamics"]["message"] == "integrating"
-
-
-def test_run_takes_machine_and_operating_point_from_file_and_options(command, tmp_path):
+def test_run_with_a_file_and_options_counts_no_loss(command, tmp_path):
     """The file alone names the machine; the options drive it."""
     (tmp_path / "site.yaml").write_text("/**:\n  ros__parameters: {machine: open380, seed: 3}\n")
     code, out, err = command(
-        "run", "--duration", "1", "--params", "site.yaml", "--speed", "1.5", "--thrust", "9000", "--json"
+        "run", "--duration", "2", "--params", "site.yaml", "--speed", "1.5", "--thrust", "9000", "--json"
     )
     assert code == 0, err
-    diagnostics = json.loads(out)["diagnostics"]
+    document = json.loads(out)
+    assert document["first_block_seconds"] > 0.0
+    points = load_machine("open380").description.test_points
+    assert set(document["topics"]) == {
+        "/tbm/loads/block",
+        "/tbm/model/mesh_forces",
+        *(f"/tbm/model/{point}/block" for point in points),
+    }
+    for name, topic in document["topics"].items():
+        assert topic["lost"] == 0, name
+        assert topic["stream_time"] >= 2.0, name
+    diagnostics = document["diagnostics"]
+    assert diagnostics["tbm: dynamics"]["message"] == "integrating"
     own = load_machine("open380").operating_point
     values = diagnostics["tbm: loads"]["values"]
     assert float(values["speed_r_min"]) == pytest.approx(1.5)
@@ -70,14 +64,14 @@ def test_signals_end_run_and_its_nodes(tmp_path, number):
             assert len(nodes) == 3
             process.send_signal(number)
             process.send_signal(number)  # an impatient user
-            code = process.wait(30)
+            code = process.wait(DEADLINE)
         finally:
             if process.poll() is None:
                 left = children(process.pid)
                 process.kill()
                 for node in left:  # or they would disturb the tests after this one
                     os.kill(node, signal.SIGKILL)
-        wait_for(lambda: not any(map(alive, nodes)), 3.0)
+        wait_for(lambda: not any(map(alive, nodes)))
     assert "Traceback" not in (tmp_path / "err").read_text()
     for log in (tmp_path / "tbm_run" / "logs").iterdir():
         assert "Traceback" not in log.read_text(), log.name
@@ -96,7 +90,7 @@ def test_a_node_that_ends_by_itself_is_noticed(tmp_path):
 
 
 def test_nodes_are_ended_before_and_after_they_can_hear_of_it(tmp_path, monkeypatch):
-    """One by one that still starts, without a complaint; one that does not end, in time for the 3 s of a command."""
+    """One that still starts, without a complaint; one that does not end is killed."""
     deaf = "signal.signal(signal.SIGTERM, signal.SIG_IGN); print('deaf', flush=True)"
     for name, does in {"deaf": deaf, "hears": "pass"}.items():
         (tmp_path / f"{name}.py").write_text(f"import signal, time\ndef main():\n    {does}\n    time.sleep(60)\n")
@@ -105,8 +99,6 @@ def test_nodes_are_ended_before_and_after_they_can_hear_of_it(tmp_path, monkeypa
         nodes.start(NodeCommand("deaf", "deaf"))
         wait_for(lambda: (tmp_path / "deaf.log").read_text() == "deaf\n")
         nodes.start(NodeCommand("early", "hears"))
-        asked = time.monotonic()
-    assert time.monotonic() - asked < 3.0
     assert not nodes.running("early")
     assert (tmp_path / "early.log").read_text() == ""
     with pytest.raises(RuntimeError, match="deaf ended with exit code -9"):
