@@ -37,7 +37,10 @@ _domain, _claim = _claim_domain()
 os.environ["ROS_DOMAIN_ID"] = str(_domain)
 os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "LOCALHOST"
 os.environ["ROS_PYTHON_CHECK_FIELDS"] = "1"
-avoid_shared_memory()  # as the nodes do: one that a test kills must not hold up the tests after it
+# As the nodes do, whatever the environment or the process that started this one has settled: a node that a test kills
+# must not hold up the tests after it.
+os.environ.pop("FASTRTPS_DEFAULT_PROFILES_FILE", None)
+avoid_shared_memory()
 
 # What a test compares does not go into the history of whoever runs it.
 _data = tempfile.TemporaryDirectory(prefix="tbm_test_data_")
