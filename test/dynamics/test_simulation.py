@@ -5,7 +5,7 @@ differs by more than 4e-6 of itself. Tolerances are the design's, each indicator
 accelerations of the light pinion (6 kg·m²) in this machine's strikes: a strike begins within a step, its damping force
 jumps, and the peak of such a signal is not defined to 1 % on a grid; there the mean square is held. On the shipped
 machine the production method, which takes such steps in parts, is held to 1 % in all eight against every unknown at a
-tenth of the step, under one seed always and under another, for which `test_whole_system` has Radau too, in `make verify`.
+tenth of the step: one seed always, another, for which `test_whole_system` has Radau too, in `make verify`.
 """
 
 import numpy as np

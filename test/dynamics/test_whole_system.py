@@ -2,10 +2,10 @@
 
 Tolerance 1 %, the design's. The reference integrates the loads linear between the steps of 1e-4 s, as the methods under
 test do. What its own tolerance of 1e-6 leaves, against 1e-9: 0.005 % as shipped, 0.15 % of the pinion's rotational peak
-under light damping, nothing else above 0.004 %; where teeth strike, 0.01 % over 0.3 s against 1e-7, and over 0.05 s, at
-1e-7, 0.001 % against 1e-8. Strikes over 0.3 s take it half a minute, so that case is part of `make verify`; a sixth of it
-runs always, teeth apart a third of the time and on both flanks. Strikes are taken in parts of a step by the production
-method only: the reference method runs at a tenth of the step there.
+and 0.004 % of the rest under light damping. Where teeth strike it leaves 0.01 % over 0.3 s, against 1e-7; over 0.05 s
+1e-7 leaves 0.001 %, against 1e-8. Strikes over 0.3 s take half a minute, so that case is part of `make verify`; a sixth
+of it runs always, with teeth apart a third of the time and on both flanks. Strikes are taken in parts of a step by the
+production method only: the reference method runs at a tenth of the step there.
 """
 
 import numpy as np
