@@ -1,7 +1,7 @@
 """The nonlinear system written out once more, for a general ODE solver: every unknown, no basis, no fixed step.
 
-Two entries of the matrices in a hundred are not zero, so they are kept sparse: dense ones take seven times as long where
-teeth strike.
+Two entries of the matrices in a hundred are not zero, so they are kept sparse: dense ones take seven times as long
+where teeth strike.
 """
 
 from functools import lru_cache
