@@ -224,7 +224,7 @@ def print_processes() -> None:
 def main() -> None:
     """Run all."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--quick", action="store_true", help="leave out BDF, which takes minutes")
+    parser.add_argument("--quick", action="store_true", help="leave out BDF")
     quick = parser.parse_args().quick
     print_streaming()
     print_growth()
