@@ -8,7 +8,7 @@ from functools import lru_cache
 
 import numpy as np
 import scipy.integrate
-from scipy.sparse import block_array, csc_array, csr_array
+from scipy.sparse import bmat, csc_array, csr_array
 from scipy.sparse.linalg import inv
 
 
@@ -64,7 +64,7 @@ def reference_motion(system, start, loads, times, speed, torque=None, tolerance=
     def jacobian(t, y):
         _, stiffness, touching = coupled(t, y)
         low = [K + R.T @ (stiffness[:, None] * R), C + R.T @ ((damping * touching)[:, None] * R)]
-        return block_array([[None, identity], [-inverse @ low[0], -inverse @ low[1]]])
+        return bmat([[None, identity], [-inverse @ low[0], -inverse @ low[1]]])
 
     absolute = np.repeat([tolerance * 1e-3, tolerance], n)  # m and m/s
     solution = scipy.integrate.solve_ivp(
