@@ -32,7 +32,7 @@ from tbm_gsa.study.inputs import PAPER_INPUTS
 from tbm_gsa.study.problem import Problem
 from tbm_gsa.study.run import StudyOptions, StudyResult, extend_study, report_study, resume_study, run_study
 
-app = typer.Typer(add_completion=False, help="Surrogate-based global sensitivity analysis.", no_args_is_help=True)
+app = typer.Typer(add_completion=False, no_args_is_help=True)
 
 Folder = Annotated[Path, typer.Option("--out", help="Folder of the study: store, result.json, report.html.")]
 Methods = Annotated[

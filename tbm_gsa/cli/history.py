@@ -20,9 +20,7 @@ from tbm_gsa.history import BY_MACHINE, History, Selection, default_history, mak
 from tbm_gsa.history.summary import baseline_document, history_document
 from tbm_gsa.report.history_page import history_page, history_picture
 
-app = typer.Typer(
-    add_completion=False, help="Windows of all comparisons over time, and baselines.", invoke_without_command=True
-)
+app = typer.Typer(add_completion=False, invoke_without_command=True)
 
 HISTORY_HELP = "History file; default: $TBM_HISTORY, else tbm_monitor/history.sqlite in the user's data folder."
 MOST_PLOTTED = 5_000_000  # windows, which are held in memory: a week of five points every 2 s
