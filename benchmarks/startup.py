@@ -77,6 +77,15 @@ def children_cpu() -> float:
     return used.ru_utime + used.ru_stime
 
 
+class Nodes(NodeProcesses):
+    """Node processes whose CPU time is known."""
+
+    def cpu(self, name: str) -> float:
+        """CPU time of a node (s)."""
+        times = psutil.Process(self._running[name].pid).cpu_times()
+        return float(times.user + times.system)
+
+
 class Watcher:
     """Sees nodes become active and their first messages arrive."""
 
@@ -116,13 +125,17 @@ class Watcher:
 
         return look
 
-    def wait(self, condition: Callable[[], bool], nodes: NodeProcesses) -> None:
+    def gone(self, name: str) -> Callable[[], bool]:
+        """Whether no node of this name is known, of a run before this one or of others in this ROS domain."""
+        return lambda: not self._states[name].service_is_ready()
+
+    def wait(self, condition: Callable[[], bool], nodes: NodeProcesses, what: str) -> None:
         """Spin until a condition holds."""
         until = time.monotonic() + LONGEST_S
         while not condition():
             nodes.check()
             if time.monotonic() > until:
-                raise SystemExit(f"not started within {LONGEST_S:.0f} s")
+                raise SystemExit(f"{what} within {LONGEST_S:.0f} s")
             self._executor.spin_once(timeout_sec=0.002)
 
     def close(self) -> None:
@@ -134,29 +147,23 @@ class Watcher:
 
 def node_seconds(watcher: Watcher, name: str) -> dict[str, float]:
     """Start a node once, and end it."""
-    with tempfile.TemporaryDirectory() as text, NodeProcesses(Path(text) / "logs") as nodes:
-        folder = Path(text)
-        case = cases(folder)[name]
+    with tempfile.TemporaryDirectory() as folder, Nodes(Path(folder) / "logs") as nodes:
+        case = cases(Path(folder))[name]
+        for other in filter(None, (case.after, name)):
+            watcher.wait(watcher.gone(other), nodes, f"another {other} in this ROS domain did not end")
         if case.after:
             nodes.start(NodeCommand(case.after, NODES[case.after]))
-            watcher.wait(watcher.active(case.after), nodes)
+            watcher.wait(watcher.active(case.after), nodes, f"{case.after} did not become active")
         active = watcher.active(name)
         arrived = watcher.first_message(*case.first) if case.first else None
         start = time.perf_counter()
         nodes.start(NodeCommand(name, NODES[name], case.parameters))
-        process = psutil.Process(nodes._running[name].pid)
-        watcher.wait(active, nodes)
-        found = {"active": time.perf_counter() - start, "cpu": cpu(process)}
+        watcher.wait(active, nodes, f"{name} did not become active")
+        found = {"active": time.perf_counter() - start, "cpu": nodes.cpu(name)}
         if arrived:
-            watcher.wait(arrived, nodes)
+            watcher.wait(arrived, nodes, f"{name} sent nothing")
             found["first"] = time.perf_counter() - start
         return found
-
-
-def cpu(process: psutil.Process) -> float:
-    """CPU time of a process (s)."""
-    times = process.cpu_times()
-    return float(times.user + times.system)
 
 
 def medians(runs: list[dict[str, float]]) -> dict[str, float]:

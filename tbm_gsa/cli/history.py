@@ -18,7 +18,6 @@ from tbm_gsa.errors import InputError
 from tbm_gsa.files import check_folder, write_whole
 from tbm_gsa.history import BY_MACHINE, History, Selection, default_history, make_baseline
 from tbm_gsa.history.summary import baseline_document, history_document
-from tbm_gsa.report.history_page import history_page, history_picture
 
 app = typer.Typer(add_completion=False, invoke_without_command=True)
 
@@ -122,6 +121,8 @@ def _stamp(option: str, text: str | None) -> int | None:
 
 
 def _plot(history: History, selection: Selection, html: Path | None, png: Path | None) -> None:
+    from tbm_gsa.report.history_page import history_page, history_picture  # noqa: PLC0415 - matplotlib takes its time
+
     count = history.count(selection)
     if not 1 <= count <= MOST_PLOTTED:
         number = count or "no"

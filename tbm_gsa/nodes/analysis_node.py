@@ -117,6 +117,7 @@ class AnalysisNode(ManagedNode):
         self._alarm = self._new_alarm()
         self._rotating = frozenset(sensor.point for sensor in self._sensors.values() if sensor.frame == "rotating")
         self._comparison = self._new_comparison()
+        self._comparison.warm_up()
         self._latest: dict[str, WindowResult] = {}
         self._health = StreamHealth(lambda text: self.get_logger().warning(text))
         self._gsa = GsaProcess(self._gsa_options())
