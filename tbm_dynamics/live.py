@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
-import scipy  # its parts load on first use
+import scipy.signal
 
 _ORDER = 6
 _CORNER = 0.4

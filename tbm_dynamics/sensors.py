@@ -8,9 +8,10 @@ from dataclasses import dataclass
 from typing import Self
 
 import numpy as np
-import scipy  # its parts load on first use
+import scipy.signal
 from numpy.typing import ArrayLike, NDArray
 from pydantic import BaseModel, ConfigDict, Field, FiniteFloat, model_validator
+from scipy.spatial.transform import Rotation
 
 from tbm_dynamics.errors import InputError
 from tbm_dynamics.loads.noise import hashed_generator
@@ -122,9 +123,7 @@ class SensorModel:
         self._seed = seed
         self._name = f"sensor/{stream_id}"
         self._decimation = input_rate_hz // rate
-        self._rotation = scipy.spatial.transform.Rotation.from_euler(
-            "xyz", parameters.mounting_rotation, degrees=True
-        ).as_matrix()
+        self._rotation = Rotation.from_euler("xyz", parameters.mounting_rotation, degrees=True).as_matrix()
         self._offset = GRAVITY * parameters.gravity
         self._filter = _AntiAlias(parameters.anti_alias_hz, input_rate_hz) if parameters.anti_alias_hz else None
         self._next_step: int | None = None

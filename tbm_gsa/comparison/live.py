@@ -11,7 +11,6 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from tbm_gsa.arrays import Array, Integers
-from tbm_gsa.comparison.conditioning import HIGH_PASS_HZ, Band, CausalConditioner
 from tbm_gsa.comparison.levels import Kind
 from tbm_gsa.comparison.pace import NANOSECONDS
 from tbm_gsa.comparison.statistics import ratio, relative_error
@@ -139,11 +138,6 @@ class WindowedComparison:
         streams = self._streams(point, source, times)
         closed = streams.feed(source, times, rows[finite], high_hz=self._high_hz, patience=self._patience)
         return [self._result(point, window) for window in closed]
-
-    @staticmethod
-    def warm_up() -> None:
-        """Load the filters before the first block comes: while they load, samples would be lost."""
-        CausalConditioner(1000.0, Band(HIGH_PASS_HZ, 100.0))
 
     def restart(self, point: str) -> None:
         """Begin a point anew: its signals come from elsewhere now, at another rate perhaps."""

@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import scipy.signal  # noqa: F401 - the filters: now, for while they load later samples would be lost
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from geometry_msgs.msg import Vector3Stamped
 from sensor_msgs.msg import JointState, PointCloud2
@@ -117,7 +118,6 @@ class AnalysisNode(ManagedNode):
         self._alarm = self._new_alarm()
         self._rotating = frozenset(sensor.point for sensor in self._sensors.values() if sensor.frame == "rotating")
         self._comparison = self._new_comparison()
-        self._comparison.warm_up()
         self._latest: dict[str, WindowResult] = {}
         self._health = StreamHealth(lambda text: self.get_logger().warning(text))
         self._gsa = GsaProcess(self._gsa_options())
