@@ -59,6 +59,9 @@ def run_node(factory: Callable[[], ManagedNode], args: Sequence[str] | None = No
     finally:
         _Signal.breaks_off = False
         _close(node)
+    # An interruption that passes an `exec` of text, as there are in many an import, is noted by Python, and a process
+    # started with -m dies of SIGINT at its end. The next text clears the note.
+    exec("")  # noqa: S102
     return code or (node.exit_code if node else 0)  # its end may have gone wrong, too
 
 
