@@ -8,6 +8,7 @@ from functools import lru_cache
 from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup
 from matplotlib import rc_context
+from matplotlib.backends.backend_svg import FigureCanvasSVG
 from matplotlib.figure import Figure
 
 
@@ -30,7 +31,8 @@ def embed_figure(figure: Figure, description: str) -> Markup:
     buffer = io.BytesIO()
     # Fixed salt and no date: equal results give equal pages.
     with rc_context({"svg.hashsalt": "tbm_monitor"}):
-        figure.savefig(buffer, format="svg", metadata={"Date": None})
+        # Not by way of `savefig`: that draws a figure with a layout twice, the first time for the layout alone.
+        FigureCanvasSVG(figure).print_svg(buffer, metadata={"Date": None})  # type: ignore[no-untyped-call]
     data = base64.b64encode(buffer.getvalue()).decode("ascii")
     return Markup('<img src="data:image/svg+xml;base64,{}" alt="{}">').format(data, description)
 
