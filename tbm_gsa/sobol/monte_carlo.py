@@ -1,7 +1,7 @@
 """Sobol indices of any function by Saltelli's sampling scheme, with SALib's estimators."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
@@ -119,17 +119,24 @@ def convergence_sizes(samples: Sequence[int] = SAMPLE_SIZES) -> dict[int, tuple[
 
 def estimate(values: Values, seed: int) -> SobolIndices:
     """Find indices and bootstrap intervals from values on a pick-freeze design."""
-    a, b, mixed = values.a, values.b, values.mixed
     first_interval, total_interval, second_interval = _bootstrap(values, seed)
+    return replace(
+        point_estimate(values),
+        first_interval=first_interval,
+        total_interval=total_interval,
+        second_interval=second_interval,
+    )
+
+
+def point_estimate(values: Values) -> SobolIndices:
+    """Find indices without intervals from values on a pick-freeze design."""
+    a, b, mixed = values.a, values.b, values.mixed
     return SobolIndices(
         first=np.array([first_order(a, row, b) for row in mixed]),
         total=np.array([total_order(a, row, b) for row in mixed]),
         mean=values.mean,
         variance=values.spread**2,
-        first_interval=first_interval,
-        total_interval=total_interval,
         second=_second(values),
-        second_interval=second_interval,
         evaluations=values.evaluations,
     )
 
