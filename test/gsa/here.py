@@ -1,11 +1,12 @@
-"""Campaigns in this process, where processes are not what a test is about: each takes seconds to load what is here."""
+"""Less of a study where that is not what a test is about: no processes, which load for seconds, and small samplings."""
 
 from concurrent.futures import Executor, Future
 from contextlib import contextmanager
+from functools import partial
 
 import pytest
 
-from tbm_gsa.study import campaign
+from tbm_gsa.study import analysis, campaign
 from tbm_gsa.study.workers import Workers
 
 
@@ -26,4 +27,13 @@ def simulations_here():
 
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(campaign, "local_processes", here)
+        yield
+
+
+@contextmanager
+def small_samplings():
+    """Let an analysis in this process sample Sobol indices with a hundredth of the points it takes otherwise."""
+    with pytest.MonkeyPatch.context() as patch:
+        for name, samples in (("sobol_of_surrogate", 2**7), ("sobol_convergence", (200, 400))):
+            patch.setattr(analysis, name, partial(getattr(analysis, name), samples=samples))
         yield

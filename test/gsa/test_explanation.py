@@ -138,7 +138,7 @@ def command(folder, monkeypatch, capsys):
 
     def small(comparison, folder, options):
         assert (options.samples, options.duration, options.workers) == (60, 2.0, 1)
-        return explain(comparison, folder, replace(options, samples=30, duration=1.0, seeds=6))
+        return explain(comparison, folder, replace(options, samples=20, duration=1.0, seeds=4))
 
     monkeypatch.setattr(workflow, "explain", small)
 

@@ -11,7 +11,7 @@ from io import StringIO
 
 import numpy as np
 import pytest
-from here import simulations_here
+from here import simulations_here, small_samplings
 from rich.console import Console
 
 from tbm_gsa.cli.output import progress_bar
@@ -36,11 +36,18 @@ def definition(tmp_path):
     return str(path)
 
 
-def test_a_study_grows(tmp_path, typed, definition, monkeypatch):
+@pytest.fixture
+def small(monkeypatch):
+    """Analyses in this process with small samplings."""
+    monkeypatch.setattr(analysis, "local_processes", pytest.fail)  # one worker is this process
+    with small_samplings():
+        yield
+
+
+def test_a_study_grows(tmp_path, typed, definition, small):
     out = str(tmp_path / "study")
     begin = ("gsa", "run", *QUICK, "--inputs", definition, "--out", out, "--design", "lhs-maximin")
     go_on = ("--out", out, "--method", "prs", "--workers", "1", "--json")
-    monkeypatch.setattr(analysis, "local_processes", pytest.fail)  # one worker is this process
     with simulations_here():
         code, first, _ = typed(*begin, "--workers", "1", "--json")
     assert code == 0
@@ -82,7 +89,7 @@ def test_ctrl_c_ends_a_study_and_says_how_to_go_on(tmp_path, definition):
     out = tmp_path / "study"
     process = _start(
         *("run", "--samples", "400", "--test", "2", "--duration", "0.5", "--inputs", definition),
-        *("--method", "prs", "--out", str(out)),
+        *("--method", "prs", "--workers", "1", "--out", str(out)),
     )
     end = time.monotonic() + LONG_S
     while True:

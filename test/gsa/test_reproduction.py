@@ -9,7 +9,7 @@ from dataclasses import replace
 from html.parser import HTMLParser
 
 import pytest
-from here import simulations_here
+from here import simulations_here, small_samplings
 
 from tbm_dynamics.indicators import INDICATORS
 from tbm_gsa.cli import output
@@ -66,7 +66,7 @@ def folder(tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def result(folder):
-    with simulations_here():
+    with simulations_here(), small_samplings():
         return reproduce("dz101", folder, shipped_bag(), sizes=TINY, workers=1)
 
 
@@ -126,7 +126,8 @@ def test_again_it_redoes_no_simulation_and_says_the_same(result, folder, monkeyp
     campaign = studies.Campaign(own, "dz101", TINY.train, TINY.test, TINY.simulation_s, 0)
     store = folder / own.name / "store.sqlite"
     before = store.read_bytes()
-    study = studies.fitted_study(campaign, folder / own.name, workers=1, progress=lambda *_: None)
+    with small_samplings():
+        study = studies.fitted_study(campaign, folder / own.name, workers=1, progress=lambda *_: None)
     assert store.read_bytes() == before
     again = [*surrogate_rows(own, study), *sensitivity_rows(gather_sensitivity(own, study))]
     said = {row.id: row for row in result.rows}
