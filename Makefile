@@ -10,7 +10,7 @@ export OPENBLAS_NUM_THREADS ?= 1
 # Nor is every process to compile every module anew, whatever the machine's images say.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: demo test coverage verify lint types docs bag clean
+.PHONY: demo test coverage lowest verify lint types docs bag clean
 
 demo: $(READY)
 	$(BIN)/tbm-monitor demo
@@ -25,6 +25,17 @@ test: $(READY)
 # The same tests, and which lines none of them runs; processes that tests start are counted, compiled kernels are not.
 coverage: $(READY)
 	$(BIN)/python -m pytest $(PARALLEL) --cov --cov-report=term-missing:skip-covered
+
+# The lowest versions that setup.py allows, all together, in an environment of their own: model, comparison, import, nodes
+# and a tiny study.
+LOWEST := $(VENV)-lowest
+lowest:
+	$(PYTHON) -m venv $(LOWEST)
+	$(PYTHON) .ci/lowest.py > $(LOWEST)/constraints.txt
+	$(LOWEST)/bin/python -m pip install --quiet --constraint $(LOWEST)/constraints.txt \
+		--editable ".[cluster,import,live]" pytest pytest-xdist hypothesis mcap-ros2-support psutil
+	$(LOWEST)/bin/python -m pytest $(PARALLEL) test/gsa/test_basis_over_inputs.py test/gsa/test_compare_recording.py \
+		test/msgs/test_import.py test/ros/test_load_node.py test/ros/test_dynamics_node.py test/ros/test_analysis_node.py
 
 # What takes minutes: every verification in full.
 verify: $(READY)
@@ -53,4 +64,4 @@ $(READY): setup.py
 	touch $@
 
 clean:
-	rm -rf $(VENV) build dist *.egg-info tbm_demo tbm_run
+	rm -rf $(VENV) $(LOWEST) build dist *.egg-info tbm_demo tbm_run

@@ -196,7 +196,7 @@ def _resonant_modes(problem: _Problem) -> np.ndarray:
 def _responses(problem: _Problem, forces: np.ndarray, frequencies: Sequence[float]) -> np.ndarray:
     """Accelerations (d, 2 f k) under harmonic forces (d, k), the largest under each force of unit mass."""
     omega = 2.0 * np.pi * np.array(frequencies)[:, None, None]
-    answer = omega**2 * np.linalg.solve(problem.K + 1j * omega * problem.C - omega**2 * problem.M, forces)
+    answer = omega**2 * np.linalg.solve(problem.K + 1j * omega * problem.C - omega**2 * problem.M, forces[None])
     found = np.concatenate([answer.real, answer.imag])
     masses = np.einsum("fik,ij,fjk->fk", found, problem.M, found, optimize=True)
     return np.asarray((found / np.sqrt(masses.max(axis=0))).transpose(1, 0, 2).reshape(len(forces), -1))
