@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from tbm_dynamics import load_machine
+from tbm_dynamics import load_machine, shipped_machines
 from tbm_dynamics.levels import LoadLevel
 from tbm_gsa.cli.machine_tables import print_loads, print_tables
 from tbm_gsa.cli.machine_update import update
@@ -20,6 +20,17 @@ app = typer.Typer(add_completion=False, no_args_is_help=True)
 _SHOWN_MODES = 10
 
 MachineArgument = Annotated[str, typer.Argument(help="Name of a shipped machine, or path of a machine file.")]
+
+
+@app.command("list")
+def list_machines(json: Annotated[bool, JSON_OPTION] = False) -> None:
+    """List the shipped machines: names that every command takes for a machine."""
+    names = shipped_machines()
+    if json:
+        print_json({"machines": names})
+        return
+    for name in names:
+        results.print(name, markup=False, highlight=False)
 
 
 @app.command()

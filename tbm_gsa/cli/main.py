@@ -19,7 +19,7 @@ from tbm_gsa.cli.start import ENDING, INTERRUPTED
 app = typer.Typer(
     name="tbm-monitor",
     no_args_is_help=True,
-    add_completion=False,
+    context_settings={"help_option_names": ["-h", "--help"]},  # of every command below, too
     pretty_exceptions_enable=False,
 )
 
@@ -33,7 +33,7 @@ def _version(asked: bool) -> None:
 @app.callback(cls=CommandLine)
 def group(
     version: Annotated[
-        bool, typer.Option("--version", callback=_version, is_eager=True, help="Print the version and exit.")
+        bool, typer.Option("--version", "-V", callback=_version, is_eager=True, help="Print the version and exit.")
     ] = False,
 ) -> None:
     """Drive-train monitor for tunnel boring machines: model, recordings, comparison, sensitivity."""

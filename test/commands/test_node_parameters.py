@@ -1,5 +1,6 @@
 """Nodes with parameters that cannot be: one line that says which and what is allowed, exit code 2."""
 
+import gc
 import signal
 import subprocess
 import sys
@@ -65,6 +66,7 @@ def process(monkeypatch, capfd):
         return code, "".join(capfd.readouterr())
 
     yield run
+    gc.collect()  # or participants of the nodes live on
     for number, handler in zip(numbers, before, strict=True):
         signal.signal(number, handler)
 

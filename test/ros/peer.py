@@ -4,6 +4,7 @@ What a node does with a message, a clock or a transition is tested on the node i
 it and spins it. What only a process can show (signals, kill -9, discovery, memory) is tested on processes.
 """
 
+import gc
 import math
 import os
 import sys
@@ -113,6 +114,8 @@ class Peer:
         self.executor.shutdown()
         self.node.destroy_node()
         rclpy.try_shutdown()
+        self._clients = self.node = self.executor = None
+        gc.collect()  # or its participant lives on, half taken apart, and services of the next one wait for it
 
     def _on_diagnostics(self, message):
         for status in message.status:
