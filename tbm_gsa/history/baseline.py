@@ -69,8 +69,10 @@ def make_baseline(name: str, groups: Iterable[Group], created_ns: int) -> Baseli
     Raises
     ------
     InputError
-        Windows of several machines, or too few at any point and axis.
+        Windows of several machines, too few at any point and axis, or no name.
     """
+    if not (name.strip() and name.isprintable()):
+        raise InputError(f"baseline {name!r}: allowed: a name of printable characters")
     usual: dict[tuple[str, str], Usual] = {}
     machines: set[tuple[str, str]] = set()
     spans: list[tuple[int, int]] = []

@@ -24,6 +24,7 @@ _SOURCE: Final = "kind, name, digest, machine, machine_sha256"
 _ENTRY: Final = ", ".join(field.name for field in fields(Entry))
 _ROW: Final = ", ".join("?" * (1 + len(fields(Entry))))  # with its source
 _COLUMNS: Final = [("start_ns", "i8"), ("length_ns", "i8"), ("field_rms", "f8"), ("relative_error", "f8")]
+_NAMED: Final = "baselines WHERE (machine, name) = (?, ?)"
 _BASELINES: Final = """
 CREATE TABLE baselines (
     name TEXT NOT NULL,
@@ -282,10 +283,23 @@ class History:
             ask(f"DELETE {span} AND source IN ({own})", (since_ns, end, node))
         return end
 
-    def store_baseline(self, baseline: Baseline) -> None:
-        """Store a baseline, replacing the one of its machine and name."""
+    def store_baseline(self, baseline: Baseline, *, replace: bool = False) -> None:
+        """Store a baseline; one of its machine and name is replaced only if that is asked for.
+
+        Raises
+        ------
+        HistoryError
+            There is one already.
+        """
+        key = (baseline.machine, baseline.name)
         with self._transaction() as ask:
-            ask("DELETE FROM baselines WHERE (machine, name) = (?, ?)", (baseline.machine, baseline.name))
+            there = ask(f"SELECT created_ns FROM {_NAMED}", key).fetchone()  # noqa: S608
+            if there and not replace:
+                raise HistoryError(
+                    f"baseline {baseline.name}: there is one of {baseline.machine} already, "
+                    "allowed: another name, or --replace"
+                )
+            ask(f"DELETE FROM {_NAMED}", key)  # noqa: S608
             ask(
                 "INSERT INTO baselines VALUES (?, ?, ?, ?, ?, ?)",
                 (
@@ -301,21 +315,36 @@ class History:
                 row = (baseline.machine, baseline.name, point, axis, *astuple(usual))
                 ask("INSERT INTO usual_errors VALUES (?, ?, ?, ?, ?, ?, ?)", row)
 
+    def delete_baseline(self, name: str, machine: str | None = None) -> Baseline:
+        """Delete a baseline, found as `baseline` finds it, and give what it was."""
+        with self._transaction() as ask:
+            found = self.baseline(name, machine)
+            ask(f"DELETE FROM {_NAMED}", (found.machine, name))  # noqa: S608
+        return found
+
     def baselines(self) -> list[Baseline]:
         """All baselines, the oldest first."""
         rows = self._connection.execute("SELECT * FROM baselines ORDER BY created_ns, name, machine").fetchall()
         return [Baseline(*(*row, self._usual(*row[:2]))) for row in rows]
 
-    def baseline(self, name: str, machine: str) -> Baseline:
-        """Find the baseline of a machine by its name."""
+    def baseline(self, name: str, machine: str | None = None) -> Baseline:
+        """Find a baseline by its name and machine; the machine may be left out where only one has that name.
+
+        Raises
+        ------
+        HistoryError
+            There is none, or several machines have one.
+        """
         found = self.baselines()
         named = {baseline.machine: baseline for baseline in found if baseline.name == name}
         if not named:
             there = ", ".join(dict.fromkeys(baseline.name for baseline in found))
             raise HistoryError(f"{self.path}: no baseline {name}, there: {there or 'none'}")
-        if machine not in named:
+        if machine is None and len(named) > 1:
+            raise HistoryError(f"baseline {name}: of several machines: {', '.join(named)}; choose by --machine")
+        if machine is not None and machine not in named:
             raise HistoryError(f"baseline {name}: of machine {', '.join(named)}, allowed: one of {machine}")
-        return named[machine]
+        return named[next(iter(named)) if machine is None else machine]
 
     def _usual(self, name: str, machine: str) -> dict[tuple[str, str], Usual]:
         rows = self._connection.execute(

@@ -34,6 +34,14 @@ def history_document(history: History, selection: Selection, newest: int) -> dic
         "total": sum(row["windows"] for row in summary),
         "summary": summary,
         "windows": [_window(window) for window in windows],
+        "baselines": baselines_document(history)["baselines"],
+    }
+
+
+def baselines_document(history: History) -> dict[str, Any]:
+    """Gather all baselines: ``path`` and ``baselines[…]``, the oldest first."""
+    return {
+        "path": str(history.path),
         "baselines": [baseline_document(baseline) for baseline in history.baselines()],
     }
 

@@ -289,11 +289,29 @@ def test_windows_of_a_dead_sensor_are_no_part_of_a_baseline(history):
     assert (usual.mean, usual.windows) == (pytest.approx(0.2), 8)
 
 
-def test_a_baseline_is_replaced_by_its_namesake(history):
-    for error in (0.2, 0.4):
-        history.add(LIVE, [entry(n, error=error) for n in range(5)])
-        history.store_baseline(make_baseline("one", history.groups(BY_MACHINE), START))
+def test_a_baseline_is_replaced_only_if_that_is_asked_for(history):
+    history.add(LIVE, [entry(n, error=0.2) for n in range(5)])
+    history.store_baseline(make_baseline("one", history.groups(BY_MACHINE), START))
+    history.add(LIVE, [entry(n, error=0.4) for n in range(5)])
+    other = make_baseline("one", history.groups(BY_MACHINE), START)
+    with pytest.raises(HistoryError, match="baseline one: there is one of dz101 already, allowed: another name"):
+        history.store_baseline(other)
+    assert [one.usual["shield", "x"].mean for one in history.baselines()] == [pytest.approx(0.2)]
+    history.store_baseline(other, replace=True)
     assert [one.usual["shield", "x"].mean for one in history.baselines()] == [pytest.approx(0.4)]
+
+
+def test_a_deleted_baseline_leaves_nothing_behind(history):
+    for machine in ("dz101", "south"):
+        history.add(Source("live", machine, "", machine, "ab"), [entry(n) for n in range(5)])
+        history.store_baseline(make_baseline("one", history.groups(BY_MACHINE, Selection(machine=machine)), START))
+    with pytest.raises(HistoryError, match="baseline one: of several machines: dz101, south; choose by --machine"):
+        history.delete_baseline("one")
+    assert history.delete_baseline("one", "dz101").machine == "dz101"
+    assert history.delete_baseline("one").machine == "south"
+    for table in ("baselines", "usual_errors"):
+        assert sqlite3.connect(history.path).execute(f"SELECT COUNT(*) FROM {table}").fetchone() == (0,)
+    assert history.count() == 10
 
 
 def test_machines_that_share_a_file_have_a_baseline_of_the_same_name_each(history):

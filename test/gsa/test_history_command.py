@@ -122,7 +122,7 @@ def test_list_filters_and_summary(run, file):
 
 
 def test_a_baseline_and_pictures(run, file, tmp_path):
-    code, out, _ = run("history", "baseline", "spring", "--history", file, "--json")
+    code, out, _ = run("history", "baseline", "set", "spring", "--history", file, "--json")
     assert code == 0
     assert json.loads(out)["points"]["shield"]["x"]["mean"] == pytest.approx(0.345)
     assert json.loads(run("history", "--history", file, "--json")[1])["baselines"][0]["name"] == "spring"
@@ -138,6 +138,46 @@ def test_a_baseline_and_pictures(run, file, tmp_path):
     assert text.count("<img") == 2
     assert imread(picture).shape[1] == 1200
     assert "spring" in run("history", "--history", file)[1]
+
+
+@pytest.mark.parametrize("typed", [["commissioning"], ["--history", "{file}"], ["spring", "--history", "{file}"]])
+def test_the_old_form_stores_nothing_and_names_the_new_one(run, file, typed):
+    code, out, err = run("history", "baseline", *(word.replace("{file}", str(file)) for word in typed))
+    assert (code, out, len(err.strip().splitlines())) == (2, "", 1)
+    assert "allowed: list, show, set, delete; `history baseline set NAME` stores a baseline" in err
+    assert json.loads(run("history", "baseline", "list", "--history", file, "--json")[1])["baselines"] == []
+
+
+def test_no_baseline_is_overwritten_unless_that_is_asked_for(run, file):
+    def mean(*arguments):
+        return json.loads(run("history", "baseline", *arguments, "--history", file, "--json")[1])["points"]["shield"][
+            "x"
+        ]["mean"]
+
+    until = datetime.fromtimestamp(START_NS // 10**9 + 20, UTC).isoformat()
+    assert mean("set", "spring") == pytest.approx(0.345)
+    code, out, err = run("history", "baseline", "set", "spring", "--until", until, "--history", file)
+    assert (code, out) == (2, "")
+    assert "baseline spring: there is one of dz101 already, allowed: another name, or --replace" in err
+    assert mean("show", "spring") == pytest.approx(0.345)
+    assert mean("set", "spring", "--until", until, "--replace") == pytest.approx(0.245)
+    assert mean("show", "spring") == pytest.approx(0.245)
+
+
+def test_baselines_are_listed_and_deleted_by_name(run, file):
+    for name in ("spring", "list"):
+        assert run("history", "baseline", "set", name, "--history", file)[0] == 0
+    document = json.loads(run("history", "baseline", "list", "--history", file, "--json")[1])
+    assert document["path"] == str(file)
+    assert [one["name"] for one in document["baselines"]] == ["spring", "list"]
+    shown = run("history", "baseline", "list", "--history", file)[1]
+    assert "2 baselines" in shown
+    assert "spring" in shown
+    code, out, _ = run("history", "baseline", "delete", "list", "--history", file)
+    assert (code, "baseline list of dz101" in out) == (0, True)
+    assert "1 baseline\n" in run("history", "baseline", "list", "--history", file)[1]
+    assert "no baseline list, there: spring" in run("history", "baseline", "show", "list", "--history", file)[2]
+    assert json.loads(run("history", "--history", file, "--json")[1])["total"] == 180
 
 
 def test_more_windows_than_fit_into_memory_are_not_plotted(run, file, monkeypatch, tmp_path):
@@ -170,8 +210,16 @@ def test_crest_factor_and_kurtosis_are_drawn_where_they_are_known():
         (["--history", "{file}", "--until", "2026-13-01"], "--until 2026-13-01: allowed"),
         (["--history", "{file}", "--point", "none", "--html", "h.html"], "no windows to plot"),
         (["--history", "{file}", "--html", "no/such/h.html"], "no folder no/such"),
-        (["baseline", "--history", "{file}", "--point", "none"], "0 windows with a known error"),
-        (["baseline", "--history", "nowhere.sqlite"], "no such history"),
+        (["baseline", "set", "one", "--history", "{file}", "--point", "none"], "0 windows with a known error"),
+        (["baseline", "set", " ", "--history", "{file}"], "baseline ' ': allowed: a name"),
+        (["baseline", "set", "one", "--history", "nowhere.sqlite"], "no such history"),
+        (["baseline", "list", "--history", "nowhere.sqlite"], "no such history"),
+        (["baseline", "show", "one", "--history", "{file}"], "no baseline one, there: none"),
+        (["baseline", "delete", "one", "--history", "{file}"], "no baseline one, there: none"),
+        (["baseline", "set", "--history", "{file}"], "Missing argument"),
+        (["baseline", "show", "--history", "{file}"], "Missing argument"),
+        (["baseline", "delete", "--history", "{file}"], "Missing argument"),
+        (["--history", "{file}", "baseline", "list"], "history --history … baseline: allowed: options behind"),
     ],
 )
 def test_bad_input_is_one_line(run, file, tmp_path, monkeypatch, arguments, said):
