@@ -13,7 +13,7 @@ from typer.core import TyperGroup
 from tbm_gsa.cli.output import JSON_OPTION, print_json, results
 from tbm_gsa.cli.selection import File, Of, Origin, Point, Since, Until, selection
 from tbm_gsa.errors import InputError
-from tbm_gsa.history import BY_MACHINE, History, default_history, make_baseline
+from tbm_gsa.history import BY_MACHINE, History, HistoryReader, default_history, make_baseline
 from tbm_gsa.history.summary import baseline_document, baselines_document
 
 Name = Annotated[str, typer.Argument(help="Name of the baseline.", show_default=False)]
@@ -47,7 +47,7 @@ app = typer.Typer(
 @app.command("list")
 def list_(history: File = None, json: Annotated[bool, JSON_OPTION] = False) -> None:
     """List the baselines of a history."""
-    with History(history or default_history(), create=False) as opened:
+    with HistoryReader(history or default_history()) as opened:
         document = baselines_document(opened)
     if json:
         print_json(document)
@@ -58,7 +58,7 @@ def list_(history: File = None, json: Annotated[bool, JSON_OPTION] = False) -> N
 @app.command()
 def show(name: Name, history: File = None, machine: Owner = None, json: Annotated[bool, JSON_OPTION] = False) -> None:
     """Show mean and scatter of the error per point and axis of a baseline."""
-    with History(history or default_history(), create=False) as opened:
+    with HistoryReader(history or default_history()) as opened:
         document = baseline_document(opened.baseline(name, machine))
     _print(document, json)
 

@@ -15,7 +15,7 @@ from tbm_gsa.cli.output import JSON_OPTION, notes, print_json, results
 from tbm_gsa.cli.selection import File, Of, Origin, Point, Since, Until, selection
 from tbm_gsa.errors import InputError
 from tbm_gsa.files import check_folder, write_whole
-from tbm_gsa.history import History, Selection, default_history
+from tbm_gsa.history import Baseline, HistoryReader, Selection, Window, default_history
 from tbm_gsa.history.summary import history_document
 from tbm_gsa.report.history_page import history_page, history_picture
 
@@ -48,10 +48,14 @@ def show(
     for file in (html, png):
         check_folder(file)
     chosen = selection(point, since, until, source, machine)
-    with History(history or default_history(), create=False) as opened:
+    plotted = html is not None or png is not None
+    with HistoryReader(history or default_history()) as opened:
         document = history_document(opened, chosen, limit)
-        if html is not None or png is not None:
-            _plot(opened, chosen, html, png)
+        windows, baselines = _to_plot(opened, chosen) if plotted else ([], [])
+    if html is not None:
+        write_whole(html, history_page(opened.path, windows, baselines).encode())
+    if png is not None:
+        write_whole(png, history_picture(windows, baselines))
     if json:
         print_json(document)
     else:
@@ -67,18 +71,15 @@ def _refuse_options(context: typer.Context) -> None:
             raise InputError(f"history --{name} … {context.invoked_subcommand}: allowed: options behind the command")
 
 
-def _plot(history: History, selection: Selection, html: Path | None, png: Path | None) -> None:
+def _to_plot(history: HistoryReader, selection: Selection) -> tuple[list[Window], list[Baseline]]:
+    """Windows, and the baselines of their machines."""
     count = history.count(selection)
     if not 1 <= count <= MOST_PLOTTED:
         number = count or "no"
         raise InputError(f"{history.path}: {number} windows to plot, allowed: options that choose 1 to {MOST_PLOTTED}")
     windows = history.windows(selection)
     machines = {window.source.machine for window in windows}
-    baselines = [one for one in history.baselines() if one.machine in machines]
-    if html is not None:
-        write_whole(html, history_page(history.path, windows, baselines).encode())
-    if png is not None:
-        write_whole(png, history_picture(windows, baselines))
+    return windows, [one for one in history.baselines() if one.machine in machines]
 
 
 def _print_tables(document: dict[str, Any]) -> None:

@@ -2,7 +2,10 @@
 
 from tbm_gsa.history.baseline import BY_MACHINE, Baseline, make_baseline
 from tbm_gsa.history.entries import Entry, Group, Source, Window, live_entries, recording_entries
-from tbm_gsa.history.store import History, HistoryError, HistoryLockedError, Selection, default_history
+from tbm_gsa.history.errors import HistoryError, HistoryLockedError
+from tbm_gsa.history.queries import Queries, Selection
+from tbm_gsa.history.reading import HistoryReader
+from tbm_gsa.history.store import History, default_history
 
 __all__ = [
     "BY_MACHINE",
@@ -12,6 +15,8 @@ __all__ = [
     "History",
     "HistoryError",
     "HistoryLockedError",
+    "HistoryReader",
+    "Queries",
     "Selection",
     "Source",
     "Window",

@@ -11,13 +11,13 @@ from numpy.typing import NDArray
 
 from tbm_gsa.history.baseline import Baseline
 from tbm_gsa.history.entries import Entry, Group, Window
-from tbm_gsa.history.store import History, Selection
+from tbm_gsa.history.queries import Queries, Selection
 
 _BY_SOURCE: Final = ("point", "axis", "machine", "kind")
 _NUMBERS: Final = ("field_rms", "model_rms", "relative_error", "field_peak", "field_crest_factor", "field_kurtosis")
 
 
-def history_document(history: History, selection: Selection, newest: int) -> dict[str, Any]:
+def history_document(history: Queries, selection: Selection, newest: int) -> dict[str, Any]:
     """Gather a selection; of the windows that are not listed one point and axis at a time is held.
 
     Returns
@@ -38,7 +38,7 @@ def history_document(history: History, selection: Selection, newest: int) -> dic
     }
 
 
-def baselines_document(history: History) -> dict[str, Any]:
+def baselines_document(history: Queries) -> dict[str, Any]:
     """Gather all baselines: ``path`` and ``baselines[…]``, the oldest first."""
     return {
         "path": str(history.path),
