@@ -13,7 +13,7 @@ from typer.core import TyperGroup
 from tbm_gsa.cli.output import JSON_OPTION, print_json, results
 from tbm_gsa.cli.selection import File, Of, Origin, Point, Since, Until, selection
 from tbm_gsa.errors import InputError
-from tbm_gsa.history import BY_MACHINE, History, HistoryReader, default_history, make_baseline
+from tbm_gsa.history import BY_ORIGIN, History, HistoryReader, default_history, make_baseline
 from tbm_gsa.history.summary import baseline_document, baselines_document
 
 Name = Annotated[str, typer.Argument(help="Name of the baseline.", show_default=False)]
@@ -77,7 +77,7 @@ def set_(
 ) -> None:
     """Store mean and scatter of the error per point and axis of the chosen windows; alarms are set against them."""
     with History(history or default_history(), create=False) as opened:
-        groups = opened.groups(BY_MACHINE, selection(point, since, until, source, machine))
+        groups = opened.groups(BY_ORIGIN, selection(point, since, until, source, machine))
         made = make_baseline(name, groups, time.time_ns())
         opened.store_baseline(made, replace=replace)
     _print(baseline_document(made), json)
@@ -100,9 +100,8 @@ def _print(document: dict[str, Any], json: bool) -> None:
 
 def baseline_table(document: dict[str, Any]) -> Table:
     """Mean and scatter per point and axis."""
-    table = Table(
-        title=Text(f"baseline {document['name']} of {document['machine']}: {document['since']} to {document['until']}")
-    )
+    of = " ".join(filter(None, (document["source"], document["machine"])))
+    table = Table(title=Text(f"baseline {document['name']} of {of}: {document['since']} to {document['until']}"))
     for heading in ("test point", "axis", "mean error", "scatter", "windows"):
         table.add_column(heading, justify="left" if heading in ("test point", "axis") else "right")
     for point, axes in document["points"].items():
@@ -114,10 +113,11 @@ def baseline_table(document: dict[str, Any]) -> Table:
 def _list_table(document: dict[str, Any]) -> Table:
     count = len(document["baselines"])
     table = Table(title=Text(f"{document['path']}: {count} baseline{'s' * (count != 1)}"))
-    for heading in ("baseline", "machine", "windows from", "to", "test points"):
+    for heading in ("baseline", "source", "machine", "windows from", "to", "test points"):
         table.add_column(heading)
     for one in document["baselines"]:
-        texts = (one["name"], one["machine"], one["since"][:10], one["until"][:10], ", ".join(one["points"]))
+        dates = (one["since"][:10], one["until"][:10])
+        texts = (one["name"], one["source"] or "–", one["machine"], *dates, ", ".join(one["points"]))
         table.add_row(*map(Text, texts))
     return table
 

@@ -11,7 +11,7 @@ from typing import Annotated
 import typer
 
 from tbm_gsa.errors import InputError
-from tbm_gsa.history import Selection
+from tbm_gsa.history import KINDS, Selection
 
 HISTORY_HELP = "History file; default: $TBM_HISTORY, else tbm_monitor/history.sqlite in the user's data folder."
 _UNITS = {"s": 1, "m": 60, "h": 3600, "d": 86400}
@@ -22,8 +22,16 @@ Since = Annotated[
     str | None, typer.Option(help="From this time on: ISO 8601 (UTC unless it says), or 30m, 12h, 7d before now.")
 ]
 Until = Annotated[str | None, typer.Option(help="Before this time, written like --since.")]
-Origin = Annotated[str | None, typer.Option("--source", help="live, offline, or a part of the recording's path.")]
-Of = Annotated[str | None, typer.Option("--machine", help="Windows of this machine only, by its name.")]
+Origin = Annotated[
+    str | None,
+    typer.Option("--source", help=f"{', '.join(KINDS)}, or a part of the recording's path or of the node's name."),
+]
+Of = Annotated[
+    str | None,
+    typer.Option(
+        "--machine", help="Windows of this machine only: its name, or 8 or more digits of its file's SHA-256."
+    ),
+]
 
 
 def selection(

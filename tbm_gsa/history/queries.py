@@ -1,6 +1,7 @@
 """What can be asked of an open history, whether it was opened to write or only to read."""
 
 import math
+import re
 import sqlite3
 import sys
 from collections.abc import Iterator, Sequence
@@ -12,7 +13,7 @@ from typing import Any, Final, Self
 import numpy as np
 
 from tbm_gsa.history.baseline import Baseline, Usual
-from tbm_gsa.history.entries import Entry, Group, Source, Window
+from tbm_gsa.history.entries import KINDS, Entry, Group, Source, Window
 from tbm_gsa.history.errors import HistoryError
 
 SOURCE_COLUMNS: Final = "kind, name, digest, machine, machine_sha256"
@@ -30,8 +31,9 @@ class Selection:
     since_ns, until_ns : int
         Windows that begin at or after, and before.
     source : str
-        ``live``, ``offline``, or a part of the source's name.
+        One of `KINDS`, or a part of the source's name.
     machine : str
+        Its name, or the first digits, eight at least, of its file's SHA-256.
     """
 
     point: str | None = None
@@ -42,12 +44,13 @@ class Selection:
 
     def condition(self) -> tuple[str, list[str | int]]:
         """Give the condition in SQL and its values."""
+        digits = self.machine if re.fullmatch("[0-9a-f]{8,64}", self.machine or "") else None
         parts: list[tuple[str, str | int | None]] = [
             ("point = ?", self.point),
             ("start_ns >= ?", self.since_ns),
             ("start_ns < ?", self.until_ns),
-            ("kind = ?" if self.source in ("live", "offline") else "instr(name, ?) > 0", self.source),
-            ("machine = ?", self.machine),
+            ("kind = ?" if self.source in KINDS else "instr(name, ?) > 0", self.source),
+            (f"? IN (machine, substr(machine_sha256, 1, {len(digits)}))" if digits else "machine = ?", self.machine),
         ]
         given = [(text, value) for text, value in parts if value is not None]
         return " AND ".join(text for text, _ in given) or "1", [value for _, value in given]
@@ -109,8 +112,11 @@ class Queries:
 
     def baselines(self) -> list[Baseline]:
         """All baselines, the oldest first."""
-        rows = self._connection.execute("SELECT * FROM baselines ORDER BY created_ns, name, machine").fetchall()
-        return [Baseline(*(*row, self._usual(*row[:2]))) for row in rows]
+        rows = self._connection.execute(
+            "SELECT name, machine, machine_sha256, created_ns, since_ns, until_ns, kind FROM baselines "
+            "ORDER BY created_ns, name, machine"
+        ).fetchall()
+        return [Baseline(*(*row[:6], self._usual(*row[:2]), row[6])) for row in rows]
 
     def baseline(self, name: str, machine: str | None = None) -> Baseline:
         """Find a baseline by its name and machine; the machine may be left out where only one has that name.

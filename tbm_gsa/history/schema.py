@@ -6,18 +6,9 @@ from typing import Final
 
 from tbm_gsa.history.errors import HistoryError
 
-SCHEMA_VERSION: Final = 3
+SCHEMA_VERSION: Final = 4
 APPLICATION_ID: Final = 0x54424D48  # "TBMH"
-_BASELINES: Final = """
-CREATE TABLE baselines (
-    name TEXT NOT NULL,
-    machine TEXT NOT NULL,
-    machine_sha256 TEXT NOT NULL,
-    created_ns INTEGER NOT NULL,
-    since_ns INTEGER NOT NULL,
-    until_ns INTEGER NOT NULL,
-    PRIMARY KEY (machine, name)
-) WITHOUT ROWID;
+_USUAL_ERRORS: Final = """
 CREATE TABLE usual_errors (
     machine TEXT NOT NULL,
     baseline TEXT NOT NULL,
@@ -30,16 +21,18 @@ CREATE TABLE usual_errors (
     FOREIGN KEY (machine, baseline) REFERENCES baselines (machine, name) ON DELETE CASCADE
 ) WITHOUT ROWID;
 """
-_SCHEMA: Final = f"""
-CREATE TABLE sources (
+_SOURCES: Final = """(
     id INTEGER PRIMARY KEY,
-    kind TEXT NOT NULL CHECK (kind IN ('live', 'offline')),
+    kind TEXT NOT NULL CHECK (kind IN ('live', 'replay', 'offline', 'synthetic')),
     name TEXT NOT NULL,
     digest TEXT NOT NULL,
     machine TEXT NOT NULL,
     machine_sha256 TEXT NOT NULL,
     UNIQUE (kind, name, digest, machine, machine_sha256)
 );
+"""
+_SCHEMA: Final = f"""
+CREATE TABLE sources {_SOURCES}
 CREATE TABLE windows (
     source INTEGER NOT NULL REFERENCES sources (id),
     point TEXT NOT NULL,
@@ -54,7 +47,17 @@ CREATE TABLE windows (
     field_kurtosis REAL,
     PRIMARY KEY (start_ns, source, point, axis, length_ns)
 ) WITHOUT ROWID;
-{_BASELINES}
+CREATE TABLE baselines (
+    name TEXT NOT NULL,
+    machine TEXT NOT NULL,
+    machine_sha256 TEXT NOT NULL,
+    created_ns INTEGER NOT NULL,
+    since_ns INTEGER NOT NULL,
+    until_ns INTEGER NOT NULL,
+    kind TEXT,
+    PRIMARY KEY (machine, name)
+) WITHOUT ROWID;
+{_USUAL_ERRORS}
 PRAGMA application_id = {APPLICATION_ID};
 PRAGMA user_version = {SCHEMA_VERSION};
 """
@@ -67,13 +70,31 @@ PRAGMA user_version = 2;
     2: f"""
 ALTER TABLE usual_errors RENAME TO old_errors;
 ALTER TABLE baselines RENAME TO old_baselines;
-{_BASELINES}
+CREATE TABLE baselines (
+    name TEXT NOT NULL,
+    machine TEXT NOT NULL,
+    machine_sha256 TEXT NOT NULL,
+    created_ns INTEGER NOT NULL,
+    since_ns INTEGER NOT NULL,
+    until_ns INTEGER NOT NULL,
+    PRIMARY KEY (machine, name)
+) WITHOUT ROWID;
+{_USUAL_ERRORS}
 INSERT INTO baselines SELECT * FROM old_baselines;
 INSERT INTO usual_errors
     SELECT machine, baseline, point, axis, mean, scatter, windows FROM old_errors JOIN old_baselines ON baseline = name;
 DROP TABLE old_errors;
 DROP TABLE old_baselines;
 PRAGMA user_version = 3;
+""",  # noqa: S608
+    # A table whose check changes is made anew; its rows keep the numbers that the windows refer to.
+    3: f"""
+ALTER TABLE baselines ADD COLUMN kind TEXT;
+CREATE TABLE new_sources {_SOURCES}
+INSERT INTO new_sources SELECT * FROM sources;
+DROP TABLE sources;
+ALTER TABLE new_sources RENAME TO sources;
+PRAGMA user_version = 4;
 """,  # noqa: S608
 }
 

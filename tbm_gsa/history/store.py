@@ -68,14 +68,13 @@ class History(Queries):
 
     def _prepare(self) -> None:
         """Check what is in the file, write the schema into an empty one, bring an older one up to date."""
+        ask = self._connection.execute
+        ask("PRAGMA foreign_keys = OFF")  # an update may replace a table that others refer to
         with self._transaction():  # one of several that find an empty or older file writes the schema
             bring_up_to_date(version_of(self.path, self._connection), self._connection)
-        for setting in (
-            "foreign_keys = ON",  # only now: an update may replace a table that others refer to
-            "journal_mode = WAL",
-            "synchronous = NORMAL",
-        ):
-            self._connection.execute(f"PRAGMA {setting}")
+        ask("PRAGMA foreign_keys = ON")
+        ask("PRAGMA journal_mode = WAL")
+        ask("PRAGMA synchronous = NORMAL")
 
     def add(self, source: Source, entries: Iterable[Entry]) -> int:
         """Commit windows of a source at once, replacing those it had for the same time; the number of entries."""
@@ -91,7 +90,7 @@ class History(Queries):
         return count
 
     def discard(self, node: str, since_ns: int, until_ns: int, most: int) -> int:
-        """Delete what a node wrote among the first so many windows that begin in a span of time.
+        """Delete the live windows of a node among the first so many windows that begin in a span of time.
 
         Returns
         -------
@@ -125,7 +124,7 @@ class History(Queries):
                 )
             ask(f"DELETE FROM {_NAMED}", key)  # noqa: S608
             ask(
-                "INSERT INTO baselines VALUES (?, ?, ?, ?, ?, ?)",
+                "INSERT INTO baselines VALUES (?, ?, ?, ?, ?, ?, ?)",
                 (
                     baseline.name,
                     baseline.machine,
@@ -133,6 +132,7 @@ class History(Queries):
                     baseline.created_ns,
                     baseline.since_ns,
                     baseline.until_ns,
+                    baseline.kind,
                 ),
             )
             for (point, axis), usual in baseline.usual.items():

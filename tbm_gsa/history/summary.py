@@ -86,6 +86,7 @@ def baseline_document(baseline: Baseline) -> dict[str, Any]:
         "name": baseline.name,
         "machine": baseline.machine,
         "machine_sha256": baseline.machine_sha256,
+        "source": baseline.kind,
         "created": iso_time(baseline.created_ns),
         "since": iso_time(baseline.since_ns),
         "until": iso_time(baseline.until_ns),
