@@ -114,10 +114,10 @@ def _list_table(document: dict[str, Any]) -> Table:
     count = len(document["baselines"])
     table = Table(title=Text(f"{document['path']}: {count} baseline{'s' * (count != 1)}"))
     for heading in ("baseline", "source", "machine", "windows from", "to", "test points"):
-        table.add_column(heading)
+        table.add_column(heading, justify="right" if heading == "test points" else "left", overflow="fold")
     for one in document["baselines"]:
         dates = (one["since"][:10], one["until"][:10])
-        texts = (one["name"], one["source"] or "–", one["machine"], *dates, ", ".join(one["points"]))
+        texts = (one["name"], one["source"] or "–", one["machine"], *dates, str(len(one["points"])))
         table.add_row(*map(Text, texts))
     return table
 
