@@ -73,3 +73,28 @@ def command(tmp_path):
         return done.returncode, done.stdout, done.stderr
 
     return run
+
+
+# Files that take ten seconds and more, the longest first: one that comes last leaves all workers but its own idle.
+LONGEST = (
+    "test_demo.py",
+    "test_analysis_node.py",
+    "test_run.py",
+    "test_killed_nodes.py",
+    "test_native.py",
+    "test_bag_recorder.py",
+    "test_time.py",
+    "test_faults.py",
+    "test_signals.py",
+    "test_whole_system.py",
+    "test_reproduction.py",
+    "test_explanation.py",
+    "test_gsa_command.py",
+    "test_study.py",
+)
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Long files first; the others stay as they are."""
+    place = {name: number for number, name in enumerate(LONGEST)}
+    items.sort(key=lambda item: place.get(item.path.name, len(place)))

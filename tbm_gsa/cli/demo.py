@@ -38,6 +38,9 @@ G = 9.80665
 _LOOK_S = 0.2
 _ASKED_S = 10.0
 """Longest wait for a study to start after it was asked for, and for its result."""
+_START_S = 300.0
+"""Longest start of the nodes, with everything to compile."""
+_SAID = {"tbm: loads", "tbm: dynamics", "tbm: history"}  # once a second by each of the nodes
 _STRONGEST = 5
 
 
@@ -63,6 +66,8 @@ def demo(
     with watch(described.description.test_points) as watching, NodeProcesses(out / "logs") as nodes:
         for command in node_commands(recording, machine, seed, out, samples, test, names):
             nodes.start(command)
+        _wait_until_active(watching, nodes)
+        nodes.start(player_command(recording))
         notes.print(
             f"playing {recording.path} ({length:.0f} s) to three nodes; logs in {out / 'logs'}", highlight=False
         )
@@ -78,7 +83,7 @@ def demo(
 def node_commands(
     recording: Recording, machine: str, seed: int, out: Path, samples: int, test: int, outputs: Sequence[str]
 ) -> list[NodeCommand]:
-    """Give player and nodes; the nodes follow the recording's clock."""
+    """Name the three nodes, which follow the recording's clock."""
     common: dict[str, ParameterValue] = {"machine": machine, "use_sim_time": True}
     study: dict[str, ParameterValue] = {
         "gsa.samples": samples,
@@ -90,15 +95,25 @@ def node_commands(
     }
     mapping = default_mapping_file(recording.path)
     stated: dict[str, ParameterValue] = {"mapping": str(mapping)} if mapping else {}
-    # The comparison sees every topic from its first message.
-    play: dict[str, ParameterValue] = {"wait_for_subscribers": max(2, len(recording.points)), "wait_timeout": 30.0}
     return [
         NodeCommand("analysis_node", ANALYSIS_NODE, {**common, **study, **stated}),
         NodeCommand("dynamics_node", DYNAMICS_NODE, {**common, "seed": seed}),
         # Dynamics and this process: both see the stream from its first block.
         NodeCommand("load_node", LOAD_NODE, {**common, "seed": seed, "wait_for_subscribers": 2}),
-        NodeCommand("bag_player", BAG_PLAYER, {"bag": str(recording.path), **play}),
     ]
+
+
+def player_command(recording: Recording) -> NodeCommand:
+    """Name the player; the comparison sees every topic from its first message."""
+    play: dict[str, ParameterValue] = {"wait_for_subscribers": max(2, len(recording.points)), "wait_timeout": 30.0}
+    return NodeCommand("bag_player", BAG_PLAYER, {"bag": str(recording.path), **play})
+
+
+def _wait_until_active(watching: Watch, nodes: NodeProcesses) -> None:
+    """Wait until every node says how it is: on a computer that still compiles the recording would be over before."""
+    _wait_while(watching, nodes, lambda: not watching.seen.diagnostics.keys() >= _SAID, _START_S)
+    if missing := sorted(_SAID - watching.seen.diagnostics.keys()):
+        raise RunError(f"{missing[0]}: nothing on /diagnostics for {_START_S:g} s; see the logs")
 
 
 def _play(watching: Watch, nodes: NodeProcesses, length: float) -> None:

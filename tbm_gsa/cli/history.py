@@ -17,11 +17,8 @@ from tbm_gsa.errors import InputError
 from tbm_gsa.files import check_folder, write_whole
 from tbm_gsa.history import Baseline, HistoryReader, Selection, Window, default_history
 from tbm_gsa.history.summary import history_document
-from tbm_gsa.report.history_page import history_page, history_picture
 
-app = typer.Typer(
-    add_completion=False, help="Windows of all comparisons over time, and baselines.", invoke_without_command=True
-)
+app = typer.Typer(add_completion=False, invoke_without_command=True)
 app.add_typer(baseline.app, name="baseline")
 
 MOST_PLOTTED = 5_000_000  # windows, which are held in memory: a week of five points every 2 s
@@ -52,10 +49,8 @@ def show(
     with HistoryReader(history or default_history()) as opened:
         document = history_document(opened, chosen, limit)
         windows, baselines = _to_plot(opened, chosen) if plotted else ([], [])
-    if html is not None:
-        write_whole(html, history_page(opened.path, windows, baselines).encode())
-    if png is not None:
-        write_whole(png, history_picture(windows, baselines))
+    if plotted:
+        _plot(windows, baselines, opened.path, html, png)
     if json:
         print_json(document)
     else:
@@ -80,6 +75,15 @@ def _to_plot(history: HistoryReader, selection: Selection) -> tuple[list[Window]
     windows = history.windows(selection)
     machines = {window.source.machine for window in windows}
     return windows, [one for one in history.baselines() if one.machine in machines]
+
+
+def _plot(windows: list[Window], baselines: list[Baseline], path: Path, html: Path | None, png: Path | None) -> None:
+    from tbm_gsa.report.history_page import history_page, history_picture  # noqa: PLC0415 - matplotlib takes its time
+
+    if html is not None:
+        write_whole(html, history_page(path, windows, baselines).encode())
+    if png is not None:
+        write_whole(png, history_picture(windows, baselines))
 
 
 def _print_tables(document: dict[str, Any]) -> None:

@@ -36,7 +36,7 @@ from tbm_msgs_py import topics
 if TYPE_CHECKING:
     from tbm_gsa.nodes.watch import Watch
 
-_FIRST_BLOCK_S = 60.0
+_FIRST_BLOCK_S = 300.0
 """Longest wait for the first block; on a cold cache the kernel is compiled in it."""
 _LOOK_S = 0.2
 _NODES = ("load_node", "dynamics_node", "analysis_node")

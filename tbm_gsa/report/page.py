@@ -1,14 +1,14 @@
 """Rendering of HTML pages that need nothing but themselves: no script, no remote content."""
 
 import base64
-import io
 from collections.abc import Mapping
 from functools import lru_cache
 
 from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup
-from matplotlib import rc_context
 from matplotlib.figure import Figure
+
+from tbm_gsa.report.picture import drawn
 
 
 def render_page(template: str, context: Mapping[str, object]) -> str:
@@ -27,11 +27,7 @@ def embed_figure(figure: Figure, description: str) -> Markup:
     description : str
         What the figure shows, for those who cannot see it.
     """
-    buffer = io.BytesIO()
-    # Fixed salt and no date: equal results give equal pages.
-    with rc_context({"svg.hashsalt": "tbm_monitor"}):
-        figure.savefig(buffer, format="svg", metadata={"Date": None})
-    data = base64.b64encode(buffer.getvalue()).decode("ascii")
+    data = base64.b64encode(drawn(figure, ".svg")).decode("ascii")
     return Markup('<img src="data:image/svg+xml;base64,{}" alt="{}">').format(data, description)
 
 

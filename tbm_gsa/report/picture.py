@@ -9,12 +9,15 @@ from pathlib import Path
 from typing import Final
 
 from matplotlib import rc_context
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.backends.backend_svg import FigureCanvasSVG
 from matplotlib.figure import Figure
 
 from tbm_gsa.errors import InputError
 from tbm_gsa.files import check_folder, write_whole
 
 FORMATS: Final = (".png", ".svg")
+PNG_DPI: Final = 150
 
 
 def check_path(path: Path) -> None:
@@ -33,10 +36,23 @@ def check_path(path: Path) -> None:
 def write_picture(draw: Callable[[], Figure], path: Path) -> None:
     """Draw a figure into a .png or .svg file; equal figures give equal files."""
     check_path(path)
-    # Fixed salt and no date. Names of others are no mathematics, which a text is told when it is made.
-    with rc_context({"svg.hashsalt": "tbm_monitor", "text.parse_math": False}), warnings.catch_warnings():
+    # Names of others are no mathematics, which a text is told when it is made.
+    with rc_context({"text.parse_math": False}), warnings.catch_warnings():
         warnings.filterwarnings("ignore", "Glyph .* missing from font")  # it draws a box
-        drawn = BytesIO()
-        metadata = {"Date": None} if path.suffix == ".svg" else None
-        draw().savefig(drawn, format=path.suffix.removeprefix("."), dpi=150, metadata=metadata)
-    write_whole(path, drawn.getvalue())
+        content = drawn(draw(), path.suffix)
+    write_whole(path, content)
+
+
+def drawn(figure: Figure, kind: str) -> bytes:
+    """Draw a figure as one of `FORMATS`; equal figures give equal bytes.
+
+    Not by way of `savefig`, which draws a figure with a layout twice, the first time for the layout alone.
+    """
+    buffer = BytesIO()
+    if kind == ".png":
+        figure.set_dpi(PNG_DPI)
+        FigureCanvasAgg(figure).print_png(buffer)  # type: ignore[no-untyped-call]
+    else:
+        with rc_context({"svg.hashsalt": "tbm_monitor"}):  # fixed salt and no date
+            FigureCanvasSVG(figure).print_svg(buffer, metadata={"Date": None})  # type: ignore[no-untyped-call]
+    return buffer.getvalue()

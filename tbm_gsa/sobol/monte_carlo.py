@@ -1,7 +1,7 @@
 """Sobol indices of any function by Saltelli's sampling scheme, with SALib's estimators."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
@@ -119,17 +119,24 @@ def convergence_sizes(samples: Sequence[int] = SAMPLE_SIZES) -> dict[int, tuple[
 
 def estimate(values: Values, seed: int) -> SobolIndices:
     """Find indices and bootstrap intervals from values on a pick-freeze design."""
-    a, b, mixed = values.a, values.b, values.mixed
     first_interval, total_interval, second_interval = _bootstrap(values, seed)
+    return replace(
+        point_estimate(values),
+        first_interval=first_interval,
+        total_interval=total_interval,
+        second_interval=second_interval,
+    )
+
+
+def point_estimate(values: Values) -> SobolIndices:
+    """Find indices without intervals from values on a pick-freeze design."""
+    a, b, mixed = values.a, values.b, values.mixed
     return SobolIndices(
         first=np.array([first_order(a, row, b) for row in mixed]),
         total=np.array([total_order(a, row, b) for row in mixed]),
         mean=values.mean,
         variance=values.spread**2,
-        first_interval=first_interval,
-        total_interval=total_interval,
         second=_second(values),
-        second_interval=second_interval,
         evaluations=values.evaluations,
     )
 
@@ -156,11 +163,11 @@ def _bootstrap(values: Values, seed: int) -> tuple[Array, Array, Array | None]:
     count, groups = len(a), len(mixed)
     generator = np.random.default_rng(seed)
     low = np.triu_indices(groups, 1)
+    terms = np.concatenate([b * (mixed - a), 0.5 * (a - mixed) ** 2, [0.5 * (a + b), 0.5 * (a**2 + b**2)]]).T.copy()
     means, pairs = [], []
     for size in _sizes(RESAMPLES, max(1, GROUP_NUMBERS // count)):
         counts = resample(generator, size, count)
-        terms = (b * (mixed - a), 0.5 * (a - mixed) ** 2, np.stack([0.5 * (a + b), 0.5 * (a**2 + b**2)]))
-        means.append(np.concatenate([counts @ term.T for term in terms], axis=1))
+        means.append(counts @ terms)
         if values.back is not None:
             blocks = [counts @ (back * mixed[j + 1 :] - a * b).T for j, back in enumerate(values.back[:-1])]
             pairs.append(np.concatenate(blocks, axis=1))
@@ -177,8 +184,11 @@ def _bootstrap(values: Values, seed: int) -> tuple[Array, Array, Array | None]:
 
 def resample(generator: np.random.Generator, resamples: int, count: int) -> Array:
     """Shares (resamples, count) of each of `count` points in bootstrap resamples."""
-    drawn = generator.integers(count, size=(resamples, count))
-    return np.stack([np.bincount(row, minlength=count) for row in drawn]) / count
+    shares = np.empty((resamples, count))
+    for row in shares:
+        row[:] = np.bincount(generator.integers(count, size=count), minlength=count)
+    shares /= count
+    return shares
 
 
 def _sizes(total: int, largest: int) -> list[int]:

@@ -7,7 +7,8 @@ import numpy as np
 
 from tbm_gsa.sobol.closed_form import sobol_closed_form, with_jackknife
 from tbm_gsa.sobol.indices import Groups, SobolIndices, checked_groups, of_a_constant
-from tbm_gsa.sobol.monte_carlo import sobol_monte_carlo
+from tbm_gsa.sobol.monte_carlo import point_estimate, sobol_monte_carlo
+from tbm_gsa.sobol.pick_freeze import Design, Values
 from tbm_gsa.surrogates.base import CrossValidation, Surrogate
 
 STILL: Final = 1e-9
@@ -58,8 +59,9 @@ def sobol_of_surrogate(
     indices = sobol_monte_carlo(model.predict, model.bounds, samples, seed, groups=groups, second=second)
     if validation is None:
         return indices
+    design = Design.draw(model.bounds, FOLD_SAMPLES, seed, groups)
     folds = [
-        replace(sobol_monte_carlo(fold.predict, fold.bounds, FOLD_SAMPLES, seed, groups=groups), second=indices.second)
+        replace(point_estimate(Values.of(fold.predict, design)), second=indices.second)
         for fold in validation.models
         if not is_constant(fold)
     ]

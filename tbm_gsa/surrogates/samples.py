@@ -113,9 +113,9 @@ def checked_points(X: ArrayLike, bounds: Array) -> Array:
         row, column = np.argwhere(~np.isfinite(points))[0]
         raise InputError(f"X[{row}, {column}] is {points[row, column]}, allowed: finite numbers")
     slack = OUTSIDE_TOLERANCE * (bounds[:, 1] - bounds[:, 0])
-    outside = np.argwhere((points < bounds[:, 0] - slack) | (points > bounds[:, 1] + slack))
-    if len(outside):
-        row, column = outside[0]
+    outside = (points < bounds[:, 0] - slack) | (points > bounds[:, 1] + slack)
+    if outside.any():  # asked first: the search takes a hundred times as long
+        row, column = np.argwhere(outside)[0]
         lower, upper = bounds[column]
         raise InputError(f"X[{row}, {column}] = {points[row, column]:g}, allowed: {lower:g} to {upper:g}, its bounds")
     return points

@@ -15,7 +15,6 @@ from pathlib import Path
 from typing import Final
 
 from tbm_msgs_py.bags import metadata
-from tbm_msgs_py.bags.bag import Bag
 from tbm_msgs_py.bags.errors import RecordingError
 from tbm_msgs_py.bags.locking import lock
 from tbm_msgs_py.bags.marks import custom_data
@@ -99,6 +98,8 @@ def _delete(file: Path, writing: BagWriter) -> bool:
 
 def _delete_finished(file: Path) -> bool:
     """Delete a file of a finished recording, and with its last one the recording; False where it is none of its."""
+    from tbm_msgs_py.bags.bag import Bag  # noqa: PLC0415 - no recorder without a quota reads recordings
+
     folder = file.parent
     described = metadata.read(folder)
     names, found = [other["path"] for other in described["files"]], custom_data(described)

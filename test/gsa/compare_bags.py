@@ -1,5 +1,7 @@
 """Small recordings for the tests of the comparison."""
 
+from functools import cache
+
 import numpy as np
 
 from tbm_dynamics import load_machine, simulate
@@ -15,9 +17,17 @@ __all__ = ["RATE", "START_NS", "G", "model_values", "noise", "write_bag"]
 
 def model_values(seed, duration=10.0, machine=None):
     """Accelerations of a machine, by default dz101, at its test points at the model's own rate, 10 kHz."""
-    chosen = machine or load_machine("dz101")
-    points = chosen.description.test_points
-    response = simulate(chosen, duration, seed, outputs=points.values())
+    return _own_values(seed, duration) if machine is None else _values(machine, seed, duration)
+
+
+@cache
+def _own_values(seed, duration):
+    return _values(load_machine("dz101"), seed, duration)
+
+
+def _values(machine, seed, duration):
+    points = machine.description.test_points
+    response = simulate(machine, duration, seed, outputs=points.values())
     return {point: response.acceleration(node)[:, :3] for point, node in points.items()}
 
 

@@ -10,6 +10,9 @@ from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
 
+from distributed import Client
+from evaluations import LONG_S
+
 _PROGRAM = "import sys; from distributed.cli.{0} import main; sys.exit(main())"
 
 
@@ -22,7 +25,7 @@ class Cluster:
 
 @contextmanager
 def dask_cluster(folder):
-    """Scheduler and one worker process with one thread, watched by its nanny."""
+    """Scheduler and one worker process with one thread, watched by its nanny; both are there."""
     file = folder / "scheduler.json"
     local = ["--host", "127.0.0.1", "--no-dashboard"]
     scheduler = _start(folder, "dask_scheduler", *local, "--port", "0", "--scheduler-file", str(file))
@@ -30,6 +33,8 @@ def dask_cluster(folder):
     try:
         address = _address(file, scheduler)
         worker = _start(folder, "dask_worker", address, *local, "--nthreads", "1", "--local-directory", str(folder))
+        with Client(address, timeout=LONG_S, set_as_default=False) as client:
+            client.wait_for_workers(1, timeout=LONG_S)
         yield Cluster(address, scheduler, worker)
     finally:
         for process in filter(None, (worker, scheduler)):
@@ -57,7 +62,7 @@ def _end(process):
 
 
 def _address(file, scheduler):
-    end = time.monotonic() + 60.0
+    end = time.monotonic() + LONG_S
     while True:
         assert scheduler.poll() is None, "the scheduler ended"
         assert time.monotonic() < end, "the scheduler wrote no address"

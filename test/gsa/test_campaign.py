@@ -58,7 +58,7 @@ def test_a_cancelled_campaign_goes_on_where_it_stopped(store, tmp_path):
     calls = tmp_path / "calls"
     calls.mkdir()
     with pytest.raises(StudyCancelled, match=r"cancelled after \d+ of 15"):
-        run_campaign(store, Traced(str(calls), 0.02), cancelled=lambda: store.counts().done >= 4)
+        run_campaign(store, Traced(str(calls)), cancelled=lambda: store.counts().done >= 4)
     stopped = store.counts()
     assert 4 <= stopped.done < 15
     assert len(list(calls.iterdir())) == stopped.done

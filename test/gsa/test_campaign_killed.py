@@ -1,4 +1,7 @@
-"""Campaigns whose processes are killed: all of them, the parent, workers; with real processes."""
+"""Campaigns whose processes are killed: all of them, the parent, workers; with real processes.
+
+They are killed while both workers are held in a simulation, so nothing depends on how fast anything is.
+"""
 
 import os
 import signal
@@ -6,12 +9,14 @@ import subprocess
 import sys
 import time
 from collections import Counter
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 import numpy as np
 import pytest
 from campaign_problem import PROBLEM
 from evaluations import (
+    LONG_S,
     KillsItsProcessOnce,
     Traced,
     always_kills_its_process,
@@ -26,6 +31,7 @@ from tbm_gsa.study.store import Counts, Store
 
 @pytest.fixture
 def calls(tmp_path):
+    (tmp_path / "held").mkdir()
     folder = tmp_path / "calls"
     folder.mkdir()
     return folder
@@ -38,14 +44,26 @@ def uninterrupted(tmp_path_factory):
         return [store.results(part) for part in ("train", "test")]
 
 
-def _start_slow_campaign(folder):
+@contextmanager
+def _held_campaign(folder, calls):
+    """Process of a campaign both of whose workers are held in a simulation, after another eight or so."""
     script = Path(__file__).with_name("killed_campaign.py")
     environment = {**os.environ, "PYTHONPATH": os.pathsep.join(filter(None, [*sys.path, str(script.parent)]))}
-    return subprocess.Popen([sys.executable, str(script), str(folder)], env=environment, start_new_session=True)
+    before, free = set((folder / "held").iterdir()), len(list(calls.iterdir())) + 8
+    process = subprocess.Popen(
+        [sys.executable, str(script), str(folder), str(free)], env=environment, start_new_session=True
+    )
+    try:
+        _wait_until(lambda: len(set((folder / "held").iterdir()) - before) == 2)
+        yield process
+    finally:
+        with suppress(ProcessLookupError):
+            os.killpg(process.pid, signal.SIGKILL)
+        process.wait()
 
 
-def _wait_until(condition, seconds=60.0):
-    end = time.monotonic() + seconds
+def _wait_until(condition):
+    end = time.monotonic() + LONG_S
     while not condition():
         assert time.monotonic() < end, "timed out"
         time.sleep(0.02)
@@ -71,13 +89,12 @@ def _assert_the_same(store, uninterrupted):
 
 @pytest.mark.parametrize("sent", [signal.SIGKILL, signal.SIGINT])
 def test_a_killed_campaign_leaves_no_worker_and_resumes_to_the_same_result(tmp_path, calls, uninterrupted, sent):
-    process = _start_slow_campaign(tmp_path)
-    _wait_until(lambda: len(list(calls.iterdir())) >= 8)
-    workers = _workers(calls)
-    assert len(workers) == 2
-    process.send_signal(sent)
-    process.wait(timeout=30)
-    _wait_until(lambda: not any(_alive(pid) for pid in workers), seconds=15.0)
+    with _held_campaign(tmp_path, calls) as process:
+        workers = _workers(calls)
+        assert len(workers) == 2
+        process.send_signal(sent)
+        process.wait(timeout=LONG_S)
+        _wait_until(lambda: not any(_alive(pid) for pid in workers))
 
     with Store.open(tmp_path / "store.sqlite") as store:
         stored = store.counts().ok
@@ -92,29 +109,26 @@ def test_a_killed_campaign_leaves_no_worker_and_resumes_to_the_same_result(tmp_p
 def test_killing_everything_again_and_again_changes_nothing(tmp_path, calls, uninterrupted):
     kills = 2
     for _ in range(kills):
-        process = _start_slow_campaign(tmp_path)
-        seen = len(list(calls.iterdir()))
-        _wait_until(lambda seen=seen: len(list(calls.iterdir())) >= seen + 8)
-        os.killpg(process.pid, signal.SIGKILL)  # parent and workers at once
-        process.wait()
-    process = _start_slow_campaign(tmp_path)
-    assert process.wait(timeout=60) == 0
+        with _held_campaign(tmp_path, calls) as process:
+            os.killpg(process.pid, signal.SIGKILL)  # parent and workers at once
+            process.wait()
     with Store.open(tmp_path / "store.sqlite") as store:
+        run_campaign(store, Traced(str(calls)))
         assert store.counts() == Counts(total=36, ok=36, failed=0)
         _assert_the_same(store, uninterrupted)
     assert len(list(calls.iterdir())) <= 36 + kills * 4
 
 
 def test_a_killed_worker_is_replaced_and_only_its_sample_runs_again(tmp_path, calls, uninterrupted):
-    process = _start_slow_campaign(tmp_path)
-    _wait_until(lambda: len(list(calls.iterdir())) >= 8)
-    os.kill(min(_workers(calls)), signal.SIGKILL)
-    assert process.wait(timeout=60) == 0
+    with _held_campaign(tmp_path, calls) as process:
+        os.kill(min(_workers(calls)), signal.SIGKILL)
+        (tmp_path / "go").touch()
+        assert process.wait(timeout=LONG_S) == 0
     with Store.open(tmp_path / "store.sqlite") as store:
         assert store.counts() == Counts(total=36, ok=36, failed=0)
         _assert_the_same(store, uninterrupted)
     runs = Counter(path.name.rsplit("-", 1)[0] for path in calls.iterdir())
-    assert sum(runs.values()) <= 37
+    assert sum(runs.values()) == 37
     assert len(_workers(calls)) == 3
 
 

@@ -56,7 +56,7 @@ def test_a_cancelled_campaign_goes_on_in_processes(store, tmp_path, cluster):
     with pytest.raises(StudyCancelled):
         run_campaign(
             store,
-            Traced(str(calls), 0.02),
+            Traced(str(calls)),
             scheduler=cluster.address,
             cancelled=lambda: store.counts().done >= 4,
         )
@@ -76,7 +76,7 @@ def test_a_scheduler_that_dies_is_one_line_and_what_finished_is_stored(store, tm
                 mortal.scheduler.kill()
 
         with pytest.raises(StudyError, match="the scheduler is gone; what finished is stored"):
-            run_campaign(store, Traced(str(calls), 0.1), scheduler=mortal.address, progress=progress)
+            run_campaign(store, Traced(str(calls)), scheduler=mortal.address, progress=progress)
     assert 4 <= store.counts().ok < 36
     assert "Traceback" not in capfd.readouterr().err
 

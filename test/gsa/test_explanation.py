@@ -2,17 +2,22 @@
 
 Sources: a linear Gaussian model, whose evidence and posterior are known in closed form (scipy's normal and truncated
 normal distributions); recordings simulated with one stiffness halved (the planted truth); PyYAML on the written file.
+
+What the command simulates takes minutes with its own numbers, which are tried under `verify`; here it hands on smaller
+ones than it allows.
 """
 
 import json
 import signal
 import sys
+from dataclasses import replace
 
 import numpy as np
 import pytest
 import scipy.integrate
 import yaml
 from compare_bags import model_values, write_bag
+from here import simulations_here
 from scipy.stats import multivariate_normal, truncnorm
 
 from tbm_dynamics import MachineError, load_machine, simulate
@@ -104,9 +109,9 @@ def test_shrinkage_keeps_the_sizes():
 def compared(tmp_path_factory):
     """Document of a recording of a machine in a rock of half the stiffness."""
     machine = load_machine("dz101").with_inputs(x16=0.5)
-    values = {"cutterhead": model_values(77, 20.0, machine)["cutterhead"]}
+    values = {"cutterhead": model_values(77, 10.0, machine)["cutterhead"]}
     bag = write_bag(tmp_path_factory.mktemp("planted") / "bag", values, rate=10_000)
-    return compare_recording(bag, "dz101", model_duration=20.0, settings=Settings(bands=((0.5, 20.0),))).document
+    return compare_recording(bag, "dz101", model_duration=10.0, settings=Settings(bands=((0.5, 20.0),))).document
 
 
 def test_the_statistics_of_a_comparison(compared):
@@ -131,9 +136,15 @@ def command(folder, monkeypatch, capsys):
     monkeypatch.chdir(folder)
     monkeypatch.setattr(signal, "signal", lambda *_: None)
 
+    def small(comparison, folder, options):
+        assert (options.samples, options.duration, options.workers) == (60, 2.0, 1)
+        return explain(comparison, folder, replace(options, samples=20, duration=1.0, seeds=4))
+
+    monkeypatch.setattr(workflow, "explain", small)
+
     def run(line):
         monkeypatch.setattr(sys, "argv", ["tbm-monitor", *line.split()])
-        with pytest.raises(SystemExit) as end:
+        with pytest.raises(SystemExit) as end, simulations_here():
             main()
         return end.value.code, *capsys.readouterr()
 
@@ -142,7 +153,7 @@ def command(folder, monkeypatch, capsys):
 
 def test_explained_and_written_as_a_machine(compared, folder, command):
     (folder / "compared.json").write_text(json.dumps(compared), "utf-8")
-    code, out, err = command("gsa explain compared.json --out found --samples 60 --duration 2 --json")
+    code, out, err = command("gsa explain compared.json --out found --samples 60 --duration 2 --workers 1 --json")
     assert (code, err) == (0, "page: found/explanation.html\n")
     document = json.loads(out)
     first = document["causes"][0]
@@ -213,7 +224,7 @@ def test_what_no_input_explains(compared, folder, command, monkeypatch):
     (folder / "wrong.json").write_text(json.dumps(wrong), "utf-8")
     real = workflow.explanation_document
     monkeypatch.setattr(workflow, "explanation_document", lambda *given: {**real(*given), "seconds": float("nan")})
-    code, out, err = command("gsa explain wrong.json --out found --samples 60 --duration 2")
+    code, out, err = command("gsa explain wrong.json --out found --samples 60 --duration 2 --workers 1")
     assert (code, err) == (0, "page: found/explanation.html\n")
     text = (folder / "found" / "explanation.json").read_text("utf-8")
     document = json.loads(text, parse_constant=pytest.fail)  # which JSON does not have

@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from history_writers import LENGTH, START, entry, write
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
@@ -26,8 +27,6 @@ from tbm_gsa.history import (
 )
 from tbm_gsa.history.summary import summarise
 
-START = 1_700_000_000_000_000_000
-LENGTH = 2_000_000_000
 LIVE = Source("live", "/tbm/analysis_node", "", "dz101", "ab" * 32)
 BAG = Source("offline", "bags/field", "cd" * 32, "dz101", "ab" * 32)
 
@@ -45,10 +44,6 @@ entries = st.builds(
     field_peak=numbers,
     field_kurtosis=numbers,
 )
-
-
-def entry(number, point="shield", axis="x", error=0.2):
-    return Entry(point, axis, START + number * LENGTH, LENGTH, 1.0, 1.2, error, 1.0)
 
 
 @pytest.fixture
@@ -187,16 +182,11 @@ def test_a_version_1_file_that_cannot_be_migrated_stays_as_it_is(old):
     assert "field_peak" not in [row[1] for row in connection.execute("PRAGMA table_info(windows)")]
 
 
-def write(path, number):
-    with History(path) as opened:
-        for place in range(50):
-            opened.add(Source("live", f"node {number}", "", "dz101", ""), [entry(place)])
-
-
 @pytest.mark.parametrize("there", [False, True])
 def test_several_processes_share_a_file_from_its_creation_or_migration_on(tmp_path, old, there):
     path = old if there else tmp_path / "shared.sqlite"
-    context = multiprocessing.get_context("spawn")
+    context = multiprocessing.get_context("forkserver")  # which loads once what all of them need
+    context.set_forkserver_preload(["tbm_gsa.history"])
     writers = [context.Process(target=write, args=(path, number)) for number in range(3)]
     for writer in writers:
         writer.start()

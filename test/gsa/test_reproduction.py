@@ -1,4 +1,7 @@
-"""`tbm-monitor reproduce`: every table and figure has its rows; runs again, goes on, and refuses bad input."""
+"""`tbm-monitor reproduce`: every table and figure has its rows; runs again, goes on, and refuses bad input.
+
+The whole of it, in the paper's numbers, takes minutes and is marked `verify`; a tiny one runs always.
+"""
 
 import json
 import re
@@ -6,6 +9,7 @@ from dataclasses import replace
 from html.parser import HTMLParser
 
 import pytest
+from here import simulations_here, small_samplings
 
 from tbm_dynamics.indicators import INDICATORS
 from tbm_gsa.cli import output
@@ -26,7 +30,7 @@ from tbm_gsa.study.problem import Problem
 from tbm_gsa.study.store import Store
 
 TINY = Sizes(
-    train=12, test=3, other_train=11, simulation_s=0.02, run_s=4.0, model_s=4.0, loads_s=20.0, whole_study=False
+    train=12, test=2, other_train=11, simulation_s=0.02, run_s=2.0, model_s=2.0, loads_s=20.0, whole_study=False
 )
 
 # Section by section what the paper says, as ids of rows: written by hand, not taken from the code.
@@ -62,7 +66,8 @@ def folder(tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def result(folder):
-    return reproduce("dz101", folder, shipped_bag(), sizes=TINY)
+    with simulations_here(), small_samplings():
+        return reproduce("dz101", folder, shipped_bag(), sizes=TINY, workers=1)
 
 
 def _without_times(document):
@@ -121,7 +126,8 @@ def test_again_it_redoes_no_simulation_and_says_the_same(result, folder, monkeyp
     campaign = studies.Campaign(own, "dz101", TINY.train, TINY.test, TINY.simulation_s, 0)
     store = folder / own.name / "store.sqlite"
     before = store.read_bytes()
-    study = studies.fitted_study(campaign, folder / own.name, workers=2, progress=lambda *_: None)
+    with small_samplings():
+        study = studies.fitted_study(campaign, folder / own.name, workers=1, progress=lambda *_: None)
     assert store.read_bytes() == before
     again = [*surrogate_rows(own, study), *sensitivity_rows(gather_sensitivity(own, study))]
     said = {row.id: row for row in result.rows}

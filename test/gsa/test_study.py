@@ -1,4 +1,8 @@
-"""A whole study with an analytic evaluation: result, report, resume; and what importing the package loads."""
+"""A whole study with an analytic evaluation: result, report, resume; and what importing the package loads.
+
+An analysis of two outputs takes two seconds however small the study, and as much again in each process it is shared
+with: what can be asked of one study is asked of one, and processes are started where the test is about them.
+"""
 
 import json
 import re
@@ -9,10 +13,12 @@ from html.parser import HTMLParser
 import numpy as np
 import pytest
 from evaluations import OUTPUTS, analytic, fails_above
+from here import simulations_here
 
 from tbm_gsa import fit_surrogate, sobol_closed_form
 from tbm_gsa.report.page import render_page
 from tbm_gsa.study import analysis
+from tbm_gsa.study.campaign import run_campaign
 from tbm_gsa.study.errors import StudyCancelled, StudyError
 from tbm_gsa.study.inputs import PAPER_INPUTS, InputSet
 from tbm_gsa.study.problem import Problem
@@ -21,11 +27,20 @@ from tbm_gsa.study.store import Store
 
 THREE = InputSet(tuple(PAPER_INPUTS[code] for code in ("x2", "x4", "x16")))
 PROBLEM = Problem(THREE, OUTPUTS, train=40, test=8, seed=0, settings={"machine": "<b>analytic & quick</b>"})
+METHODS = ("svr", "krg", "prs")
+ANALYSED = [(done, len(OUTPUTS)) for done in range(len(OUTPUTS) + 1)]
 
 
 @pytest.fixture(scope="module")
 def study(tmp_path_factory):
-    return run_study(PROBLEM, analytic, tmp_path_factory.mktemp("study"), StudyOptions(methods=("svr", "krg", "prs")))
+    """Finished study, worked on in this process alone."""
+    analysed = []
+    options = StudyOptions(METHODS, workers=1, analysis_progress=lambda *counts: analysed.append(counts))
+    with simulations_here(), pytest.MonkeyPatch.context() as patch:
+        patch.setattr(analysis, "local_processes", pytest.fail)
+        finished = run_study(PROBLEM, analytic, tmp_path_factory.mktemp("study"), options)
+    assert analysed == ANALYSED
+    return finished
 
 
 def test_the_document_follows_the_contract(study):
@@ -94,59 +109,46 @@ def test_a_page_with_a_gap_is_an_error():
         render_page("gsa.html", {"title": "nothing else"})
 
 
-def test_reporting_again_gives_the_same_numbers(study, tmp_path):
-    (tmp_path / "store.sqlite").write_bytes((study.folder / "store.sqlite").read_bytes())
-    again = report_study(tmp_path, StudyOptions(methods=("svr", "krg", "prs")))
-    assert again.document["outputs"] == study.document["outputs"]
-
-
-@pytest.mark.parametrize("workers", [1, 2])
-def test_workers_and_progress_hold_for_the_analysis_too(study, tmp_path, monkeypatch, workers):
-    started, seen = [], []
+def test_a_cancelled_study_resumes_to_the_same_numbers(study, tmp_path, monkeypatch):
+    """In two processes, which share the analysis too."""
+    seen, started, analysed = [], [], []
     local_processes = analysis.local_processes
 
     def start(count):
         started.append(count)
         return local_processes(count)
 
-    monkeypatch.setattr(analysis, "local_processes", start)
-    (tmp_path / "store.sqlite").write_bytes((study.folder / "store.sqlite").read_bytes())
-    options = StudyOptions(("prs",), workers=workers, analysis_progress=lambda *counts: seen.append(counts))
-    report_study(tmp_path, options)
-    assert started == [workers][: workers - 1]  # one works here, in this process
-    assert seen == [(done, len(OUTPUTS)) for done in range(len(OUTPUTS) + 1)]
-
-
-def test_a_cancelled_study_resumes_to_the_same_numbers(study, tmp_path):
-    seen = []
     options = StudyOptions(
         progress=lambda done, total, failed: seen.append(done), cancelled=lambda: bool(seen) and seen[-1] >= 5
     )
     with pytest.raises(StudyCancelled):
         run_study(PROBLEM, analytic, tmp_path, options)
     assert not (tmp_path / "result.json").exists()
-    resumed = resume_study(tmp_path, lambda _: analytic, StudyOptions(methods=("svr", "krg", "prs")))
+    monkeypatch.setattr(analysis, "local_processes", start)
+    options = StudyOptions(METHODS, workers=2, analysis_progress=lambda *counts: analysed.append(counts))
+    resumed = resume_study(tmp_path, lambda _: analytic, options)
     assert resumed.document["outputs"] == study.document["outputs"]
+    assert started == [2]
+    assert analysed == ANALYSED
 
 
-def test_failures_are_reported(tmp_path):
-    result = run_study(PROBLEM, fails_above, tmp_path, StudyOptions(methods=("prs",)))
+def test_failures_and_no_test_points_are_reported(tmp_path):
+    problem = Problem(THREE, OUTPUTS, train=40, test=0, seed=0)
+    with simulations_here(), Store.create_or_open(tmp_path / "store.sqlite", problem) as store:
+        run_campaign(store, fails_above)
+    result = report_study(tmp_path, StudyOptions(("prs",), workers=1))
     failed = result.document["samples"]["failed"]
     assert failed == len(result.document["failures"]) > 0
     text = result.report.read_text(encoding="utf-8")
-    assert f"{failed} of 48 simulations failed" in text
+    assert f"{failed} of 40 simulations failed" in text
+    assert result.document["outputs"]["force"]["r2_test"] is None
 
 
 def test_too_few_simulations_name_the_output(tmp_path):
     problem = Problem(THREE, OUTPUTS, train=5, test=0, seed=0)
-    with pytest.raises(StudyError, match="output force: 5 samples for a surrogate, allowed: at least 10"):
-        run_study(problem, analytic, tmp_path)
-
-
-def test_a_study_without_test_points(tmp_path):
-    problem = Problem(THREE, OUTPUTS, train=20, test=0, seed=0)
-    result = run_study(problem, analytic, tmp_path, StudyOptions(methods=("prs",)))
-    assert result.document["outputs"]["force"]["r2_test"] is None
+    message = "output force: 5 samples for a surrogate, allowed: at least 10"
+    with pytest.raises(StudyError, match=message), simulations_here():
+        run_study(problem, analytic, tmp_path, StudyOptions(workers=1))
 
 
 @pytest.mark.parametrize("methods", [(), ("svr", "kriging")])

@@ -5,6 +5,7 @@ import os
 import signal
 import subprocess
 import sys
+import time
 from pathlib import Path
 
 import pytest
@@ -78,6 +79,17 @@ def test_signals_end_run_and_its_nodes(tmp_path, number):
     assert code == (-signal.SIGKILL if number == signal.SIGKILL else 0)
     if code == 0:
         assert json.loads((tmp_path / "out").read_text())["topics"]["/tbm/loads/block"]["blocks"] > 5
+
+
+@pytest.mark.verify  # 3 s are the promise of a quiet computer
+def test_run_and_its_nodes_end_within_three_seconds(tmp_path, peer):
+    process = subprocess.Popen([*COMMAND, "run", "--json"], cwd=tmp_path, stdout=subprocess.DEVNULL)
+    blocks = peer.listen(PointCloud2, "/tbm/model/girder/block", qos.BLOCK)
+    peer.wait_for(lambda: len(blocks) > 10)
+    asked = time.monotonic()
+    process.send_signal(signal.SIGTERM)
+    assert process.wait(DEADLINE) == 0
+    assert time.monotonic() - asked < 3.0
 
 
 def test_a_node_that_ends_by_itself_is_noticed(tmp_path):

@@ -89,6 +89,26 @@ def test_a_signal_that_a_library_swallows_comes_again():
     assert (process.returncode, out, err) == (0, "", "")
 
 
+BROKEN = """
+import signal, sys
+from tbm_msgs_py.nodes.managed import run_node
+
+def broken():
+    try:
+        signal.raise_signal(signal.SIGINT)
+    except KeyboardInterrupt:
+        raise RuntimeError("rcl node's context is invalid") from None
+
+sys.exit(run_node(broken))
+"""
+
+
+def test_a_signal_that_breaks_what_a_start_is_at_is_no_fault():
+    """It ends the context under a node that is being made: rclpy's error may come before the interruption."""
+    done = subprocess.run([sys.executable, "-c", BROKEN], capture_output=True, text=True, check=False)
+    assert (done.returncode, done.stdout, done.stderr) == (0, "", "")
+
+
 # Those that go on until they are told to end have ended well.
 COMMANDS = [(["run"], 0), (["bag", "record"], 0), (["bag", "play"], 0), (["bag", "info"], 130), (["demo"], 130)]
 

@@ -81,7 +81,7 @@ def test_nodes_follow_the_clock_of_a_bag(host_node, peer, tmp_path, wall):
 
     def step():
         """A tick of the player, and what follows from it."""
-        wall.ns += 5_000_000
+        wall.ns += 20_000_000
         seen = len(clock)
         peer.wait_for(lambda: len(clock) > seen)
         peer.settle()
@@ -92,7 +92,7 @@ def test_nodes_follow_the_clock_of_a_bag(host_node, peer, tmp_path, wall):
     run_until(lambda: len(meshes) > 5)
     assert not peer.set_parameters("/tbm/bag_player", paused=True)
     standing = len(meshes)
-    for _ in range(200):
+    for _ in range(50):
         step()
     assert len(meshes) == standing
     for node, status in ((driven, "tbm: loads"), (dynamics, "tbm: dynamics")):
