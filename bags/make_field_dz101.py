@@ -19,6 +19,7 @@ from tbm_dynamics.sensors import SensorModel, SensorPacket, SensorParameters
 from tbm_gsa.comparison.conditioning import common_band, condition
 from tbm_msgs_py import blocks, topics
 from tbm_msgs_py.bags import BagWriter
+from tbm_msgs_py.bags.marks import SYNTHETIC
 from tbm_msgs_py.operating_point import OperatingPoint
 
 FOLDER = Path(__file__).parent / "field_dz101"
@@ -89,7 +90,7 @@ def main() -> None:
     fresh = FOLDER.with_name(FOLDER.name + "_new") / FOLDER.name
     point = machine.operating_point
     arrivals = [EPOCH_NS + packet.stamp_ns + round(packet.time[-1] * 1e9) + LATENCY_NS for packet, _ in sent]
-    with BagWriter(fresh, compression="zstd") as writer:
+    with BagWriter(fresh, compression="zstd", custom_data=SYNTHETIC) as writer:
         writer.write_operating_point(EPOCH_NS, OperatingPoint(point.speed, point.torque, point.thrust))
         for i in np.argsort(arrivals, kind="stable"):
             packet, name = sent[i]

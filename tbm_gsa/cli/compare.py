@@ -10,14 +10,15 @@ import typer
 from rich.table import Table
 from rich.text import Text
 
-from tbm_gsa.cli.history import HISTORY_HELP
 from tbm_gsa.cli.output import JSON_OPTION, MACHINE_OPTION, SEED_OPTION, notes, print_json, progress_bar, results
+from tbm_gsa.cli.selection import HISTORY_HELP
 from tbm_gsa.cli.shipped import RECORDING_ARGUMENT, recording_path
 from tbm_gsa.comparison.document import axial_rows, stuck_texts
 from tbm_gsa.comparison.settings import Settings
 from tbm_gsa.comparison.workflow import ComparisonResult, compare_recording
 from tbm_gsa.files import check_folder
-from tbm_gsa.history import History, HistoryError, Source, default_history, recording_entries
+from tbm_gsa.history import History, HistoryError, Kind, Source, default_history, recording_entries
+from tbm_msgs_py.bags.marks import is_synthetic
 from tbm_msgs_py.health import COUNTS
 
 
@@ -32,13 +33,18 @@ def compare(
     window: Annotated[float, typer.Option(help="Length of a window (s).")] = 2.0,
     seed: Annotated[int, SEED_OPTION] = 0,
     history: Annotated[Path | None, typer.Option(help=HISTORY_HELP, dir_okay=False)] = None,
-    keep: Annotated[bool, typer.Option("--keep/--no-keep", help="Put the windows into the history.")] = True,
+    keep: Annotated[
+        bool | None,
+        typer.Option("--keep/--no-keep", help="Put the windows into the history; default: unless synthetic."),
+    ] = None,
     json: Annotated[bool, JSON_OPTION] = False,
 ) -> None:
     """Compare a recording with the model at every test point."""
     bag = recording_path(bag)
     check_folder(html)
-    if keep and history is not None:
+    synthetic = is_synthetic(bag)
+    kept = not synthetic if keep is None else keep
+    if kept and history is not None:
         History(history).close()  # a bad one is refused before the work
     with progress_bar("comparing") as bar:
         task = bar.add_task("", total=None)
@@ -57,8 +63,10 @@ def compare(
         from tbm_gsa.report.compare_page import write_page  # noqa: PLC0415 - matplotlib takes its time
 
         write_page(result, html)
-    if keep:
-        _keep(result, history)
+    if kept:
+        _keep(result, "synthetic" if synthetic else "offline", history)
+    elif keep is None:
+        notes.print("not put into the history: the recording is synthetic, --keep puts it there", highlight=False)
     if json:
         print_json(result.document)
     else:
@@ -69,11 +77,11 @@ def compare(
         notes.print(f"page: {html}", markup=False, highlight=False)
 
 
-def _keep(result: ComparisonResult, path: Path | None) -> None:
+def _keep(result: ComparisonResult, kind: Kind, path: Path | None) -> None:
     """Put the windows into the history; a default one that cannot be used spoils no comparison."""
     document = result.document
     source = Source(
-        "offline",
+        kind,
         document["recording"]["path"],
         document["recording"]["sha256"],
         document["machine"],

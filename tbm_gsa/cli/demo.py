@@ -24,10 +24,11 @@ from tbm_gsa.cli.output import (
 )
 from tbm_gsa.cli.processes import NodeCommand, NodeProcesses, ParameterValue, settle_ros_environment
 from tbm_gsa.cli.ros import ANALYSIS_NODE, BAG_PLAYER, DYNAMICS_NODE, LOAD_NODE, watch
-from tbm_gsa.cli.shipped import is_shipped, shipped_bag
+from tbm_gsa.cli.shipped import shipped_bag
 from tbm_gsa.errors import RunError
 from tbm_gsa.study.outputs import parse_outputs
 from tbm_msgs_py.bags.mapping import default_mapping_file
+from tbm_msgs_py.bags.marks import is_synthetic
 from tbm_msgs_py.recording import Recording, read_recording
 
 if TYPE_CHECKING:
@@ -76,7 +77,7 @@ def demo(
     if json:
         print_json(document)
     else:
-        print_tables(document, synthetic=is_shipped(recording.path))
+        print_tables(document, synthetic=is_synthetic(recording.path))
 
 
 def node_commands(

@@ -37,14 +37,6 @@ def recording_path(given: Path) -> Path:
     return shipped_bag() if str(given) == RECORDING and not given.exists() else given
 
 
-def is_shipped(recording: Path) -> bool:
-    """Whether a recording is the shipped one, whichever path names it."""
-    try:
-        return shipped_bag().samefile(recording)
-    except FileNotFoundError:
-        return False
-
-
 def _prefixes() -> list[str]:
     ament = os.environ.get("AMENT_PREFIX_PATH", "")
     return [*(prefix for prefix in ament.split(os.pathsep) if prefix), sys.prefix]

@@ -1,10 +1,8 @@
 """The JSON document of a comparison; its keys are a contract, docs/comparison.md lists them."""
 
 import math
-import re
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -18,6 +16,7 @@ from tbm_gsa.comparison.intervals import CONFIDENCE, Interval
 from tbm_gsa.comparison.levels import Course
 from tbm_gsa.comparison.offline import AxisComparison, Comparison, G, PointComparison, Windows
 from tbm_gsa.provenance import machine_sha256, package_versions
+from tbm_msgs_py.bags.marks import is_synthetic
 from tbm_msgs_py.health import PointHealth
 from tbm_msgs_py.recording import RecordingReader
 
@@ -89,7 +88,7 @@ def comparison_document(field: FieldSide, comparison: Comparison, provenance: Pr
         "model_duration": provenance.model_duration,
         "versions": package_versions(),
     }
-    return {**document, "synthetic": True} if _called_synthetic(provenance.reader.path) else document
+    return {**document, "synthetic": True} if is_synthetic(provenance.reader.path) else document
 
 
 @dataclass(frozen=True)
@@ -246,9 +245,3 @@ def _numbers(values: Array) -> list[float | None]:
     """Numbers to eight digits, for there are thousands."""
     found = np.array([float(f"{value:.{_DIGITS}g}") for value in values.tolist()])
     return [number(value) for value in found.tolist()]
-
-
-def _called_synthetic(path: Path) -> bool:
-    """Whether the README.md in the folder of a recording says the word; a bare file has no notes of its own."""
-    notes = path / "README.md"
-    return notes.is_file() and re.search(r"\bsynthetic\b", notes.read_text("utf-8", "replace"), re.I) is not None

@@ -2,16 +2,16 @@
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
-from typing import Final
+from typing import Final, cast
 
 import numpy as np
 
 from tbm_gsa.comparison import UsualError
 from tbm_gsa.errors import InputError
-from tbm_gsa.history.entries import Group
+from tbm_gsa.history.entries import Group, Kind
 
 LEAST_WINDOWS: Final = 5  # a scatter of fewer means nothing
-BY_MACHINE: Final = ("point", "axis", "machine", "machine_sha256")
+BY_ORIGIN: Final = ("point", "axis", "machine", "machine_sha256", "kind")
 _COLUMNS = {"x": (0,), "y": (1,), "z": (2,), "yz": (1, 2)}
 
 
@@ -36,6 +36,8 @@ class Baseline:
     since_ns, until_ns : int
         From the begin of the first window to the end of the last one.
     usual : mapping of (point, axis) to Usual
+    kind : {"live", "replay", "offline", "synthetic"}
+        Of the windows; None where a file of an older version does not say.
     """
 
     name: str
@@ -45,6 +47,7 @@ class Baseline:
     since_ns: int
     until_ns: int
     usual: Mapping[tuple[str, str], Usual]
+    kind: Kind | None = None
 
     def usual_errors(self) -> dict[str, UsualError]:
         """Give what an `AlarmRule` is set against."""
@@ -63,35 +66,49 @@ def make_baseline(name: str, groups: Iterable[Group], created_ns: int) -> Baseli
     ----------
     name : str
     groups : iterable of Group
-        By `BY_MACHINE`, as `History.groups` gives them; one at a time is held.
+        By `BY_ORIGIN`, as `History.groups` gives them; one at a time is held.
     created_ns : int
 
     Raises
     ------
     InputError
-        Windows of several machines, or too few at any point and axis.
+        Windows of several machines or kinds, too few at any point and axis, or no name.
     """
+    if not (name.strip() and name.isprintable()):
+        raise InputError(f"baseline {name!r}: allowed: a name of printable characters")
     usual: dict[tuple[str, str], Usual] = {}
-    machines: set[tuple[str, str]] = set()
+    origins: set[tuple[str, ...]] = set()
     spans: list[tuple[int, int]] = []
     most = 0
     for group in groups:
         sound = group.sound()
         if not sound.any():
             continue
-        point, axis, machine, digest = group.key
-        machines.add((machine, digest))
+        point, axis, *origin = group.key
+        origins.add(tuple(origin))
         starts, errors = group.start_ns[sound], group.relative_error[sound]
         spans.append((int(starts[0]), int((starts + group.length_ns[sound]).max())))
         most = max(most, len(errors))
         if len(errors) >= LEAST_WINDOWS:
             usual[point, axis] = Usual(float(np.mean(errors)), float(np.std(errors, ddof=1)), len(errors))
-    if len(machines) > 1:
-        listed = ", ".join(f"{machine} {digest[:8]}" for machine, digest in sorted(machines))
-        raise InputError(f"baseline {name}: windows of several machines: {listed}; choose by --machine or --source")
+    _refuse_mixture(name, origins)
     if not usual:
         raise InputError(
             f"baseline {name}: {most} windows with a known error at a point and axis, allowed: at least {LEAST_WINDOWS}"
         )
     since, until = min(start for start, _ in spans), max(end for _, end in spans)
-    return Baseline(name, *machines.pop(), created_ns, since, until, usual)
+    machine, digest, kind = origins.pop()
+    return Baseline(name, machine, digest, created_ns, since, until, usual, cast(Kind, kind))
+
+
+def _refuse_mixture(name: str, origins: Iterable[tuple[str, ...]]) -> None:
+    """Refuse windows that have no usual error in common; which are meant is not for us to choose."""
+    machines = sorted({f"{machine} {digest[:8]}" for machine, digest, _ in origins})
+    if len(machines) > 1:
+        raise InputError(
+            f"baseline {name}: windows of several machines: {', '.join(machines)}; choose by --machine, "
+            "a name or those digits"
+        )
+    kinds = sorted({kind for *_, kind in origins})
+    if len(kinds) > 1:
+        raise InputError(f"baseline {name}: windows of several kinds: {', '.join(kinds)}; choose by --source")

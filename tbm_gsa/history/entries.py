@@ -3,7 +3,7 @@
 import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import Any, Final, Literal, get_args
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,7 +11,8 @@ from numpy.typing import NDArray
 from tbm_gsa.arrays import Array
 from tbm_gsa.comparison import DEAD_SHARE, WindowResult
 
-Kind = Literal["live", "offline"]
+Kind = Literal["live", "replay", "offline", "synthetic"]
+KINDS: Final[tuple[Kind, ...]] = get_args(Kind)
 
 
 @dataclass(frozen=True)
@@ -20,11 +21,12 @@ class Source:
 
     Attributes
     ----------
-    kind : {"live", "offline"}
+    kind : {"live", "replay", "offline", "synthetic"}
+        A node beside the sensors; a node to which a recording is played; a measured recording; a computed one.
     name : str
-        Path of the recording, or name of the node.
+        Name of the node, or path of the recording.
     digest : str
-        SHA-256 of the recording; empty of a live one.
+        SHA-256 of the recording; empty of a node.
     machine, machine_sha256 : str
         Name and file of the machine that the model is of.
     """

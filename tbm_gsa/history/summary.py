@@ -11,13 +11,13 @@ from numpy.typing import NDArray
 
 from tbm_gsa.history.baseline import Baseline
 from tbm_gsa.history.entries import Entry, Group, Window
-from tbm_gsa.history.store import History, Selection
+from tbm_gsa.history.queries import Queries, Selection
 
 _BY_SOURCE: Final = ("point", "axis", "machine", "kind")
 _NUMBERS: Final = ("field_rms", "model_rms", "relative_error", "field_peak", "field_crest_factor", "field_kurtosis")
 
 
-def history_document(history: History, selection: Selection, newest: int) -> dict[str, Any]:
+def history_document(history: Queries, selection: Selection, newest: int) -> dict[str, Any]:
     """Gather a selection; of the windows that are not listed one point and axis at a time is held.
 
     Returns
@@ -34,6 +34,14 @@ def history_document(history: History, selection: Selection, newest: int) -> dic
         "total": sum(row["windows"] for row in summary),
         "summary": summary,
         "windows": [_window(window) for window in windows],
+        "baselines": baselines_document(history)["baselines"],
+    }
+
+
+def baselines_document(history: Queries) -> dict[str, Any]:
+    """Gather all baselines: ``path`` and ``baselines[…]``, the oldest first."""
+    return {
+        "path": str(history.path),
         "baselines": [baseline_document(baseline) for baseline in history.baselines()],
     }
 
@@ -78,6 +86,7 @@ def baseline_document(baseline: Baseline) -> dict[str, Any]:
         "name": baseline.name,
         "machine": baseline.machine,
         "machine_sha256": baseline.machine_sha256,
+        "source": baseline.kind,
         "created": iso_time(baseline.created_ns),
         "since": iso_time(baseline.since_ns),
         "until": iso_time(baseline.until_ns),

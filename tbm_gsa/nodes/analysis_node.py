@@ -26,7 +26,7 @@ from tbm_gsa.history import Source
 from tbm_gsa.nodes.field_topics import FieldTopics
 from tbm_gsa.nodes.gsa_process import GsaOptions, GsaProcess, GsaStatus
 from tbm_gsa.nodes.health import Condition, StreamHealth
-from tbm_gsa.nodes.history_writer import HistoryWriter
+from tbm_gsa.nodes.history_writer import HistoryWriter, live_now
 from tbm_gsa.nodes.statuses import (
     comparison_status,
     gsa_result_statuses,
@@ -74,7 +74,7 @@ PARAMETERS = (
         "",
         "history file of the windows; empty: tbm_monitor/history.sqlite in the user's data folder; none: not kept",
     ),
-    Parameter("history_days", 90.0, "age at which its windows are deleted; 0: never (d)", minimum=0.0, maximum=36500.0),
+    Parameter("history_days", 90.0, "age at which live windows go; 0: never (d)", minimum=0.0, maximum=36500.0),
     Parameter(
         "baseline",
         "",
@@ -277,7 +277,7 @@ class AnalysisNode(ManagedNode):
         for quantity in topics.ANALYSIS_QUANTITIES:
             message = messages.vector3(result.start_ns, getattr(result, quantity), result.point)
             self._quantities[result.point, quantity].publish(message)
-        self._history.add(result, result.point in self._rotating)
+        self._history.add(result, result.point in self._rotating, live_now(self.get_clock()))
         if self._alarm.update(result):
             windows, baseline = self.value("threshold_windows"), self.value("baseline")
             what = f"change of the relative error against {baseline}" if baseline else "relative error"

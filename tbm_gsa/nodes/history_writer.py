@@ -6,7 +6,11 @@ import math
 import sqlite3
 import time
 from collections.abc import Callable
+from dataclasses import replace
+from itertools import groupby
+from operator import itemgetter
 from pathlib import Path
+from typing import Any
 
 from tbm_gsa.comparison import UsualError, WindowResult
 from tbm_gsa.history import (
@@ -14,6 +18,7 @@ from tbm_gsa.history import (
     History,
     HistoryError,
     HistoryLockedError,
+    Kind,
     Source,
     default_history,
     live_entries,
@@ -26,7 +31,20 @@ MOST_WAITING = 10_000  # entries that are kept while the file is locked
 DISCARD_S = 10.0  # between two looks for windows that are too old
 # Entries that a look goes through, in some ms; windows of 0.1 s at five points are 1500 in that time.
 MOST_DISCARDED = 2500
+LIVE_WITHIN_NS = 60_000_000_000  # of the computer's clock; a window is complete some seconds after its end
 _DAY_NS = 86_400_000_000_000
+
+
+def live_now(clock: Any) -> int | None:
+    """Time of the computer, ns, by a node's clock; None where that is simulated."""
+    return None if clock.ros_time_is_active else int(clock.now().nanoseconds)
+
+
+def kind_of(result: WindowResult, now_ns: int | None) -> Kind:
+    """Say what a window of a node is: a replay on a simulated clock, or where its stamps are not of now."""
+    if now_ns is None or abs(now_ns - result.start_ns - result.length_ns) > LIVE_WITHIN_NS:
+        return "replay"
+    return "live"
 
 
 class HistoryWriter:
@@ -37,11 +55,12 @@ class HistoryWriter:
     file : str
         Path, empty for the default one, or ``none``.
     source : Source
+        The live one; windows of a replay go under the same name as a replay.
     warn : callable
         Called with one line when writing begins to fail.
     days : float
-        Age at which windows of this node are deleted; 0 keeps them all. It counts from the newest window, so that a
-        recording that is replayed has no age, and from now where a stamp is of the future.
+        Age at which live windows of this node are deleted; 0 keeps them all. It counts from the newest of them, and
+        from now where a stamp is of the future. Windows of a replay have no age.
 
     Attributes
     ----------
@@ -59,7 +78,7 @@ class HistoryWriter:
     def __init__(self, file: str, source: Source, warn: Callable[[str], object], days: float = 0.0) -> None:
         self.problem, self.written, self.lost = "", 0, 0
         self._source, self._warn = source, warn
-        self._waiting: list[Entry] = []
+        self._waiting: list[tuple[Kind, Entry]] = []
         self._history: History | None = None
         self._file: Path | None = None
         self._keep_ns = round(days * _DAY_NS)
@@ -97,15 +116,19 @@ class HistoryWriter:
         if history is None:
             raise HistoryError(f"baseline {baseline}: no history to find it in ({reason})")
         try:
-            return history.baseline(baseline, self._source.machine).usual_errors()
+            found = history.baseline(baseline, self._source.machine)
         except sqlite3.Error as error:
             raise HistoryError(f"baseline {baseline}: {self.path}: {error}") from None
+        if found.kind == "synthetic":
+            self._warn(f"baseline {baseline}: of a synthetic recording: alarms are set against nothing measured")
+        return found.usual_errors()
 
-    def add(self, result: WindowResult, rotating: bool) -> None:
-        """Write a window in which something was measured."""
+    def add(self, result: WindowResult, rotating: bool, now_ns: int | None) -> None:
+        """Write a window in which something was measured; `now_ns` as `live_now` gives it."""
         if self._file is None:
             return
-        self._waiting += live_entries(result, rotating)
+        kind = kind_of(result, now_ns)
+        self._waiting += ((kind, entry) for entry in live_entries(result, rotating))
         surplus = len(self._waiting) - MOST_WAITING
         if surplus > 0:
             self.lost += surplus
@@ -125,10 +148,13 @@ class HistoryWriter:
             history = self._open()
             if history is None:
                 return
-            self.written += history.add(self._source, self._waiting)
-            newest_ns = max(entry.start_ns for entry in self._waiting)
-            self._waiting = []
-            self._discard(history, newest_ns)
+            while self._waiting:
+                kind, run = next(groupby(self._waiting, key=itemgetter(0)))
+                entries = [entry for _, entry in run]
+                self.written += history.add(replace(self._source, kind=kind), entries)
+                del self._waiting[: len(entries)]
+                if kind == "live":
+                    self._discard(history, max(entry.start_ns for entry in entries))
         except (HistoryError, sqlite3.Error) as error:
             self._fail(error)
             return

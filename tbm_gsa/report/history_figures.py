@@ -25,26 +25,29 @@ _ERROR: Final = "#333333"
 _SHOCKS: Final = {"field_crest_factor": ("crest factor", "#009E73"), "field_kurtosis": ("kurtosis", "#CC79A7")}
 
 
-def by_point(windows: Sequence[Window]) -> dict[str, list[Window]]:
-    """Windows by test point."""
-    found: dict[str, list[Window]] = {}
+def by_trend(windows: Sequence[Window]) -> dict[str, list[Window]]:
+    """Windows that make a line: of one test point, one machine and one kind; these two are named where they differ."""
+    found: dict[tuple[str, str, str], list[Window]] = {}
     for window in windows:
-        found.setdefault(window.entry.point, []).append(window)
-    return found
+        source = window.source
+        found.setdefault((window.entry.point, source.kind, source.machine), []).append(window)
+    mixed = len({(kind, machine) for _, kind, machine in found}) > 1
+    return {", ".join(key) if mixed else key[0]: members for key, members in found.items()}
 
 
-def trends(point: str, windows: Sequence[Window], baseline: Baseline | None) -> Figure:
-    """RMS, relative error and shocks of one test point over time, a row an axis.
+def trends(name: str, windows: Sequence[Window], baseline: Baseline | None) -> Figure:
+    """RMS, relative error and shocks of the windows of one test point over time, a row an axis.
 
     Dashed: the baseline's mean and limits. The shocks are left out where no window knows them.
     """
+    point = windows[0].entry.point
     axes = [axis for axis in AXIS_NAMES if any(window.entry.axis == axis for window in windows)]
     shocks = any(math.isfinite(getattr(window.entry, name)) for window in windows for name in _SHOCKS)
     figure = Figure(figsize=(WIDTH, 0.7 + 2.1 * len(axes)), layout="constrained")
     rows = figure.subplots(len(axes), 3 if shocks else 2, squeeze=False, sharex=True)
     for panels, axis in zip(rows, axes, strict=True):
         chosen = [window for window in windows if window.entry.axis == axis]
-        _draw_levels(panels[0], chosen, f"{point}, {AXIS_NAMES[axis]}: RMS, g")
+        _draw_levels(panels[0], chosen, f"{name}, {AXIS_NAMES[axis]}: RMS, g")
         _draw_errors(panels[1], chosen, baseline.usual.get((point, axis)) if baseline else None)
         if shocks:
             _draw_shocks(panels[2], chosen)

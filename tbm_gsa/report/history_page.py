@@ -1,7 +1,7 @@
 """The HTML page of the history, and its trends as a picture."""
 
 import io
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -13,26 +13,26 @@ from tbm_gsa.history.baseline import Baseline
 from tbm_gsa.history.entries import Window
 from tbm_gsa.history.summary import baseline_document, iso_time, summarise
 from tbm_gsa.provenance import package_versions
-from tbm_gsa.report.history_figures import by_point, trends
+from tbm_gsa.report.history_figures import by_trend, trends
 from tbm_gsa.report.page import embed_figure, render_page
 
 
 def history_page(path: Path, windows: Sequence[Window], baselines: Sequence[Baseline]) -> str:
-    """Render windows in the order of time as a page that holds its figures and style; the newest baseline is drawn."""
-    baseline = baselines[-1] if baselines else None
-    figures = {
-        point: embed_figure(
-            trends(point, members, baseline), f"RMS, relative error, crest factor and kurtosis of {point} over time"
-        )
-        for point, members in by_point(windows).items()
-    }
+    """Render windows in the order of time as a page that holds its figures and style.
+
+    The newest baseline of each machine is drawn.
+    """
+    what = "RMS, relative error, crest factor and kurtosis"
+    figures = [
+        {"name": name, "figure": embed_figure(figure, f"{what} of {name} over time"), "baseline": baseline}
+        for name, figure, baseline in _figures(windows, baselines)
+    ]
     begin, end = iso_time(windows[0].entry.start_ns), iso_time(windows[-1].entry.start_ns)
     names = sorted({window.source.name for window in windows})
     context = {
         "title": "History of the comparison",
         "subtitle": f"{len(windows)} entries from {begin} to {end}",
         "figures": figures,
-        "baseline": baseline,
         "summary": summarise(windows),
         "baselines": [baseline_document(one) for one in baselines],
         "provenance": {
@@ -45,12 +45,19 @@ def history_page(path: Path, windows: Sequence[Window], baselines: Sequence[Base
 
 
 def history_picture(windows: Sequence[Window], baselines: Sequence[Baseline]) -> bytes:
-    """Draw the trends of every test point, one below the other, as PNG."""
-    baseline = baselines[-1] if baselines else None
-    pictures = [_pixels(trends(point, members, baseline)) for point, members in by_point(windows).items()]
+    """Draw all trends, one below the other, as PNG."""
+    pictures = [_pixels(figure) for _, figure, _ in _figures(windows, baselines)]
     buffer = io.BytesIO()
     imsave(buffer, np.concatenate(pictures), format="png")
     return buffer.getvalue()
+
+
+def _figures(windows: Sequence[Window], baselines: Sequence[Baseline]) -> Iterator[tuple[str, Figure, Baseline | None]]:
+    """Name, figure and baseline of every trend."""
+    newest = {one.machine: one for one in baselines}
+    for name, members in by_trend(windows).items():
+        baseline = newest.get(members[0].source.machine)
+        yield name, trends(name, members, baseline), baseline
 
 
 def _pixels(figure: Figure) -> np.ndarray:

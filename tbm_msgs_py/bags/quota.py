@@ -1,7 +1,8 @@
 """A limit on what the recordings of a folder take on the disk: the oldest files go first.
 
-Only recordings that carry the recorder's mark count and are deleted, and only such that nobody is writing; of the one
-being written its finished files may go, never the file being written.
+Only recordings that were made under a quota, say so in their metadata and are not marked to be kept count and are
+deleted, and only such that nobody is writing; of the one being written its finished files may go, never the file being
+written.
 """
 
 from __future__ import annotations
@@ -11,14 +12,25 @@ from collections.abc import Iterator
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Final
 
 from tbm_msgs_py.bags import metadata
 from tbm_msgs_py.bags.errors import RecordingError
 from tbm_msgs_py.bags.locking import lock
+from tbm_msgs_py.bags.marks import custom_data
 from tbm_msgs_py.bags.writing import BagWriter
 
-MARK = {"recorder": "tbm_monitor"}
-_MARK_LINE = f"recorder: {MARK['recorder']}"
+KEEP: Final = "keep"  # a file of this name in its folder keeps a recording, also one that is being written
+_RECORDER: Final = {"recorder": "tbm_monitor"}
+_QUOTA: Final = "quota"
+# What stands in the metadata of a recording that may be deleted: the files are searched for it every two seconds, and
+# those that have it are read before anything is deleted.
+_SIGNS: Final = (f"recorder: {_RECORDER['recorder']}", f"{_QUOTA}: ")
+
+
+def mark(quota: float) -> dict[str, str]:
+    """Give the custom data of a recording that is made under a quota in MB or, with 0, without."""
+    return {**_RECORDER, **({_QUOTA: f"{quota:g}"} if quota else {})}
 
 
 @dataclass(frozen=True)
@@ -31,8 +43,8 @@ class Stored:
 
 
 def stored(folder: Path) -> list[Stored]:
-    """Files of the marked recordings in a folder, the one written to longest ago first."""
-    files = [Stored(path, at.st_size, at.st_mtime_ns) for path in _marked(folder) if (at := _stat(path))]
+    """Files of the recordings in a folder that a quota is for, the one written to longest ago first."""
+    files = [Stored(path, at.st_size, at.st_mtime_ns) for path in _under_quota(folder) if (at := _stat(path))]
     return sorted(files, key=lambda file: (file.modified_ns, len(file.path.name), file.path.name))
 
 
@@ -68,6 +80,8 @@ def enforce(limit: float, writing: BagWriter) -> tuple[list[Stored], float]:
 def _delete(file: Path, writing: BagWriter) -> bool:
     """Delete a file; False where that may not or cannot be done, which is no reason to end the recording."""
     try:
+        if (file.parent / KEEP).exists():  # meanwhile
+            return False
         if file.parent == writing.path:
             writing.drop(file.name)
             return True
@@ -75,39 +89,47 @@ def _delete(file: Path, writing: BagWriter) -> bool:
         if descriptor is None:  # another recorder is at it
             return False
         try:
-            _delete_finished(file)
+            return _delete_finished(file)
         finally:
             os.close(descriptor)
     except (OSError, RecordingError, KeyError, TypeError):  # the last two: its metadata is not what a recorder writes
         return False
-    return True
 
 
-def _delete_finished(file: Path) -> None:
-    """Delete a file of a finished recording, and with its last one the recording."""
+def _delete_finished(file: Path) -> bool:
+    """Delete a file of a finished recording, and with its last one the recording; False where it is none of its."""
     from tbm_msgs_py.bags.bag import Bag  # noqa: PLC0415 - no recorder without a quota reads recordings
 
     folder = file.parent
     described = metadata.read(folder)
-    if [other["path"] for other in described["files"]] == [file.name]:
+    names, found = [other["path"] for other in described["files"]], custom_data(described)
+    if file.name not in names or _QUOTA not in found or not _RECORDER.items() <= found.items():
+        return False
+    if names == [file.name]:
         (folder / metadata.FILE_NAME).unlink()
         file.unlink()
         if not any(folder.iterdir()):
             folder.rmdir()
-        return
+        return True
     try:
         counts = {topic.name: count for topic, count in Bag(file).info().topics.items()}
     except RecordingError:  # damaged beyond reading: it goes nevertheless
         counts = {}
     metadata.write(folder, metadata.without_file(described, file.name, counts))
     file.unlink()
+    return True
 
 
-def _marked(folder: Path) -> Iterator[Path]:
+def _under_quota(folder: Path) -> Iterator[Path]:
+    """MCAP files of the recordings beside each other; what a link leads to lies elsewhere."""
     for described in folder.glob(f"*/{metadata.FILE_NAME}"):
+        recording = described.parent
         with suppress(OSError):  # not ours to read, or another recorder has deleted it meanwhile
-            if _MARK_LINE in described.read_text(encoding="utf-8", errors="replace"):
-                yield from described.parent.glob("*.mcap")
+            if recording.is_symlink() or (recording / KEEP).exists():
+                continue
+            text = described.read_text(encoding="utf-8", errors="replace")
+            if all(sign in text for sign in _SIGNS):
+                yield from (file for file in recording.glob("*.mcap") if not file.is_symlink())
 
 
 def _stat(path: Path) -> os.stat_result | None:

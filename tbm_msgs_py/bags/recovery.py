@@ -12,6 +12,7 @@ from rosbags.typesys.store import Typestore
 
 from tbm_msgs_py.bags.bag import Bag
 from tbm_msgs_py.bags.errors import RecordingError
+from tbm_msgs_py.bags.marks import SYNTHETIC, is_synthetic
 from tbm_msgs_py.bags.quality import offered_quality
 from tbm_msgs_py.bags.samples import typestore
 from tbm_msgs_py.bags.stretch import Topic
@@ -63,7 +64,7 @@ def recover(path: str | Path, out: str | Path) -> Recovery:
     left_out: Counter[str] = Counter()
     described: dict[Topic, dict[str, Any]] = {}
     recovered = 0
-    with BagWriter(out) as writer:
+    with BagWriter(out, custom_data=SYNTHETIC if is_synthetic(bag.path) else None) as writer:
         for topic, log_ns, data in bag.messages():
             if topic.encoding != "cdr":
                 left_out[topic.name] += 1

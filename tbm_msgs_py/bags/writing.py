@@ -149,6 +149,8 @@ class BagWriter:
 
     def drop(self, name: str) -> None:
         """Delete a finished file of the recording."""
+        if name not in [entry.name for entry in self._finished]:
+            raise RecordingError(f"{self.path / name}: allowed: a finished file of this recording")
         self._finished = [entry for entry in self._finished if entry.name != name]
         with self._one_line():
             self._describe()

@@ -29,12 +29,13 @@ def import_apart(path: Path, description: Description, out: Path) -> Imported:
     try:
         result = receiving.recv()
     except EOFError:
-        result = RecordingError(f"{path}: the library that reads it crashed, allowed: a file that is not damaged")
-        raise result from None
+        raise RecordingError(
+            f"{path}: the library that reads it crashed, allowed: a file that is not damaged"
+        ) from None
     finally:
         child.kill()
         child.join()
-        if result is None or isinstance(result, RecordingError):
+        if result is None:  # one that was refused has removed what it made, and `out` may be another's
             shutil.rmtree(out, ignore_errors=True)
             out.with_name(f".{out.stem}.{child.pid}.mcap").unlink(missing_ok=True)
     if isinstance(result, RecordingError):

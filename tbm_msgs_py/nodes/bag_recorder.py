@@ -15,7 +15,7 @@ from rclpy.subscription import Subscription
 
 from tbm_msgs_py import topics
 from tbm_msgs_py.bags import BagWriter, RecordingError
-from tbm_msgs_py.bags.quota import MARK, enforce
+from tbm_msgs_py.bags.quota import enforce, mark
 from tbm_msgs_py.bags.samples import typestore
 from tbm_msgs_py.nodes import messages, qos
 from tbm_msgs_py.nodes.managed import ManagedNode, Parameter, run_node
@@ -39,7 +39,7 @@ PARAMETERS = (
     Parameter(
         "quota",
         0.0,
-        "MB that the recordings beside the output take at most, the oldest files go; 0 for all",
+        "MB that the output and what was recorded beside it with a quota take at most, the oldest files go; 0 for all",
         minimum=0.0,
     ),
     Parameter("summary", "", "file that gets the result as JSON at the end; empty for none"),
@@ -88,7 +88,7 @@ class BagRecorder(ManagedNode):
             self.value("compression"),
             max_bytes=self.value("split_size") * MEGABYTE or None,
             max_seconds=self.value("split_time") or None,
-            custom_data=MARK,
+            custom_data=mark(self.value("quota")),
         )
         try:
             writer.open()

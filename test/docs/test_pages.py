@@ -9,6 +9,7 @@ import typer
 from pages import PAGES, ROOT, agrees, named_commands
 
 from tbm_gsa.cli.main import app, main
+from tbm_gsa.history import default_history
 
 COMMAND_LINE = typer.main.get_command(app)
 LINK = re.compile(r"\]\(([^)#:]+)(?:#[^)]*)?\)")
@@ -44,6 +45,14 @@ def test_links_lead_somewhere(page):
     made = {"command_line.md", "parameters.md"}
     for target in LINK.findall(page.read_text(encoding="utf-8")):
         assert (page.parent / target).exists() or target.rpartition("/")[2] in made, target
+
+
+def test_the_page_of_operation_names_the_services_history(monkeypatch):
+    unit = (ROOT / "config" / "tbm_monitor.service").read_text(encoding="utf-8")
+    # systemd.unit(5): %S is /var/lib for the services of the system.
+    monkeypatch.setenv("XDG_DATA_HOME", re.search(r"XDG_DATA_HOME=(\S+)", unit)[1].replace("%S", "/var/lib"))
+    monkeypatch.delenv("TBM_HISTORY", raising=False)
+    assert f"`{default_history()}`" in (ROOT / "docs" / "operation.md").read_text(encoding="utf-8")
 
 
 @pytest.mark.parametrize(

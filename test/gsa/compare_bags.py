@@ -35,9 +35,9 @@ def noise(duration, level=1.0):
     return level * np.random.default_rng(3).standard_normal((round(duration * RATE), 3))
 
 
-def write_bag(path, points, *, operating=(), rate=RATE):
+def write_bag(path, points, *, operating=(), rate=RATE, custom_data=None):
     """Write blocks of half a second, values (n, 3) by point, and operating points (s, level)."""
-    with BagWriter(path) as writer:
+    with BagWriter(path, custom_data=custom_data) as writer:
         for at, level in operating:
             writer.write_operating_point(START_NS + round(at * 1e9), level)
         for point, values in points.items():

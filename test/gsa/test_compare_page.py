@@ -97,8 +97,8 @@ def test_names_of_others_are_escaped(tmp_path):
 
 
 def test_a_turning_sensor_and_a_synthetic_recording(tmp_path):
-    path = write_bag(tmp_path / "bag", {"cutterhead": noise(3.0), "girder": noise(3.0)})
-    (path / "README.md").write_text("# A synthetic recording\n")
+    points = {"cutterhead": noise(3.0), "girder": noise(3.0)}
+    path = write_bag(tmp_path / "bag", points, custom_data={"synthetic": "true"})
     sensor = "units: m/s2, gravity: included"
     (path / "mapping.yaml").write_text(
         f"topics:\n  /tbm/field/cutterhead/block: {{point: cutterhead, {sensor}, frame: rotating}}\n"

@@ -13,6 +13,7 @@ from tbm_gsa.comparison.document import axial_rows
 from tbm_gsa.comparison.workflow import compare_recording
 from tbm_msgs_py import ACCELERATION, OperatingPoint, RecordingError
 from tbm_msgs_py.bags import BagWriter
+from tbm_msgs_py.bags.marks import SYNTHETIC
 from tbm_msgs_py.health import COUNTS
 
 SHORT = {"model_duration": 2.0}
@@ -23,8 +24,7 @@ def own(tmp_path_factory):
     """The model's accelerations, as they are, scaled, and of other loads."""
     same, other = model_values(seed=0), model_values(seed=7)
     points = {"cutterhead": same["cutterhead"], "shield": 0.5 * same["shield"], "gripper": other["gripper"]}
-    path = write_bag(tmp_path_factory.mktemp("own") / "bag", points, rate=10_000)
-    (path / "README.md").write_text("A Synthetic recording, made from the model.\n")
+    path = write_bag(tmp_path_factory.mktemp("own") / "bag", points, rate=10_000, custom_data=SYNTHETIC)
     return compare_recording(path, model_duration=10.0, seed=0)
 
 
@@ -91,7 +91,9 @@ def test_expected_lines_are_the_machines(own):
 def test_a_known_sine_has_its_rms(tmp_path):
     time = np.arange(4 * RATE) / RATE
     sine = np.sin(2 * np.pi * 130.3 * time)[:, None] * [2.0, 1.0, 4.0]
-    result = compare_recording(write_bag(tmp_path / "bag", {"girder": sine}), **SHORT)
+    path = write_bag(tmp_path / "bag", {"girder": sine})
+    (path / "README.md").write_text("Not a synthetic recording.\n")
+    result = compare_recording(path, **SHORT)
     axes = result.document["points"]["girder"]
     assert [axes[axis]["field_rms"] for axis in "xyz"] == pytest.approx(
         np.array([2.0, 1.0, 4.0]) / np.sqrt(2), rel=5e-3

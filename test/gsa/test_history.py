@@ -13,7 +13,8 @@ from hypothesis import strategies as st
 
 from tbm_gsa.comparison import AlarmRule, WindowResult
 from tbm_gsa.history import (
-    BY_MACHINE,
+    BY_ORIGIN,
+    KINDS,
     Entry,
     History,
     HistoryError,
@@ -80,10 +81,14 @@ def test_selections(history):
         return [(window.entry.start_ns - START) // LENGTH for window in history.windows(Selection(**values))]
 
     assert chosen(point="gripper") == [0, 1, 2, 3]
+    assert chosen(source="live") == [0, 0, 1, 1, 2, 2, 3, 3]
+    assert chosen(source="replay") == chosen(source="synthetic") == []
     assert chosen(source="offline") == [10, 11, 20]
     assert chosen(source="field") == [10, 11]
     assert chosen(source="100%_") == [20]
     assert chosen(machine="open380") == [20]
+    assert chosen(machine="abababab", source="offline") == chosen(machine="ab" * 32, source="offline") == [10, 11]
+    assert chosen(machine="abababa") == chosen(machine="abababac") == []
     assert chosen(since_ns=START + 3 * LENGTH, until_ns=START + 11 * LENGTH, point="shield") == [3, 10]
     assert chosen(point="nowhere") == []
     assert [w.entry.start_ns for w in history.windows(newest=2)] == [START + 11 * LENGTH, START + 20 * LENGTH]
@@ -137,10 +142,12 @@ def test_a_file_of_version_1_keeps_what_it_has_and_takes_new_windows(old):
     with History(old) as opened:
         kept = [window.entry for window in opened.windows()]
         assert repr(kept) == repr([entry(0), entry(1, error=math.nan)])  # peak and kurtosis are NaN
-        assert opened.baseline("spring", "dz101").usual["shield", "x"].mean == 0.3
+        spring = opened.baseline("spring", "dz101")
+        assert (spring.usual["shield", "x"].mean, spring.kind) == (0.3, None)
+        assert opened.windows()[0].source == LIVE
         opened.add(LIVE, [new])
     connection = sqlite3.connect(old)
-    assert connection.execute("PRAGMA user_version").fetchone() == (3,)
+    assert connection.execute("PRAGMA user_version").fetchone() == (4,)
     written = connection.execute("SELECT field_peak, field_kurtosis FROM windows").fetchall()
     assert written == [(None, None), (None, None), (4.0, 3.5)]
     with History(old, create=False) as opened:
@@ -151,7 +158,11 @@ def test_a_file_of_version_1_keeps_what_it_has_and_takes_new_windows(old):
 def test_a_migrated_file_has_the_columns_of_a_new_one(old, history):
     with History(old):
         pass
-    for table in ("windows", "baselines", "usual_errors"):
+    with History(old) as opened:
+        for kind in KINDS:
+            opened.add(replace(LIVE, kind=kind), [entry(0)])
+    assert sqlite3.connect(old).execute("PRAGMA foreign_key_check").fetchall() == []
+    for table in ("sources", "windows", "baselines", "usual_errors"):
         for pragma in ("table_info", "foreign_key_list"):
             found = [
                 sqlite3.connect(path).execute(f"PRAGMA {pragma}({table})").fetchall() for path in (old, history.path)
@@ -224,7 +235,7 @@ def test_another_database_a_damaged_one_and_a_newer_one(tmp_path, history):
     newer.write_bytes(bytes(whole))
     with sqlite3.connect(newer) as connection:
         connection.execute("PRAGMA user_version = 99")
-    with pytest.raises(HistoryError, match=r"schema version 99, allowed: 1 to 3$"):
+    with pytest.raises(HistoryError, match=r"schema version 99, allowed: 1 to 4$"):
         History(newer)
 
 
@@ -252,7 +263,7 @@ def test_a_baseline_is_mean_and_scatter_and_alarms_are_set_against_it(history):
     history.add(LIVE, [entry(n, error=error) for n, error in enumerate(errors)])
     history.add(LIVE, [entry(n, axis="yz", error=0.6) for n in range(5)])
     history.add(LIVE, [entry(9, error=math.inf), entry(10, error=math.nan), entry(11, "girder")])
-    history.store_baseline(make_baseline("first", history.groups(BY_MACHINE), START))
+    history.store_baseline(make_baseline("first", history.groups(BY_ORIGIN), START))
     found = history.baseline("first", "dz101")
     assert (found.machine, found.since_ns, found.until_ns) == ("dz101", START, START + 12 * LENGTH)
     assert set(found.usual) == {("shield", "x"), ("shield", "yz")}  # one window of the girder is too few
@@ -275,21 +286,39 @@ def test_a_baseline_is_mean_and_scatter_and_alarms_are_set_against_it(history):
 def test_windows_of_a_dead_sensor_are_no_part_of_a_baseline(history):
     dead = [Entry("shield", "x", START + n * LENGTH, LENGTH, 1e-6, 1.2, 1.2e6, 1.0) for n in range(90, 94)]
     history.add(LIVE, [*(entry(n) for n in range(8)), *dead])
-    usual = make_baseline("one", history.groups(BY_MACHINE), START).usual["shield", "x"]
+    usual = make_baseline("one", history.groups(BY_ORIGIN), START).usual["shield", "x"]
     assert (usual.mean, usual.windows) == (pytest.approx(0.2), 8)
 
 
-def test_a_baseline_is_replaced_by_its_namesake(history):
-    for error in (0.2, 0.4):
-        history.add(LIVE, [entry(n, error=error) for n in range(5)])
-        history.store_baseline(make_baseline("one", history.groups(BY_MACHINE), START))
+def test_a_baseline_is_replaced_only_if_that_is_asked_for(history):
+    history.add(LIVE, [entry(n, error=0.2) for n in range(5)])
+    history.store_baseline(make_baseline("one", history.groups(BY_ORIGIN), START))
+    history.add(LIVE, [entry(n, error=0.4) for n in range(5)])
+    other = make_baseline("one", history.groups(BY_ORIGIN), START)
+    with pytest.raises(HistoryError, match="baseline one: there is one of dz101 already, allowed: another name"):
+        history.store_baseline(other)
+    assert [one.usual["shield", "x"].mean for one in history.baselines()] == [pytest.approx(0.2)]
+    history.store_baseline(other, replace=True)
     assert [one.usual["shield", "x"].mean for one in history.baselines()] == [pytest.approx(0.4)]
+
+
+def test_a_deleted_baseline_leaves_nothing_behind(history):
+    for machine in ("dz101", "south"):
+        history.add(Source("live", machine, "", machine, "ab"), [entry(n) for n in range(5)])
+        history.store_baseline(make_baseline("one", history.groups(BY_ORIGIN, Selection(machine=machine)), START))
+    with pytest.raises(HistoryError, match="baseline one: of several machines: dz101, south; choose by --machine"):
+        history.delete_baseline("one")
+    assert history.delete_baseline("one", "dz101").machine == "dz101"
+    assert history.delete_baseline("one").machine == "south"
+    for table in ("baselines", "usual_errors"):
+        assert sqlite3.connect(history.path).execute(f"SELECT COUNT(*) FROM {table}").fetchone() == (0,)
+    assert history.count() == 10
 
 
 def test_machines_that_share_a_file_have_a_baseline_of_the_same_name_each(history):
     for number, machine in enumerate(("dz101", "south")):
         history.add(Source("live", machine, "", machine, "ab"), [entry(n, error=0.2 + 0.2 * number) for n in range(5)])
-        history.store_baseline(make_baseline("one", history.groups(BY_MACHINE, Selection(machine=machine)), START))
+        history.store_baseline(make_baseline("one", history.groups(BY_ORIGIN, Selection(machine=machine)), START))
     means = {machine: history.baseline("one", machine).usual["shield", "x"].mean for machine in ("dz101", "south")}
     assert means == {"dz101": pytest.approx(0.2), "south": pytest.approx(0.4)}
     with pytest.raises(HistoryError, match="baseline one: of machine dz101, south, allowed: one of open380"):
@@ -301,8 +330,21 @@ def test_baselines_without_sense_are_refused(history):
         make_baseline("none", [], START)
     history.add(LIVE, [entry(n) for n in range(5)])
     history.add(Source("live", "n", "", "dz101", "ef" * 32), [entry(n) for n in range(5)])
-    with pytest.raises(ValueError, match="windows of several machines: dz101 abababab, dz101 efefefef"):
-        make_baseline("two", history.groups(BY_MACHINE), START)
+    with pytest.raises(ValueError, match="windows of several machines: dz101 abababab, dz101 efefefef; choose by"):
+        make_baseline("two", history.groups(BY_ORIGIN), START)
+    assert make_baseline("two", history.groups(BY_ORIGIN, Selection(machine="efefefef")), START).machine == "dz101"
+
+
+def test_a_baseline_is_of_windows_of_one_kind(history):
+    for place, kind in enumerate(KINDS):
+        history.add(replace(LIVE, kind=kind), [entry(n, error=0.1 * place) for n in range(5)])
+    with pytest.raises(ValueError, match="several kinds: live, offline, replay, synthetic; choose by --source"):
+        make_baseline("one", history.groups(BY_ORIGIN), START)
+    for place, kind in enumerate(KINDS):
+        made = make_baseline(kind, history.groups(BY_ORIGIN, Selection(source=kind)), START)
+        assert (made.kind, made.usual["shield", "x"].mean) == (kind, pytest.approx(0.1 * place))
+        history.store_baseline(made)
+        assert history.baseline(kind).kind == kind
 
 
 def test_live_windows_give_an_entry_an_axis():
@@ -347,10 +389,10 @@ def test_windows_at_no_level_change_no_baseline_and_no_summary(history):
     """A standstill is quiet: its RMS must not lower the median that tells a dead sensor from one that lives, either."""
     sound = [entry(n, error=0.1 * n) for n in range(1, 7)]
     history.add(BAG, sound)
-    usual, (before,) = make_baseline("one", history.groups(BY_MACHINE), START).usual, summarise(history.windows())
+    usual, (before,) = make_baseline("one", history.groups(BY_ORIGIN), START).usual, summarise(history.windows())
     still = [replace(entry(n, error=math.nan), field_rms=1e-3, model_rms=math.nan) for n in range(10, 40)]
     history.add(BAG, still)
-    assert make_baseline("one", history.groups(BY_MACHINE), START).usual == usual
+    assert make_baseline("one", history.groups(BY_ORIGIN), START).usual == usual
     (after,) = summarise(history.windows())
     errors = ("error_mean", "error_scatter", "error_latest")
     assert [after[name] for name in errors] == [before[name] for name in errors]

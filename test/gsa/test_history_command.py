@@ -1,6 +1,7 @@
 """`tbm-monitor history` and the windows that `compare` puts there."""
 
 import json
+import re
 import sys
 from dataclasses import replace
 from datetime import UTC, datetime
@@ -13,8 +14,10 @@ from matplotlib.image import imread
 
 from tbm_gsa.cli import history as history_command
 from tbm_gsa.cli.main import main
-from tbm_gsa.history import Entry, History, Source, Window
-from tbm_gsa.report.history_figures import trends
+from tbm_gsa.history import Baseline, Entry, History, Source, Window
+from tbm_gsa.history.baseline import Usual
+from tbm_gsa.report.history_figures import by_trend, trends
+from tbm_gsa.report.history_page import history_page
 from tbm_msgs_py import OperatingPoint
 
 
@@ -70,6 +73,41 @@ def test_compare_puts_its_windows_into_the_history(run, tmp_path):
     assert not (tmp_path / "no.sqlite").exists()
 
 
+def test_a_synthetic_recording_is_kept_out_unless_asked_for(run, tmp_path):
+    bag = write_bag(tmp_path / "bag", {"shield": noise(10.0)}, custom_data={"synthetic": "true"})
+    history = tmp_path / "h.sqlite"
+    compared = ("compare", bag, "--model-duration", 2, "--history", history)
+    code, out, err = run(*compared)
+    assert (code, "(synthetic)" in out) == (0, True)
+    assert err == "not put into the history: the recording is synthetic, --keep puts it there\n"
+    assert run(*compared, "--no-keep")[::2] == (0, "")
+    assert not history.exists()
+    assert run(*compared, "--keep")[::2] == (0, "")
+    document = json.loads(run("history", "--history", history, "--json")[1])
+    assert {window["source"] for window in document["windows"]} == {"synthetic"}
+    assert {row["source"] for row in document["summary"]} == {"synthetic"}
+    code, out, _ = run("history", "baseline", "set", "one", "--history", history, "--json")
+    assert (code, json.loads(out)["source"]) == (0, "synthetic")
+
+
+def test_a_baseline_over_a_mixture_is_refused_unless_it_is_named(run, file):
+    mixed = [Source("replay", "/tbm/<b>node", "", "dz101", "ab"), Source("live", "/tbm/<b>node", "", "south", "cd")]
+    for place, source in enumerate(mixed):
+        with History(file) as history:
+            rows = [Entry("shield", "x", START_NS + n, 1, 1.0, 1.0, 0.5 + 0.1 * place, 1.0) for n in range(6)]
+            history.add(source, rows)
+    command = ("history", "baseline", "set", "one", "--history", file, "--json")
+    code, out, err = run(*command)
+    assert (code, out, len(err.strip().splitlines())) == (2, "", 1)
+    assert "windows of several machines: dz101 ab, south cd; choose by --machine" in err
+    code, out, err = run(*command, "--machine", "dz101")
+    assert (code, out, len(err.strip().splitlines())) == (2, "", 1)
+    assert "windows of several kinds: live, replay; choose by --source" in err
+    found = json.loads(run(*command, "--machine", "dz101", "--source", "replay")[1])
+    assert (found["machine"], found["source"]) == ("dz101", "replay")
+    assert found["points"]["shield"]["x"]["mean"] == pytest.approx(0.5)
+
+
 def test_a_recorded_standstill_is_in_the_history_without_an_error(run, tmp_path):
     driven, still = OperatingPoint(0.5, 3e6, 1e7), OperatingPoint(0.0, 0.0, 0.0)
     operating = [(at, driven if at < 20 else still) for at in range(28)]
@@ -122,7 +160,7 @@ def test_list_filters_and_summary(run, file):
 
 
 def test_a_baseline_and_pictures(run, file, tmp_path):
-    code, out, _ = run("history", "baseline", "spring", "--history", file, "--json")
+    code, out, _ = run("history", "baseline", "set", "spring", "--history", file, "--json")
     assert code == 0
     assert json.loads(out)["points"]["shield"]["x"]["mean"] == pytest.approx(0.345)
     assert json.loads(run("history", "--history", file, "--json")[1])["baselines"][0]["name"] == "spring"
@@ -138,6 +176,46 @@ def test_a_baseline_and_pictures(run, file, tmp_path):
     assert text.count("<img") == 2
     assert imread(picture).shape[1] == 1200
     assert "spring" in run("history", "--history", file)[1]
+
+
+@pytest.mark.parametrize("typed", [["commissioning"], ["--history", "{file}"], ["spring", "--history", "{file}"]])
+def test_the_old_form_stores_nothing_and_names_the_new_one(run, file, typed):
+    code, out, err = run("history", "baseline", *(word.replace("{file}", str(file)) for word in typed))
+    assert (code, out, len(err.strip().splitlines())) == (2, "", 1)
+    assert "allowed: list, show, set, delete; `history baseline set NAME` stores a baseline" in err
+    assert json.loads(run("history", "baseline", "list", "--history", file, "--json")[1])["baselines"] == []
+
+
+def test_no_baseline_is_overwritten_unless_that_is_asked_for(run, file):
+    def mean(*arguments):
+        return json.loads(run("history", "baseline", *arguments, "--history", file, "--json")[1])["points"]["shield"][
+            "x"
+        ]["mean"]
+
+    until = datetime.fromtimestamp(START_NS // 10**9 + 20, UTC).isoformat()
+    assert mean("set", "spring") == pytest.approx(0.345)
+    code, out, err = run("history", "baseline", "set", "spring", "--until", until, "--history", file)
+    assert (code, out) == (2, "")
+    assert "baseline spring: there is one of dz101 already, allowed: another name, or --replace" in err
+    assert mean("show", "spring") == pytest.approx(0.345)
+    assert mean("set", "spring", "--until", until, "--replace") == pytest.approx(0.245)
+    assert mean("show", "spring") == pytest.approx(0.245)
+
+
+def test_baselines_are_listed_and_deleted_by_name(run, file):
+    for name in ("spring", "list"):
+        assert run("history", "baseline", "set", name, "--history", file)[0] == 0
+    document = json.loads(run("history", "baseline", "list", "--history", file, "--json")[1])
+    assert document["path"] == str(file)
+    assert [one["name"] for one in document["baselines"]] == ["spring", "list"]
+    shown = run("history", "baseline", "list", "--history", file)[1]
+    assert "2 baselines" in shown
+    assert "spring" in shown
+    code, out, _ = run("history", "baseline", "delete", "list", "--history", file)
+    assert (code, "baseline list of live dz101" in out) == (0, True)
+    assert "1 baseline\n" in run("history", "baseline", "list", "--history", file)[1]
+    assert "no baseline list, there: spring" in run("history", "baseline", "show", "list", "--history", file)[2]
+    assert json.loads(run("history", "--history", file, "--json")[1])["total"] == 180
 
 
 def test_more_windows_than_fit_into_memory_are_not_plotted(run, file, monkeypatch, tmp_path):
@@ -162,6 +240,27 @@ def test_crest_factor_and_kurtosis_are_drawn_where_they_are_known():
     }
 
 
+def test_windows_of_different_kinds_and_machines_are_not_one_line():
+    one = Entry("shield", "x", START_NS, 2_000_000_000, 2.0, 1.2, 0.2, 1.0)
+    live, replay = (Source(kind, "node", "", "dz101", "ab") for kind in ("live", "replay"))
+    later = replace(one, start_ns=START_NS + 60_000_000_000)
+    both = [Window(live, one), Window(replay, one), Window(live, replace(one, point="girder"))]
+    assert by_trend(both[::2]) == {"shield": [both[0]], "girder": [both[2]]}
+    assert by_trend(both) == {
+        "shield, live, dz101": [both[0]],
+        "shield, replay, dz101": [both[1]],
+        "girder, live, dz101": [both[2]],
+    }
+    here, south = ([Window(replace(live, machine=name), at) for at in (one, later)] for name in ("dz101", "south"))
+    usual = {("shield", "x"): Usual(0.2, 0.01, 9)}
+    page = history_page(Path("h"), [*here, *south], [Baseline("spring", "south", "", 1, 0, 1, usual, "live")])
+    first, second = re.split("<h2>", page)[1:3]
+    assert first.startswith("shield, live, dz101</h2>")
+    assert "baseline spring" not in first
+    assert second.startswith("shield, live, south</h2>")
+    assert "baseline spring" in second
+
+
 @pytest.mark.parametrize(
     ("arguments", "said"),
     [
@@ -170,8 +269,16 @@ def test_crest_factor_and_kurtosis_are_drawn_where_they_are_known():
         (["--history", "{file}", "--until", "2026-13-01"], "--until 2026-13-01: allowed"),
         (["--history", "{file}", "--point", "none", "--html", "h.html"], "no windows to plot"),
         (["--history", "{file}", "--html", "no/such/h.html"], "no folder no/such"),
-        (["baseline", "--history", "{file}", "--point", "none"], "0 windows with a known error"),
-        (["baseline", "--history", "nowhere.sqlite"], "no such history"),
+        (["baseline", "set", "one", "--history", "{file}", "--point", "none"], "0 windows with a known error"),
+        (["baseline", "set", " ", "--history", "{file}"], "baseline ' ': allowed: a name"),
+        (["baseline", "set", "one", "--history", "nowhere.sqlite"], "no such history"),
+        (["baseline", "list", "--history", "nowhere.sqlite"], "no such history"),
+        (["baseline", "show", "one", "--history", "{file}"], "no baseline one, there: none"),
+        (["baseline", "delete", "one", "--history", "{file}"], "no baseline one, there: none"),
+        (["baseline", "set", "--history", "{file}"], "Missing argument"),
+        (["baseline", "show", "--history", "{file}"], "Missing argument"),
+        (["baseline", "delete", "--history", "{file}"], "Missing argument"),
+        (["--history", "{file}", "baseline", "list"], "history --history … baseline: allowed: options behind"),
     ],
 )
 def test_bad_input_is_one_line(run, file, tmp_path, monkeypatch, arguments, said):

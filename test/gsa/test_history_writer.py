@@ -14,7 +14,7 @@ from tbm_gsa.comparison import WindowResult
 from tbm_gsa.history import Baseline, History, HistoryError, Source
 from tbm_gsa.history.baseline import Usual
 from tbm_gsa.nodes import history_writer
-from tbm_gsa.nodes.history_writer import HistoryWriter
+from tbm_gsa.nodes.history_writer import HistoryWriter, kind_of, live_now
 
 SECOND = 1_000_000_000
 SOURCE = Source("live", "/tbm/analysis_node", "", "dz101", "sum")
@@ -25,6 +25,11 @@ def window(number):
     return WindowResult(
         "shield", number * 2 * SECOND, 2 * SECOND, three, three, 0.1 * three, 1.0, 1.0, three, 3 * three
     )
+
+
+def add(writer, number):
+    """Hand over a live window: the computer's clock stands at its end."""
+    writer.add(window(number), False, (number + 1) * 2 * SECOND)
 
 
 @contextmanager
@@ -55,15 +60,15 @@ def starts(file):
 
 
 def test_windows_wait_while_the_file_is_locked(tmp_path, writer, said):
-    writer.add(window(0), rotating=False)
+    add(writer, 0)
     assert (writer.written, writer.problem) == (3, "")
     with locked(tmp_path / "h.sqlite"):
-        writer.add(window(1), rotating=False)
-        writer.add(window(2), rotating=False)
+        add(writer, 1)
+        add(writer, 2)
         assert writer.problem == "database is locked"
         assert writer.written == 3
     assert said == ["history: database is locked; the comparison goes on"]
-    writer.add(window(3), rotating=False)
+    add(writer, 3)
     assert (writer.written, writer.lost, writer.problem) == (12, 0, "")
     assert starts(tmp_path / "h.sqlite") == [0, 1, 2, 3]
 
@@ -72,7 +77,7 @@ def test_the_oldest_are_lost_when_too_many_wait(tmp_path, writer, monkeypatch):
     monkeypatch.setattr(history_writer, "MOST_WAITING", 6)
     with locked(tmp_path / "h.sqlite"):
         for number in range(4):
-            writer.add(window(number), rotating=False)
+            add(writer, number)
     assert writer.lost == 6
     writer.close()  # tries once more
     assert starts(tmp_path / "h.sqlite") == [2, 3]
@@ -82,7 +87,7 @@ def test_a_default_file_that_cannot_be_used_only_warns(tmp_path, said, monkeypat
     monkeypatch.setenv("TBM_HISTORY", str(tmp_path / "h.sqlite"))
     (tmp_path / "h.sqlite").write_text("no database")
     writer = HistoryWriter("", SOURCE, said.append)
-    writer.add(window(0), rotating=False)
+    add(writer, 0)
     writer.close()
     assert (writer.path, writer.written) == (str(tmp_path / "h.sqlite"), 0)
     assert len(said) == 1
@@ -102,15 +107,15 @@ def test_a_file_that_is_locked_at_the_start_is_tried_again(tmp_path, said, monke
     with locked(file):
         writer = HistoryWriter(str(file) if named else "", SOURCE, said.append)
         for number in range(3):
-            writer.add(window(number), rotating=False)
+            add(writer, number)
         with pytest.raises(HistoryError, match=r"baseline sound: no history to find it in \(.*is locked"):
             writer.usual_errors("sound")
     assert (writer.written, writer.lost, writer.problem) == (0, 3, f"{file}: database is locked")
     assert said == [f"history: {file}: database is locked; the comparison goes on"]
-    writer.add(window(3), rotating=False)
+    add(writer, 3)
     assert (writer.written, writer.lost) == (0, 6), "too early to try again"
     monkeypatch.setattr(writer, "_next_try", 0.0)
-    writer.add(window(4), rotating=False)
+    add(writer, 4)
     assert (writer.written, writer.lost, writer.problem) == (6, 9, "")
     writer.close()
     assert starts(file) == [3, 4]
@@ -120,25 +125,80 @@ def test_windows_that_are_too_old_are_deleted_but_none_because_of_a_stamp_of_the
     file, day = tmp_path / "h.sqlite", 43_200  # windows
     writer = HistoryWriter(str(file), SOURCE, said.append, days=1.0)
     for number in range(10):
-        writer.add(window(number), rotating=False)
-    writer.add(window(day + 5), rotating=False)
+        add(writer, number)
+    add(writer, day + 5)
     assert len(starts(file)) == 11, "too early to look again"
     monkeypatch.setattr(history_writer, "DISCARD_S", 0.0)
     writer._next_discard = 0.0
     monkeypatch.setattr(history_writer, "MOST_DISCARDED", 9)
     for place, left in enumerate(([3, 4, 5, 6, 7, 8, 9], [5, 6, 7, 8, 9])):
-        writer.add(window(day + 5), rotating=False)
+        add(writer, day + 5)
         assert starts(file) == [*left, day + 5], place
     now = time.time_ns() // (2 * SECOND)
     for number in (now - 5, now, 2 * now, now):
-        writer.add(window(number), rotating=False)
+        add(writer, number)
     assert {now - 5, now} < set(starts(file))
     writer.close()
     forever = HistoryWriter(str(file), SOURCE, said.append, days=0.0)
-    forever.add(window(2 * now), rotating=False)
+    add(forever, 2 * now)
     assert {now - 5, now} < set(starts(file))
     forever.close()
     assert said == []
+
+
+@pytest.mark.parametrize(
+    ("late", "kind"),
+    [(0, "live"), (59 * SECOND, "live"), (-59 * SECOND, "live"), (61 * SECOND, "replay"), (-61 * SECOND, "replay")],
+)
+def test_a_window_is_a_replay_if_its_stamps_are_not_of_now(late, kind):
+    assert kind_of(window(7), 16 * SECOND + late) == kind
+
+
+def test_a_window_on_a_simulated_clock_is_a_replay():
+    rclpy_clock = pytest.importorskip("rclpy.clock")
+    clock = rclpy_clock.ROSClock()
+    assert live_now(clock) == pytest.approx(time.time_ns(), abs=600 * SECOND)
+    clock._set_ros_time_is_active(True)  # what `use_sim_time` does
+    assert live_now(clock) is None
+    assert kind_of(window(7), None) == "replay"
+
+
+def test_live_and_replayed_windows_are_kept_apart_through_a_lock(tmp_path, writer):
+    with locked(tmp_path / "h.sqlite"):
+        for number in (0, 1):
+            add(writer, number)
+        for number in (1, 2):
+            writer.add(window(number), False, None)
+        add(writer, 3)
+    writer.add(window(4), False, None)
+    with History(tmp_path / "h.sqlite") as history:
+        found = [(one.source.kind, one.entry.start_ns // (2 * SECOND)) for one in history.windows()]
+    assert sorted(set(found)) == [*(("live", number) for number in (0, 1, 3)), *(("replay", n) for n in (1, 2, 4))]
+    assert (writer.written, writer.lost, writer.problem) == (18, 0, "")
+
+
+def test_windows_of_a_replay_have_no_age(tmp_path, said, monkeypatch):
+    monkeypatch.setattr(history_writer, "DISCARD_S", 0.0)
+    day, file = 43_200, tmp_path / "h.sqlite"  # windows
+    writer = HistoryWriter(str(file), SOURCE, said.append, days=1.0)
+    add(writer, 0)
+    for number in (1, 3 * day):
+        writer.add(window(number), False, None)
+    assert starts(file) == [0, 1, 3 * day]
+    add(writer, 3 * day)  # the live one of the first day goes, the replay of that day stays
+    assert starts(file) == [1, 3 * day]
+    writer.close()
+
+
+def test_a_baseline_of_a_synthetic_recording_is_a_warning(tmp_path, writer, said):
+    usual = {("shield", "x"): Usual(0.4, 0.01, 9)}
+    with History(tmp_path / "h.sqlite") as history:
+        for kind in ("offline", "synthetic"):
+            history.store_baseline(Baseline(kind, "dz101", "", 1, 0, 1, usual, kind))
+    assert np.asarray(writer.usual_errors("offline")["shield"].mean)[0] == 0.4
+    assert said == []
+    assert np.asarray(writer.usual_errors("synthetic")["shield"].mean)[0] == 0.4
+    assert said == ["baseline synthetic: of a synthetic recording: alarms are set against nothing measured"]
 
 
 def test_a_file_that_fails_gives_no_baseline_and_a_reason(tmp_path, writer):
@@ -162,5 +222,5 @@ def test_a_baseline_has_to_be_of_the_same_machine(tmp_path, writer):
 
 def test_none_keeps_nothing(said):
     writer = HistoryWriter("none", SOURCE, said.append)
-    writer.add(window(0), rotating=False)
+    add(writer, 0)
     assert (writer.path, writer.written, said) == ("", 0, [])

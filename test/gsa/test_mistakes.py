@@ -9,7 +9,8 @@ import pytest
 
 from tbm_gsa.cli.demo import print_tables
 from tbm_gsa.cli.main import main
-from tbm_gsa.cli.shipped import is_shipped, recording_path, shipped_bag
+from tbm_gsa.cli.shipped import recording_path, shipped_bag
+from tbm_msgs_py.bags.marks import is_synthetic
 
 SENSOR = "topics:\n  /rig: {point: girder, gravity: removed, frame: fixed, %s}\n"
 MISTAKES = {
@@ -99,8 +100,8 @@ def test_the_demo_calls_the_shipped_recording_synthetic_and_no_other(folder, cap
     (folder / "link").symlink_to(shipped_bag())
     document = {"points": {}, "outputs": {}, "blocks": {}, "seconds": 1.0, "report": "report.html"}
     for path, synthetic in ((shipped_bag(), True), (Path("link"), True), (Path("old"), False), (Path("none"), False)):
-        assert is_shipped(path) is synthetic
-        print_tables(document, synthetic=is_shipped(path))
+        assert is_synthetic(path) is synthetic
+        print_tables(document, synthetic=is_synthetic(path))
         assert ("synthetic" in capsys.readouterr().out) is synthetic
 
 

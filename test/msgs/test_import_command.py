@@ -13,6 +13,7 @@ from tbm_gsa.cli.main import main
 from tbm_msgs_py import RecordingError, read_recording
 from tbm_msgs_py.bags.mapping import STANDARD_GRAVITY
 from tbm_msgs_py.importing import apart, describe, import_recording
+from tbm_msgs_py.importing.apart import _import as import_apart_as_it_is
 
 START = "2026-03-01T08:00:00+01:00"
 POINT = {"columns": ["a", "b", "c"], "units": "g", "gravity": "removed", "frame": "fixed"}
@@ -108,6 +109,22 @@ def test_a_crash_of_a_library_is_one_line_and_leaves_nothing(tmp_path, monkeypat
     with pytest.raises(RecordingError, match="the library that reads it crashed"):
         apart.import_apart(tmp_path / "a.mat", described, tmp_path / name)
     assert list(tmp_path.iterdir()) == []
+
+
+def overtaken(answer, path, description, out):
+    """Another import into the same folder was faster."""
+    out.mkdir()
+    (out / "theirs").touch()
+    import_apart_as_it_is(answer, path, description, out)
+
+
+def test_an_import_that_is_refused_removes_nothing_of_another(tmp_path, monkeypatch):
+    monkeypatch.setattr(apart, "_import", overtaken)
+    described = describe(None, {"points": {"girder": POINT}, "rate": 50, "start": START})
+    scipy.io.savemat(tmp_path / "a.mat", {name: np.arange(9.0) for name in "abc"})
+    with pytest.raises(RecordingError, match="exists already"):
+        apart.import_apart(tmp_path / "a.mat", described, tmp_path / "bag")
+    assert [path.name for path in (tmp_path / "bag").iterdir()] == ["theirs"]
 
 
 def test_import_apart_gives_what_the_import_gives(tmp_path):

@@ -12,13 +12,15 @@ from rosbags.highlevel import AnyReader
 from rosbags.rosbag2 import Reader
 
 from tbm_msgs_py import ACCELERATION, Bag, BagWriter, OperatingPoint, RecordingError, read_recording
+from tbm_msgs_py.bags import quota
 from tbm_msgs_py.bags.locking import lock
-from tbm_msgs_py.bags.quota import MARK, enforce, stored
+from tbm_msgs_py.bags.quota import KEEP, enforce, mark, stored
 from tbm_msgs_py.bags.samples import typestore
 
 START_NS = 1_767_225_600_000_000_000
 TOPIC = "/tbm/field/cutterhead/block"
 PERIOD = 50_000_000  # ns
+LIMITED = mark(50.0)
 POINT = OperatingPoint(0.586, 3.04e6, 1.2e7)
 
 
@@ -96,7 +98,7 @@ def test_recording_that_nobody_closed_has_its_topics_and_messages(tmp_path):
 
 def recorded(folder, name, blocks, age):
     """A finished marked recording in files of 10 blocks, last changed `age` s ago and 10 s from file to file."""
-    path = split(folder / name, blocks, max_seconds=0.5, custom_data=MARK)
+    path = split(folder / name, blocks, max_seconds=0.5, custom_data=LIMITED)
     files = sorted(path.glob("*.mcap"))
     for place, file in enumerate(files):
         changed = 1_700_000_000 - age + 10 * place
@@ -107,7 +109,7 @@ def recorded(folder, name, blocks, age):
 def test_quota_deletes_the_oldest_files_first(tmp_path):
     old, old_sizes = recorded(tmp_path, "old", range(20), 1000)
     new, new_sizes = recorded(tmp_path, "new", range(30), 500)
-    writer = BagWriter(tmp_path / "now", max_seconds=0.5, custom_data=MARK)
+    writer = BagWriter(tmp_path / "now", max_seconds=0.5, custom_data=LIMITED)
     writer.open()
     fill(writer, range(5))
     writer.flush()
@@ -131,9 +133,9 @@ def test_quota_deletes_the_oldest_files_first(tmp_path):
 
 
 def test_quota_never_deletes_what_is_being_written(tmp_path):
-    other = BagWriter(tmp_path / "other", custom_data=MARK)
+    other = BagWriter(tmp_path / "other", custom_data=LIMITED)
     other.open()  # another recorder in the same folder
-    writer = BagWriter(tmp_path / "now", max_seconds=0.5, custom_data=MARK)
+    writer = BagWriter(tmp_path / "now", max_seconds=0.5, custom_data=LIMITED)
     writer.open()
     fill(writer, range(35))
     writer.flush()
@@ -148,11 +150,73 @@ def test_quota_never_deletes_what_is_being_written(tmp_path):
     other.close()
 
 
-def test_quota_leaves_what_no_recorder_made(tmp_path):
-    reference = split(tmp_path / "reference", range(20))
-    with BagWriter(tmp_path / "now", custom_data=MARK) as writer:
+@pytest.mark.parametrize(
+    "custom_data",
+    [None, mark(0.0), {"quota": "50"}, {"recorder": "another", "quota": "50"}],
+)
+def test_quota_is_for_what_was_recorded_under_one(tmp_path, custom_data):
+    """What was recorded without it, imported or made by another program neither counts nor goes."""
+    reference = split(tmp_path / "reference", range(20), custom_data=custom_data)
+    with BagWriter(tmp_path / "now", custom_data=LIMITED) as writer:
         assert enforce(0, writer) == ([], writer.current.stat().st_size)
     assert Bag(reference).info().messages == 21
+
+
+def test_words_like_the_mark_are_none(tmp_path):
+    note = {"note": "recorder: tbm_monitor under quota: 50"}
+    reference = split(tmp_path / "reference", range(20), custom_data=note)
+    with BagWriter(tmp_path / "now", custom_data=LIMITED) as writer:
+        assert enforce(0, writer)[0] == []
+    assert Bag(reference).info().messages == 21
+
+
+def test_quota_leaves_what_is_marked_to_be_kept(tmp_path):
+    old, _ = recorded(tmp_path, "old", range(20), 1000)
+    kept, _ = recorded(tmp_path, "kept", range(20), 2000)
+    (kept / KEEP).touch()
+    writer = BagWriter(tmp_path / "now", max_seconds=0.5, custom_data=LIMITED)
+    writer.open()
+    fill(writer, range(25))
+    writer.flush()
+    (writer.path / KEEP).touch()
+    gone, over = enforce(0, writer)  # neither counts
+    assert ([file.path.name for file in gone], over) == (["old_0.mcap", "old_1.mcap"], 0)
+    assert not old.exists()
+    (writer.path / KEEP).unlink()
+    gone, over = enforce(0, writer)
+    assert [file.path.name for file in gone] == ["now_0.mcap", "now_1.mcap"]
+    assert over == writer.current.stat().st_size
+    writer.close()
+    assert Bag(kept).info().messages == 22
+
+
+def test_what_is_marked_at_the_last_moment_is_kept(tmp_path, monkeypatch):
+    old, _ = recorded(tmp_path, "old", range(20), 1000)
+
+    def listed(folder):
+        found = stored(folder)
+        (old / KEEP).touch()
+        return found
+
+    monkeypatch.setattr(quota, "stored", listed)
+    with BagWriter(tmp_path / "now", custom_data=LIMITED) as writer:
+        assert enforce(0, writer)[0] == []
+    assert Bag(old).info().messages == 22
+
+
+def test_quota_deletes_no_file_that_a_recording_does_not_name(tmp_path):
+    old, _ = recorded(tmp_path, "old", range(20), 1000)
+    elsewhere = split(tmp_path / "archive" / "linked", range(10), custom_data=LIMITED)
+    (tmp_path / "linked").symlink_to(elsewhere)
+    (old / "link.mcap").symlink_to(elsewhere / "linked.mcap")
+    with BagWriter(tmp_path / "now", max_seconds=0.5, custom_data=LIMITED) as writer:
+        for folder in (old, writer.path):
+            (folder / "copy.mcap").write_bytes((elsewhere / "linked.mcap").read_bytes())
+        gone, _ = enforce(0, writer)
+    assert [file.path.name for file in gone] == ["old_0.mcap", "old_1.mcap"]
+    assert sorted(file.name for file in old.iterdir()) == ["copy.mcap", "link.mcap"]
+    assert (tmp_path / "now" / "copy.mcap").exists()
+    assert Bag(elsewhere).info().messages == 11
 
 
 def test_quota_leaves_a_recording_whose_metadata_was_spoilt(tmp_path):
@@ -161,7 +225,7 @@ def test_quota_leaves_a_recording_whose_metadata_was_spoilt(tmp_path):
     content = yaml.safe_load(file.read_text())
     del content["rosbag2_bagfile_information"]["files"]
     file.write_text(yaml.safe_dump(content))
-    with BagWriter(tmp_path / "now", custom_data=MARK) as writer:
+    with BagWriter(tmp_path / "now", custom_data=LIMITED) as writer:
         gone, over = enforce(0, writer)
     assert gone == []
     assert over > 0

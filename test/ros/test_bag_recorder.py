@@ -175,13 +175,19 @@ def test_a_publisher_that_comes_back_and_offers_less_is_recorded(host_node, peer
 
 
 def test_quota_and_splitting_by_size(host_node, peer, tmp_path):
-    output = tmp_path / "bag"
+    """What was recorded without a quota stays beside it, whatever it takes."""
+    output, earlier = tmp_path / "bag", tmp_path / "earlier"
+    recorder = host_node(BagRecorder, output=earlier, topics=f"[{TOPIC}]", split_size=0.05)
+    sender = Sender(peer)
+    sender.send(60)
+    peer.settle()
+    recorder.close()
+    before = {file.name: file.stat().st_size for file in earlier.iterdir()}
+    assert sum(before.values()) > 0.2e6
     recorder = host_node(
         BagRecorder, output=output, topics=f"[{TOPIC}]", split_size=0.05, quota=0.2, flush_period=0.1
     )  # 10 blocks a file
-    sender = Sender(peer)
-    sender.send(60)
-    peer.wait_for(lambda: recorder.says("deleted"))
+    sender.send_until(lambda: recorder.says("deleted"))
     sender.send(20)
     peer.settle()
     recorder.close()
@@ -190,6 +196,8 @@ def test_quota_and_splitting_by_size(host_node, peer, tmp_path):
     described = yaml.safe_load((output / "metadata.yaml").read_text())["rosbag2_bagfile_information"]
     there = sorted((file.name for file in output.glob("*.mcap")), key=lambda name: (len(name), name))
     assert described["relative_file_paths"] == there
+    assert described["custom_data"] == {"recorder": "tbm_monitor", "quota": "0.2"}
+    assert {file.name: file.stat().st_size for file in earlier.iterdir()} == before
     assert not {str(output / name) for name in there} & set(deleted)
     kept = numbers(output)
     assert kept == list(range(kept[0], sender.sent))

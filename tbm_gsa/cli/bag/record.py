@@ -24,7 +24,9 @@ def record(
     split_time: Annotated[float, typer.Option(min=0.0, help="A further file after so long (s); 0: never.")] = 0.0,
     quota: Annotated[
         float,
-        typer.Option(min=0.0, help="The recordings beside this one and itself take at most so much (MB); 0: no limit."),
+        typer.Option(
+            min=0.0, help="It and those beside it that were made with a quota take at most so much (MB); 0: no limit."
+        ),
     ] = 0.0,
     compress: Annotated[bool, typer.Option("--compress", help="Compress with zstd.")] = False,
     sim_time: Annotated[

@@ -1,0 +1,158 @@
+"""What can be asked of an open history, whether it was opened to write or only to read."""
+
+import math
+import re
+import sqlite3
+import sys
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, fields
+from functools import lru_cache
+from pathlib import Path
+from typing import Any, Final, Self
+
+import numpy as np
+
+from tbm_gsa.history.baseline import Baseline, Usual
+from tbm_gsa.history.entries import KINDS, Entry, Group, Source, Window
+from tbm_gsa.history.errors import HistoryError
+
+SOURCE_COLUMNS: Final = "kind, name, digest, machine, machine_sha256"
+ENTRY_COLUMNS: Final = ", ".join(field.name for field in fields(Entry))
+_COLUMNS: Final = [("start_ns", "i8"), ("length_ns", "i8"), ("field_rms", "f8"), ("relative_error", "f8")]
+
+
+@dataclass(frozen=True)
+class Selection:
+    """Which windows are wanted; None leaves that out.
+
+    Attributes
+    ----------
+    point : str
+    since_ns, until_ns : int
+        Windows that begin at or after, and before.
+    source : str
+        One of `KINDS`, or a part of the source's name.
+    machine : str
+        Its name, or the first digits, eight at least, of its file's SHA-256.
+    """
+
+    point: str | None = None
+    since_ns: int | None = None
+    until_ns: int | None = None
+    source: str | None = None
+    machine: str | None = None
+
+    def condition(self) -> tuple[str, list[str | int]]:
+        """Give the condition in SQL and its values."""
+        digits = self.machine if re.fullmatch("[0-9a-f]{8,64}", self.machine or "") else None
+        parts: list[tuple[str, str | int | None]] = [
+            ("point = ?", self.point),
+            ("start_ns >= ?", self.since_ns),
+            ("start_ns < ?", self.until_ns),
+            ("kind = ?" if self.source in KINDS else "instr(name, ?) > 0", self.source),
+            (f"? IN (machine, substr(machine_sha256, 1, {len(digits)}))" if digits else "machine = ?", self.machine),
+        ]
+        given = [(text, value) for text, value in parts if value is not None]
+        return " AND ".join(text for text, _ in given) or "1", [value for _, value in given]
+
+
+class Queries:
+    """An open history; close it or use it as a context manager.
+
+    Parameters
+    ----------
+    path : Path
+    connection : sqlite3.Connection
+        To a history of the current schema version.
+    """
+
+    def __init__(self, path: Path, connection: sqlite3.Connection) -> None:
+        self.path = path
+        self._connection = connection
+
+    def close(self) -> None:
+        """Close the file."""
+        self._connection.close()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def windows(self, selection: Selection | None = None, newest: int | None = None) -> list[Window]:
+        """Windows in the order of time, of the newest so many only if a number is given."""
+        condition, values = (selection or Selection()).condition()
+        limit = "" if newest is None else f" LIMIT {int(newest)}"
+        rows = self._connection.execute(
+            f"SELECT {SOURCE_COLUMNS}, {ENTRY_COLUMNS} FROM windows JOIN sources ON source = id WHERE {condition} "  # noqa: S608
+            f"ORDER BY start_ns DESC, point DESC, axis DESC{limit}",
+            values,
+        )
+        return [_window(*row) for row in rows][::-1]
+
+    def count(self, selection: Selection | None = None) -> int:
+        """Count the entries of a selection."""
+        condition, values = (selection or Selection()).condition()
+        query = f"SELECT COUNT(*) FROM windows JOIN sources ON source = id WHERE {condition}"  # noqa: S608
+        return int(self._connection.execute(query, values).fetchone()[0])
+
+    def groups(self, columns: Sequence[str], selection: Selection | None = None) -> Iterator[Group]:
+        """Windows that have these columns in common, which begin with point and axis; one group is read at a time."""
+        condition, values = (selection or Selection()).condition()
+        chosen = f"FROM windows JOIN sources ON source = id WHERE {condition}"
+        names = ", ".join(columns)
+        same = f"({names}) = ({', '.join('?' * len(columns))})"
+        numbers = "start_ns, length_ns, ifnull(field_rms, 0.0), ifnull(relative_error, 9e999)"  # infinity is not known
+        for key in sorted(self._connection.execute(f"SELECT DISTINCT {names} {chosen}", values)):
+            rows = self._connection.execute(f"SELECT {numbers} {chosen} AND {same} ORDER BY start_ns", [*values, *key])
+            read = np.fromiter(rows, dtype=_COLUMNS)
+            if read.size:  # not discarded meanwhile
+                yield Group(key, *(read[name] for name, _ in _COLUMNS))
+
+    def baselines(self) -> list[Baseline]:
+        """All baselines, the oldest first."""
+        rows = self._connection.execute(
+            "SELECT name, machine, machine_sha256, created_ns, since_ns, until_ns, kind FROM baselines "
+            "ORDER BY created_ns, name, machine"
+        ).fetchall()
+        return [Baseline(*(*row[:6], self._usual(*row[:2]), row[6])) for row in rows]
+
+    def baseline(self, name: str, machine: str | None = None) -> Baseline:
+        """Find a baseline by its name and machine; the machine may be left out where only one has that name.
+
+        Raises
+        ------
+        HistoryError
+            There is none, or several machines have one.
+        """
+        found = self.baselines()
+        named = {baseline.machine: baseline for baseline in found if baseline.name == name}
+        if not named:
+            there = ", ".join(dict.fromkeys(baseline.name for baseline in found))
+            raise HistoryError(f"{self.path}: no baseline {name}, there: {there or 'none'}")
+        if machine is None and len(named) > 1:
+            raise HistoryError(f"baseline {name}: of several machines: {', '.join(named)}; choose by --machine")
+        if machine is not None and machine not in named:
+            raise HistoryError(f"baseline {name}: of machine {', '.join(named)}, allowed: one of {machine}")
+        return named[next(iter(named)) if machine is None else machine]
+
+    def _usual(self, name: str, machine: str) -> dict[tuple[str, str], Usual]:
+        rows = self._connection.execute(
+            "SELECT point, axis, mean, scatter, windows FROM usual_errors "
+            "WHERE (machine, baseline) = (?, ?) ORDER BY point, axis",
+            (machine, name),
+        )
+        return {(point, axis): Usual(*values) for point, axis, *values in rows}
+
+
+def _window(*row: Any) -> Window:
+    """Window from a row; SQLite keeps NaN as NULL."""
+    entry: list[Any] = [math.nan if value is None else value for value in row[7:]]
+    return Window(_source(*row[:5]), Entry(sys.intern(row[5]), sys.intern(row[6]), *entry))
+
+
+@lru_cache(maxsize=256)
+def _source(*row: Any) -> Source:
+    """Source from its columns; many windows share one."""
+    return Source(*row)

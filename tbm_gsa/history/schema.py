@@ -1,0 +1,136 @@
+"""The schema of the history file: what a new one holds, how an older one is brought up to date."""
+
+import sqlite3
+from pathlib import Path
+from typing import Final
+
+from tbm_gsa.history.errors import HistoryError
+
+SCHEMA_VERSION: Final = 4
+APPLICATION_ID: Final = 0x54424D48  # "TBMH"
+_USUAL_ERRORS: Final = """
+CREATE TABLE usual_errors (
+    machine TEXT NOT NULL,
+    baseline TEXT NOT NULL,
+    point TEXT NOT NULL,
+    axis TEXT NOT NULL,
+    mean REAL NOT NULL,
+    scatter REAL NOT NULL,
+    windows INTEGER NOT NULL,
+    PRIMARY KEY (machine, baseline, point, axis),
+    FOREIGN KEY (machine, baseline) REFERENCES baselines (machine, name) ON DELETE CASCADE
+) WITHOUT ROWID;
+"""
+_SOURCES: Final = """(
+    id INTEGER PRIMARY KEY,
+    kind TEXT NOT NULL CHECK (kind IN ('live', 'replay', 'offline', 'synthetic')),
+    name TEXT NOT NULL,
+    digest TEXT NOT NULL,
+    machine TEXT NOT NULL,
+    machine_sha256 TEXT NOT NULL,
+    UNIQUE (kind, name, digest, machine, machine_sha256)
+);
+"""
+_SCHEMA: Final = f"""
+CREATE TABLE sources {_SOURCES}
+CREATE TABLE windows (
+    source INTEGER NOT NULL REFERENCES sources (id),
+    point TEXT NOT NULL,
+    axis TEXT NOT NULL,
+    start_ns INTEGER NOT NULL,
+    length_ns INTEGER NOT NULL,
+    field_rms REAL,
+    model_rms REAL,
+    relative_error REAL,
+    coverage REAL NOT NULL,
+    field_peak REAL,
+    field_kurtosis REAL,
+    PRIMARY KEY (start_ns, source, point, axis, length_ns)
+) WITHOUT ROWID;
+CREATE TABLE baselines (
+    name TEXT NOT NULL,
+    machine TEXT NOT NULL,
+    machine_sha256 TEXT NOT NULL,
+    created_ns INTEGER NOT NULL,
+    since_ns INTEGER NOT NULL,
+    until_ns INTEGER NOT NULL,
+    kind TEXT,
+    PRIMARY KEY (machine, name)
+) WITHOUT ROWID;
+{_USUAL_ERRORS}
+PRAGMA application_id = {APPLICATION_ID};
+PRAGMA user_version = {SCHEMA_VERSION};
+"""
+_UPDATES: Final = {  # from the version to the next one
+    1: """
+ALTER TABLE windows ADD COLUMN field_peak REAL;
+ALTER TABLE windows ADD COLUMN field_kurtosis REAL;
+PRAGMA user_version = 2;
+""",
+    2: f"""
+ALTER TABLE usual_errors RENAME TO old_errors;
+ALTER TABLE baselines RENAME TO old_baselines;
+CREATE TABLE baselines (
+    name TEXT NOT NULL,
+    machine TEXT NOT NULL,
+    machine_sha256 TEXT NOT NULL,
+    created_ns INTEGER NOT NULL,
+    since_ns INTEGER NOT NULL,
+    until_ns INTEGER NOT NULL,
+    PRIMARY KEY (machine, name)
+) WITHOUT ROWID;
+{_USUAL_ERRORS}
+INSERT INTO baselines SELECT * FROM old_baselines;
+INSERT INTO usual_errors
+    SELECT machine, baseline, point, axis, mean, scatter, windows FROM old_errors JOIN old_baselines ON baseline = name;
+DROP TABLE old_errors;
+DROP TABLE old_baselines;
+PRAGMA user_version = 3;
+""",  # noqa: S608
+    # A table whose check changes is made anew; its rows keep the numbers that the windows refer to.
+    3: f"""
+ALTER TABLE baselines ADD COLUMN kind TEXT;
+CREATE TABLE new_sources {_SOURCES}
+INSERT INTO new_sources SELECT * FROM sources;
+DROP TABLE sources;
+ALTER TABLE new_sources RENAME TO sources;
+PRAGMA user_version = 4;
+""",  # noqa: S608
+}
+
+
+def version_of(path: Path, connection: sqlite3.Connection) -> int:
+    """Version of the history in a database; 0 of an empty one.
+
+    Raises
+    ------
+    HistoryError
+        A database of something else, or of a newer version.
+    """
+    application, version = _pragma(connection, "application_id"), _pragma(connection, "user_version")
+    if application == 0 and connection.execute("SELECT COUNT(*) FROM sqlite_master").fetchone()[0] == 0:
+        return 0
+    if application != APPLICATION_ID:
+        raise HistoryError(f"{path}: a database of something else, allowed: a history of tbm_monitor")
+    if not 1 <= version <= SCHEMA_VERSION:
+        raise HistoryError(f"{path}: schema version {version}, allowed: 1 to {SCHEMA_VERSION}")
+    return version
+
+
+def bring_up_to_date(version: int, connection: sqlite3.Connection) -> None:
+    """Write the schema into an empty database, or change an older one, within the transaction that is open."""
+    if version == 0:
+        _run(_SCHEMA, connection)
+        return
+    for older in range(version, SCHEMA_VERSION):
+        _run(_UPDATES[older], connection)
+
+
+def _run(script: str, connection: sqlite3.Connection) -> None:
+    """Run statements within the transaction that is open; `executescript` would commit it first."""
+    for statement in filter(str.strip, script.split(";")):
+        connection.execute(statement)
+
+
+def _pragma(connection: sqlite3.Connection, name: str) -> int:
+    return int(connection.execute(f"PRAGMA {name}").fetchone()[0])
