@@ -15,15 +15,16 @@ unexport PYTHONDONTWRITEBYTECODE
 demo: $(READY)
 	$(BIN)/tbm-monitor demo
 
-# The nodes keep time, so their tests run one after the other.
+# Files in parallel, the longest first, on one worker more than there are cores: tests of nodes wait for one another.
+# Each worker has a ROS domain of its own.
+PARALLEL := --numprocesses=$(shell expr $$(nproc) + 1) --dist=loadfile --no-loadscope-reorder
+
 test: $(READY)
-	$(BIN)/python -m pytest --numprocesses=auto --dist=loadfile --ignore=test/ros
-	$(BIN)/python -m pytest test/ros
+	$(BIN)/python -m pytest $(PARALLEL)
 
 # The same tests, and which lines none of them runs; processes that tests start are counted, compiled kernels are not.
 coverage: $(READY)
-	$(BIN)/python -m pytest --numprocesses=auto --dist=loadfile --ignore=test/ros --cov --cov-report=
-	$(BIN)/python -m pytest test/ros --cov --cov-append --cov-report=term-missing:skip-covered
+	$(BIN)/python -m pytest $(PARALLEL) --cov --cov-report=term-missing:skip-covered
 
 # What takes minutes: every verification in full.
 verify: $(READY)

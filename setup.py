@@ -45,7 +45,7 @@ TEST = [
     *IMPORT,
     *LIVE,
     "pytest>=8",
-    "pytest-xdist>=3.5",
+    "pytest-xdist>=3.7",
     "pytest-cov>=7.0",
     "hypothesis>=6.90",
     "mcap-ros2-support>=0.5",

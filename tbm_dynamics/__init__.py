@@ -1,10 +1,14 @@
 """Dynamics of the driving system of a tunnel boring machine."""
 
-from tbm_dynamics.integration.errors import SimulationError
-from tbm_dynamics.integration.simulator import Simulator
-from tbm_dynamics.machine import Machine, MachineError, OperatingPoint, load_machine, shipped_machines
-from tbm_dynamics.response import Response
-from tbm_dynamics.simulation import simulate
+from importlib import import_module
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from tbm_dynamics.integration.errors import SimulationError
+    from tbm_dynamics.integration.simulator import Simulator
+    from tbm_dynamics.machine import Machine, MachineError, OperatingPoint, load_machine, shipped_machines
+    from tbm_dynamics.response import Response
+    from tbm_dynamics.simulation import simulate
 
 __all__ = [
     "Machine",
@@ -17,3 +21,22 @@ __all__ = [
     "shipped_machines",
     "simulate",
 ]
+
+# Loaded on first use: what reads a machine or makes its loads needs nothing that integrates.
+_HOME = {
+    "Machine": "tbm_dynamics.machine",
+    "MachineError": "tbm_dynamics.machine",
+    "OperatingPoint": "tbm_dynamics.machine",
+    "Response": "tbm_dynamics.response",
+    "SimulationError": "tbm_dynamics.integration.errors",
+    "Simulator": "tbm_dynamics.integration.simulator",
+    "load_machine": "tbm_dynamics.machine",
+    "shipped_machines": "tbm_dynamics.machine",
+    "simulate": "tbm_dynamics.simulation",
+}
+
+
+def __getattr__(name: str) -> object:
+    if name not in _HOME:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    return getattr(import_module(_HOME[name]), name)

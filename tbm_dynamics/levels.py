@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import cached_property
 from typing import Literal, Protocol
 
 import numpy as np
 
 from tbm_dynamics.loads.cutters import CutterError, CutterLoads
+from tbm_dynamics.loads.spectral import SpectralLoads
 from tbm_dynamics.machine.loading import MachineError
 from tbm_dynamics.machine.machine import Machine, OperatingPoint
 
@@ -58,8 +60,12 @@ class _Spectral:
     """Table 1's spectra: mean and fluctuation follow the ratios of thrust and torque; lines keep their frequency."""
 
     def __init__(self, machine: Machine, seed: int) -> None:
-        self._machine = machine
-        self._described = machine.loads(seed).with_scale(np.ones(6))
+        self._machine, self._seed = machine, seed
+
+    @cached_property
+    def _described(self) -> SpectralLoads:
+        """Make the realisation: not for those who only ask for means."""
+        return self._machine.loads(self._seed).with_scale(np.ones(6))
 
     def reached(self, point: OperatingPoint) -> OperatingPoint:
         self._machine.check_operating_point(point)

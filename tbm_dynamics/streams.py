@@ -5,19 +5,23 @@ Stream time is an integer step k from an epoch (ns): sample k belongs to epoch +
 
 from __future__ import annotations
 
+import copy
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from tbm_dynamics.continuity import NANOSECONDS, Continuity, Samples
 from tbm_dynamics.errors import InputError
 from tbm_dynamics.integration.errors import SimulationError
-from tbm_dynamics.integration.simulator import Chunk, Simulator
 from tbm_dynamics.levels import LoadLevel, operated_loads
 from tbm_dynamics.machine.loading import MachineError
 from tbm_dynamics.machine.machine import Machine, OperatingPoint
 from tbm_dynamics.response import default_outputs
 from tbm_dynamics.schedule import Schedule
+
+if TYPE_CHECKING:
+    from tbm_dynamics.integration.simulator import Chunk, Simulator
 
 
 def step_ns(rate_hz: float) -> int:
@@ -199,6 +203,8 @@ class DynamicsStream:
 
     def _fresh(self) -> Simulator:
         """Stand in the static equilibrium of the operating point asked for last."""
+        from tbm_dynamics.integration.simulator import Simulator  # noqa: PLC0415 - a stream of loads needs none
+
         self._changed = False  # the operating point, since the last block
         return Simulator(self._system.under(self._point, self.mean_loads), self.nodes, 1.0 / self._rate)
 
@@ -213,9 +219,8 @@ class DynamicsStream:
         return self._loads.mean(self._point)
 
     def warm_up(self) -> None:
-        """Compile the kernel before the first block is due, and stand at the start again."""
-        self._simulator.step(np.tile(self.mean_loads, (2, 1)))
-        self._simulator = self._fresh()
+        """Compile the kernel before the first block is due; the run itself stays at its start."""
+        copy.deepcopy(self._simulator).step(np.tile(self.mean_loads, (2, 1)))
 
     def set_operating_point(self, point: OperatingPoint, stamp_ns: int = 0) -> None:
         """Speed from the first block on that begins at `stamp_ns` or later, torque linearly over it, as the loads.

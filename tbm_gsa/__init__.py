@@ -6,7 +6,6 @@
 """
 
 from importlib import import_module
-from importlib.metadata import version
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
@@ -27,6 +26,8 @@ _HOME = {
 
 def __getattr__(name: str) -> object:
     if name == "__version__":
+        from importlib.metadata import version  # noqa: PLC0415 - its import takes a third of that of this package
+
         return version("tbm_monitor")
     if name not in _HOME:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

@@ -1,19 +1,23 @@
 """Topics, blocks and recordings of a tunnel boring machine; rclpy is needed only below `tbm_msgs_py.nodes`."""
 
-from tbm_msgs_py.bags.bag import Bag, BagInfo
-from tbm_msgs_py.bags.errors import RecordingError
-from tbm_msgs_py.bags.mapping import Mapping, SensorMapping, load_mapping
-from tbm_msgs_py.bags.writing import BagWriter
-from tbm_msgs_py.blocks import ACCELERATION, LOADS, Block, BlockError, BlockLayout, mesh_forces
-from tbm_msgs_py.operating_point import OperatingPoint
-from tbm_msgs_py.recording import (
-    AccelerationRecord,
-    Recording,
-    RecordingReader,
-    open_recording,
-    read_acceleration,
-    read_recording,
-)
+from importlib import import_module
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from tbm_msgs_py.bags.bag import Bag, BagInfo
+    from tbm_msgs_py.bags.errors import RecordingError
+    from tbm_msgs_py.bags.mapping import Mapping, SensorMapping, load_mapping
+    from tbm_msgs_py.bags.writing import BagWriter
+    from tbm_msgs_py.blocks import ACCELERATION, LOADS, Block, BlockError, BlockLayout, mesh_forces
+    from tbm_msgs_py.operating_point import OperatingPoint
+    from tbm_msgs_py.recording import (
+        AccelerationRecord,
+        Recording,
+        RecordingReader,
+        open_recording,
+        read_acceleration,
+        read_recording,
+    )
 
 __all__ = [
     "ACCELERATION",
@@ -37,3 +41,33 @@ __all__ = [
     "read_acceleration",
     "read_recording",
 ]
+
+# Loaded on first use: nodes that only exchange blocks need nothing that reads recordings.
+_HOME = {
+    "ACCELERATION": "tbm_msgs_py.blocks",
+    "LOADS": "tbm_msgs_py.blocks",
+    "AccelerationRecord": "tbm_msgs_py.recording",
+    "Bag": "tbm_msgs_py.bags.bag",
+    "BagInfo": "tbm_msgs_py.bags.bag",
+    "BagWriter": "tbm_msgs_py.bags.writing",
+    "Block": "tbm_msgs_py.blocks",
+    "BlockError": "tbm_msgs_py.blocks",
+    "BlockLayout": "tbm_msgs_py.blocks",
+    "Mapping": "tbm_msgs_py.bags.mapping",
+    "OperatingPoint": "tbm_msgs_py.operating_point",
+    "Recording": "tbm_msgs_py.recording",
+    "RecordingError": "tbm_msgs_py.bags.errors",
+    "RecordingReader": "tbm_msgs_py.recording",
+    "SensorMapping": "tbm_msgs_py.bags.mapping",
+    "load_mapping": "tbm_msgs_py.bags.mapping",
+    "mesh_forces": "tbm_msgs_py.blocks",
+    "open_recording": "tbm_msgs_py.recording",
+    "read_acceleration": "tbm_msgs_py.recording",
+    "read_recording": "tbm_msgs_py.recording",
+}
+
+
+def __getattr__(name: str) -> object:
+    if name not in _HOME:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    return getattr(import_module(_HOME[name]), name)

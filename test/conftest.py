@@ -2,6 +2,7 @@
 
 import os
 import signal
+import socket
 import subprocess
 import sys
 import tempfile
@@ -15,11 +16,31 @@ for _name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"):
 
 from tbm_msgs_py.nodes.transport import avoid_shared_memory  # noqa: E402 - it imports numpy, which has its threads then
 
-# A domain of this test process alone, on this computer; up to 101 the ports stay clear of the ephemeral range.
-os.environ["ROS_DOMAIN_ID"] = str(1 + os.getpid() % 100)
+
+def _claim_domain() -> tuple[int, socket.socket]:
+    """Domain that no other test process of this computer has while the socket is open.
+
+    Up to 101 the ports of DDS (UDP) stay clear of the ephemeral range; the one bound here is the same number in TCP.
+    """
+    for domain in (1 + (os.getpid() + k) % 100 for k in range(100)):
+        claim = socket.socket()
+        try:
+            claim.bind(("127.0.0.1", 7400 + 250 * domain))
+        except OSError:
+            claim.close()
+        else:
+            return domain, claim
+    raise RuntimeError("all ROS domains from 1 to 100 are taken by other test processes")
+
+
+_domain, _claim = _claim_domain()
+os.environ["ROS_DOMAIN_ID"] = str(_domain)
 os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "LOCALHOST"
 os.environ["ROS_PYTHON_CHECK_FIELDS"] = "1"
-avoid_shared_memory()  # as the nodes do: one that a test kills must not hold up the tests after it
+# As the nodes do, whatever the environment or the process that started this one has settled: a node that a test kills
+# must not hold up the tests after it.
+os.environ.pop("FASTRTPS_DEFAULT_PROFILES_FILE", None)
+avoid_shared_memory()
 
 # What a test compares does not go into the history of whoever runs it.
 _data = tempfile.TemporaryDirectory(prefix="tbm_test_data_")
@@ -45,10 +66,35 @@ def startup_cycles() -> Path:
 def command(tmp_path):
     """Run a command to its end in an empty folder: exit code, stdout, stderr."""
 
-    def run(*arguments, deadline=60.0):
+    def run(*arguments, deadline=300.0):
         given = [sys.executable, "-m", "tbm_gsa.cli.main", *arguments]
         done = subprocess.run(given, cwd=tmp_path, capture_output=True, text=True, timeout=deadline, check=False)
         assert "Traceback" not in done.stderr, done.stderr
         return done.returncode, done.stdout, done.stderr
 
     return run
+
+
+# Files that take ten seconds and more, the longest first: one that comes last leaves all workers but its own idle.
+LONGEST = (
+    "test_demo.py",
+    "test_analysis_node.py",
+    "test_run.py",
+    "test_killed_nodes.py",
+    "test_native.py",
+    "test_bag_recorder.py",
+    "test_time.py",
+    "test_faults.py",
+    "test_signals.py",
+    "test_whole_system.py",
+    "test_reproduction.py",
+    "test_explanation.py",
+    "test_gsa_command.py",
+    "test_study.py",
+)
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Long files first; the others stay as they are."""
+    place = {name: number for number, name in enumerate(LONGEST)}
+    items.sort(key=lambda item: place.get(item.path.name, len(place)))

@@ -2,7 +2,9 @@
 
     Δ = τ/2^N,  A = HΔ;  Ta = A + A²(I + A/3 + A²/12)/2;  N times: Ta ← 2Ta + Ta²;  T = I + Ta
 
-The identity is added only at the end, so that the small increment is not lost to rounding.
+The identity is added only at the end, so that the small increment is not lost to rounding. The matrix is balanced
+before, its rows and columns scaled by powers of two: displacements and velocities differ by the stiffest frequency, and
+every factor of two in the norm is a doubling.
 """
 
 from __future__ import annotations
@@ -10,6 +12,7 @@ from __future__ import annotations
 import math
 
 import numpy as np
+import scipy.linalg
 
 _MINIMUM_DOUBLINGS = 20
 
@@ -24,17 +27,18 @@ def precise_exponential(matrix: np.ndarray, step: float) -> tuple[np.ndarray, np
     step : float
         τ (s).
     """
-    norm = float(np.linalg.norm(matrix, 1)) * step
+    balanced, (scale, _) = scipy.linalg.matrix_balance(matrix, permute=False, separate=True)
+    norm = float(np.linalg.norm(balanced, 1)) * step
     doublings = max(_MINIMUM_DOUBLINGS, math.ceil(math.log2(norm)) + 8 if norm > 0.0 else 0)
-    A = matrix * (step / 2.0**doublings)
+    A = balanced * (step / 2.0**doublings)
     A2 = A @ A
     increment = A + A2 @ (np.eye(len(A)) + A / 3.0 + A2 / 12.0) / 2.0
     half = increment
     for _ in range(doublings):
         half = increment
         increment = 2.0 * increment + increment @ increment
-    identity = np.eye(len(A))
-    return identity + half, identity + increment
+    identity, back = np.eye(len(A)), np.outer(scale, 1.0 / scale)
+    return identity + back * half, identity + back * increment
 
 
 def polynomial_response(H: np.ndarray, E: np.ndarray, step: float) -> tuple[np.ndarray, np.ndarray]:

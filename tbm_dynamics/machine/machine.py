@@ -12,25 +12,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from tbm_dynamics.loads.cutters import (
-    Boulder,
-    CutterError,
-    Cutterhead,
-    CutterLoads,
-    Disc,
-    Face,
-    Fracture,
-    Layer,
-    Rock,
-    read_layout,
-)
-from tbm_dynamics.loads.spectral import SpectralLoads
-from tbm_dynamics.machine.cutters import BoulderEntry, FaceEntry
 from tbm_dynamics.machine.description import MachineDescription
 from tbm_dynamics.machine.inputs import apply_inputs
 from tbm_dynamics.machine.loading import MachineError, read_description
 
 if TYPE_CHECKING:
+    from tbm_dynamics.loads.cutters import CutterLoads
+    from tbm_dynamics.loads.spectral import SpectralLoads
     from tbm_dynamics.structure.system import System
 
 
@@ -137,6 +125,8 @@ class Machine:
 
     def loads(self, seed: int = 0) -> SpectralLoads:
         """Cutterhead loads at the operating point, a pure function of (seed, time)."""
+        from tbm_dynamics.loads.spectral import SpectralLoads  # noqa: PLC0415 - compiled code, for those who run it
+
         return SpectralLoads(self.description.loads, scale=self.load_scale(), seed=seed)
 
     def cutter_loads(self, seed: int = 0) -> CutterLoads:
@@ -147,25 +137,9 @@ class Machine:
         MachineError
             A file without cutters, a layout or a thrust that cannot be; one line.
         """
-        entry = self.description.cutters
-        if entry is None:
-            raise MachineError(f"{self.origin}: cutters: missing; the cutter level of the loads needs this section")
-        beside = Path(self.origin).parent / entry.layout
-        try:
-            head = Cutterhead(
-                layout=read_layout(beside if beside.is_file() else entry.layout, entry.head_radius),
-                disc=Disc(entry.disc.radius, entry.disc.tip_width, entry.disc.pressure_exponent),
-                rock=Rock(entry.rock.ucs_mpa * 1e6, entry.rock.bts_mpa * 1e6),
-                fracture=Fracture(**entry.fracture.model_dump(exclude={"source"})),
-                side_share=entry.side_share,
-                friction=entry.friction_kn * 1e3,
-                idle_torque=entry.idle_torque_kn_m * 1e3,
-                face=_face(entry.face),
-            )
-            point = self.operating_point
-            return CutterLoads(head, point.thrust, point.speed, seed)
-        except CutterError as error:
-            raise MachineError(f"{self.origin}: cutters: {error}") from None
+        from tbm_dynamics.machine.cutterhead import cutter_loads  # noqa: PLC0415 - as above, and it needs Machine
+
+        return cutter_loads(self, seed)
 
     def assemble(self) -> System:
         """Assemble M, C, K and the couplings.
@@ -183,13 +157,6 @@ class Machine:
             changed = ", ".join(f"{code}={float(value):.10g}" for code, value in self.inputs.items())
             label = f"{self.origin} with {changed}" if changed else self.origin
             raise MachineError(f"{label}: {error}") from None
-
-
-def _face(entry: FaceEntry | None) -> Face:
-    if entry is None:
-        return Face()
-    zones = [(Boulder if isinstance(zone, BoulderEntry) else Layer)(**zone.model_dump()) for zone in entry.zones]
-    return Face(tuple(zones), entry.wear)
 
 
 def load_machine(machine: str | Path) -> Machine:

@@ -80,8 +80,8 @@ _SENSOR = tuple(parameter.name for parameter in PARAMETERS if parameter.name.sta
 class DynamicsNode(ManagedNode):
     """Lifecycle node: load blocks in, accelerations and mesh forces out."""
 
-    def __init__(self) -> None:
-        super().__init__("dynamics_node", PARAMETERS)
+    def __init__(self, **options: Any) -> None:
+        super().__init__("dynamics_node", PARAMETERS, **options)
 
     def configure(self) -> None:
         """Assemble the machine, compile the kernel, create publishers and subscriptions."""

@@ -79,8 +79,8 @@ FRAME = "cutterhead"
 class LoadNode(ManagedNode):
     """Lifecycle node that turns (seed, operating point, time) into load blocks."""
 
-    def __init__(self) -> None:
-        super().__init__("load_node", PARAMETERS)
+    def __init__(self, **options: Any) -> None:
+        super().__init__("load_node", PARAMETERS, **options)
 
     def configure(self) -> None:
         """Load the machine and create the publishers."""

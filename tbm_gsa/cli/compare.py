@@ -13,12 +13,11 @@ from rich.text import Text
 from tbm_gsa.cli.history import HISTORY_HELP
 from tbm_gsa.cli.output import JSON_OPTION, MACHINE_OPTION, SEED_OPTION, notes, print_json, progress_bar, results
 from tbm_gsa.cli.shipped import RECORDING_ARGUMENT, recording_path
-from tbm_gsa.comparison.document import axial_rows
+from tbm_gsa.comparison.document import axial_rows, stuck_texts
 from tbm_gsa.comparison.settings import Settings
 from tbm_gsa.comparison.workflow import ComparisonResult, compare_recording
 from tbm_gsa.files import check_folder
 from tbm_gsa.history import History, HistoryError, Source, default_history, recording_entries
-from tbm_gsa.report.compare_page import stuck_texts, write_page
 from tbm_msgs_py.health import COUNTS
 
 
@@ -55,6 +54,8 @@ def compare(
             ),
         )
     if html is not None:
+        from tbm_gsa.report.compare_page import write_page  # noqa: PLC0415 - matplotlib takes its time
+
         write_page(result, html)
     if keep:
         _keep(result, history)

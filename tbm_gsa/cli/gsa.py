@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 from rich.table import Table
@@ -30,9 +30,11 @@ from tbm_gsa.study.design import KINDS
 from tbm_gsa.study.evaluate import MachineEvaluation
 from tbm_gsa.study.inputs import PAPER_INPUTS
 from tbm_gsa.study.problem import Problem
-from tbm_gsa.study.run import StudyOptions, StudyResult, extend_study, report_study, resume_study, run_study
 
-app = typer.Typer(add_completion=False, help="Surrogate-based global sensitivity analysis.", no_args_is_help=True)
+if TYPE_CHECKING:
+    from tbm_gsa.study.run import StudyOptions, StudyResult
+
+app = typer.Typer(add_completion=False, no_args_is_help=True)
 
 Folder = Annotated[Path, typer.Option("--out", help="Folder of the study: store, result.json, report.html.")]
 Methods = Annotated[
@@ -64,6 +66,8 @@ def run(
     json: Annotated[bool, JSON_OPTION] = False,
 ) -> None:
     """Simulate a design, fit surrogates, print Sobol indices; an unfinished study of the folder goes on."""
+    from tbm_gsa.study.run import run_study  # noqa: PLC0415 - what analyses and draws takes a second to import
+
     definition = Definition(PAPER_INPUTS) if inputs is None else read_definition(inputs)
     names = split_names(outputs) or definition.outputs or INDICATORS
     load_machine(machine).assemble()  # a bad machine is refused before a folder is made
@@ -84,6 +88,8 @@ def resume(
     json: Annotated[bool, JSON_OPTION] = False,
 ) -> None:
     """Go on with a study that was interrupted; nothing is simulated twice."""
+    from tbm_gsa.study.run import resume_study  # noqa: PLC0415
+
     with _running(out, method, workers, scheduler) as options:
         study = resume_study(out, _evaluation, options)
     show(study, json)
@@ -99,6 +105,8 @@ def extend(
     json: Annotated[bool, JSON_OPTION] = False,
 ) -> None:
     """Add training points to a study; its simulations are kept, the new points fill the gaps between them."""
+    from tbm_gsa.study.run import extend_study  # noqa: PLC0415
+
     with _running(out, method, workers, scheduler) as options:
         study = extend_study(out, samples, _evaluation, options)
     show(study, json)
@@ -112,17 +120,14 @@ def report(
     json: Annotated[bool, JSON_OPTION] = False,
 ) -> None:
     """Analyse a finished store again and write its report anew."""
+    from tbm_gsa.study.run import report_study  # noqa: PLC0415
+
     with _options(method, workers) as options:
         study = report_study(out, options)
     show(study, json)
 
 
 app.command()(explain)
-
-
-def _methods(given: list[str] | None) -> Sequence[str]:
-    """Surrogates to choose from: those asked for, else all."""
-    return tuple(given) if given else StudyOptions().methods
 
 
 def _evaluation(problem: Problem) -> MachineEvaluation:
@@ -132,10 +137,12 @@ def _evaluation(problem: Problem) -> MachineEvaluation:
 
 @contextmanager
 def _options(method: list[str] | None, workers: int, scheduler: str | None = None) -> Iterator[StudyOptions]:
-    """Options of a study under way, with its progress."""
+    """Options of a study under way, with its progress; surrogates to choose from are those asked for, else all."""
+    from tbm_gsa.study.run import StudyOptions  # noqa: PLC0415
+
     with progress_bar() as bar, anonymous_main():
         yield StudyOptions(
-            _methods(method),
+            tuple(method) if method else StudyOptions.methods,
             workers,
             scheduler,
             progress=campaign_progress(bar),

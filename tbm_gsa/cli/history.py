@@ -18,11 +18,8 @@ from tbm_gsa.errors import InputError
 from tbm_gsa.files import check_folder, write_whole
 from tbm_gsa.history import BY_MACHINE, History, Selection, default_history, make_baseline
 from tbm_gsa.history.summary import baseline_document, history_document
-from tbm_gsa.report.history_page import history_page, history_picture
 
-app = typer.Typer(
-    add_completion=False, help="Windows of all comparisons over time, and baselines.", invoke_without_command=True
-)
+app = typer.Typer(add_completion=False, invoke_without_command=True)
 
 HISTORY_HELP = "History file; default: $TBM_HISTORY, else tbm_monitor/history.sqlite in the user's data folder."
 MOST_PLOTTED = 5_000_000  # windows, which are held in memory: a week of five points every 2 s
@@ -124,6 +121,8 @@ def _stamp(option: str, text: str | None) -> int | None:
 
 
 def _plot(history: History, selection: Selection, html: Path | None, png: Path | None) -> None:
+    from tbm_gsa.report.history_page import history_page, history_picture  # noqa: PLC0415 - matplotlib takes its time
+
     count = history.count(selection)
     if not 1 <= count <= MOST_PLOTTED:
         number = count or "no"

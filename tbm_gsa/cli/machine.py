@@ -15,7 +15,7 @@ from tbm_gsa.cli.output import JSON_OPTION, LOADS_OPTION, SEED_OPTION, notes, pr
 from tbm_gsa.report.load_summary import load_run
 from tbm_gsa.report.machine_summary import machine_summary
 
-app = typer.Typer(add_completion=False, help="Machine files: show, check, loads, update.", no_args_is_help=True)
+app = typer.Typer(add_completion=False, no_args_is_help=True)
 
 _SHOWN_MODES = 10
 

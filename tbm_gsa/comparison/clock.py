@@ -4,7 +4,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
-import scipy.interpolate
+import scipy  # its parts load on first use
 from numpy.typing import ArrayLike
 
 from tbm_gsa.arrays import Array

@@ -10,8 +10,7 @@ from functools import cached_property
 from typing import Literal
 
 import numpy as np
-import scipy.fft
-import scipy.signal
+import scipy  # its parts load on first use
 from numpy.typing import ArrayLike
 
 from tbm_gsa.arrays import Array

@@ -117,6 +117,14 @@ def axial_rows(document: Mapping[str, Any]) -> list[AxialRow]:
     ]
 
 
+def stuck_texts(record: Mapping[str, Any]) -> list[str]:
+    """Sensor axes that held one value, and for how long."""
+    seconds: dict[str, float] = {}
+    for axis, begin, end in record["stuck"]:
+        seconds[axis] = seconds.get(axis, 0.0) + end - begin
+    return [f"{axis} for {time:.3g} s" for axis, time in seconds.items()]
+
+
 def _axis(point: PointComparison, compared: AxisComparison) -> dict[str, Any]:
     result: dict[str, Any] = {"relative_error": number(compared.relative_error), "coverage": point.coverage}
     intervals: dict[str, Any] = {"relative_error": _interval(compared.error_interval)}

@@ -14,7 +14,7 @@ import math
 from collections.abc import Callable
 
 import numpy as np
-import scipy.stats
+import scipy  # its parts load on first use
 
 from tbm_gsa.arrays import Array, Integers
 from tbm_gsa.comparison.statistics import relative_error

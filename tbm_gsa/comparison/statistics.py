@@ -5,8 +5,7 @@ from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
-import scipy.fft
-import scipy.signal
+import scipy  # its parts load on first use
 from numpy.typing import ArrayLike
 
 from tbm_gsa.arrays import Array

@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import scipy.signal  # noqa: F401 - the filters: now, for while they load later samples would be lost
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from geometry_msgs.msg import Vector3Stamped
 from sensor_msgs.msg import JointState, PointCloud2
@@ -104,8 +105,8 @@ _APART: tuple[Kind, ...] = ("standstill", "transient")  # what says more comes f
 class AnalysisNode(ManagedNode):
     """Lifecycle node: model and field blocks in; windowed RMS, relative error and sensitivity analysis out."""
 
-    def __init__(self) -> None:
-        super().__init__("analysis_node", PARAMETERS)
+    def __init__(self, **options: Any) -> None:
+        super().__init__("analysis_node", PARAMETERS, **options)
 
     def configure(self) -> None:
         """Read machine and mapping, create publishers, subscriptions and services."""

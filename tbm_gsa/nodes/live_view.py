@@ -26,8 +26,8 @@ PARAMETERS = (
 class LiveView(ManagedNode):
     """Passes on raw messages; nothing can be published or changed from there."""
 
-    def __init__(self) -> None:
-        super().__init__("live_view", PARAMETERS)
+    def __init__(self, **options: Any) -> None:
+        super().__init__("live_view", PARAMETERS, **options)
 
     def configure(self) -> None:
         """Start the server."""

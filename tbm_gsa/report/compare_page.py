@@ -4,7 +4,7 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any, Final
 
-from tbm_gsa.comparison.document import axial_rows
+from tbm_gsa.comparison.document import axial_rows, stuck_texts
 from tbm_gsa.comparison.workflow import ComparisonResult
 from tbm_gsa.files import write_whole
 from tbm_gsa.report import compare_figures
@@ -53,14 +53,6 @@ def _fault_names(document: Mapping[str, Any]) -> dict[str, str]:
     records = document["recording"]["points"].values()
     found = [name for record in records for name in COUNTS if record[name]]
     return {name: name.replace("_", " ").capitalize() for name in dict.fromkeys((*ALWAYS_SHOWN, *found))}
-
-
-def stuck_texts(record: Mapping[str, Any]) -> list[str]:
-    """Sensor axes that held one value, and for how long."""
-    seconds: dict[str, float] = {}
-    for axis, begin, end in record["stuck"]:
-        seconds[axis] = seconds.get(axis, 0.0) + end - begin
-    return [f"{axis} for {time:.3g} s" for axis, time in seconds.items()]
 
 
 def _first_axis(document: Mapping[str, Any]) -> Mapping[str, Any]:

@@ -6,7 +6,7 @@ from dataclasses import asdict, dataclass
 from typing import Any, Final
 
 import numpy as np
-import scipy.signal
+import scipy  # its parts load on first use
 
 from tbm_dynamics import Machine
 from tbm_dynamics.levels import LoadLevel, operated_loads

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-from scipy.stats import qmc
+import scipy  # its parts load on first use
 
 from tbm_gsa.arrays import Array
 from tbm_gsa.study.errors import StudyError
@@ -115,14 +115,14 @@ def _maximin(count: int, axes: int, stream: np.random.SeedSequence) -> Array:
 
 def _hypercube(count: int, axes: int, stream: np.random.SeedSequence, optimization: str | None = None) -> Array:
     """Latin hypercube (count, axes) from scipy."""
-    sampler = qmc.LatinHypercube(d=axes, optimization=optimization, seed=np.random.default_rng(stream))
+    sampler = scipy.stats.qmc.LatinHypercube(d=axes, optimization=optimization, seed=np.random.default_rng(stream))
     points: Array = sampler.random(count)
     return points
 
 
 def _sobol(count: int, axes: int, stream: np.random.SeedSequence) -> Array:
     """First points (count, axes) of a scrambled sequence; drawn as a power of two, which scipy wants."""
-    sampler = qmc.Sobol(d=axes, scramble=True, seed=np.random.default_rng(stream))
+    sampler = scipy.stats.qmc.Sobol(d=axes, scramble=True, seed=np.random.default_rng(stream))
     points: Array = sampler.random_base2((count - 1).bit_length())[:count]
     return points
 

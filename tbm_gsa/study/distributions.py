@@ -10,7 +10,7 @@ from functools import cached_property
 from typing import Any, ClassVar, Final
 
 import numpy as np
-import scipy.stats
+import scipy  # its parts load on first use
 from numpy.typing import ArrayLike
 
 from tbm_gsa.arrays import Array

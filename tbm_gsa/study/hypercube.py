@@ -3,7 +3,7 @@
 from typing import Final
 
 import numpy as np
-from scipy.spatial.distance import cdist
+import scipy  # its parts load on first use
 
 from tbm_gsa.arrays import Array
 
@@ -59,7 +59,7 @@ def spread_out(points: Array, fixed: Array, rng: np.random.Generator) -> Array:
     """
     count, axes = points.shape
     everything = np.vstack([points, fixed])
-    distances = cdist(points, everything)
+    distances = scipy.spatial.distance.cdist(points, everything)
     np.fill_diagonal(distances, np.inf)
     if distances.shape[1] < 2 or count < 2:
         return points
@@ -69,7 +69,7 @@ def spread_out(points: Array, fixed: Array, rng: np.random.Generator) -> Array:
             continue
         pair = [closest, int(other)]
         everything[pair, axis] = everything[pair[::-1], axis]
-        swapped = cdist(everything[pair], everything)
+        swapped = scipy.spatial.distance.cdist(everything[pair], everything)
         swapped[[0, 1], pair] = np.inf
         if swapped.min() > distances[closest].min():
             distances[pair] = swapped

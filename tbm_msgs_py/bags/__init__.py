@@ -1,8 +1,28 @@
 """Recordings: rosbag2 folders and bare MCAP files, without ROS."""
 
-from tbm_msgs_py.bags.bag import Bag, BagInfo
-from tbm_msgs_py.bags.errors import RecordingError
-from tbm_msgs_py.bags.stretch import RawMessage, Topic
-from tbm_msgs_py.bags.writing import BagWriter
+from importlib import import_module
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from tbm_msgs_py.bags.bag import Bag, BagInfo
+    from tbm_msgs_py.bags.errors import RecordingError
+    from tbm_msgs_py.bags.stretch import RawMessage, Topic
+    from tbm_msgs_py.bags.writing import BagWriter
 
 __all__ = ["Bag", "BagInfo", "BagWriter", "RawMessage", "RecordingError", "Topic"]
+
+# Loaded on first use: what writes recordings needs nothing that reads them.
+_HOME = {
+    "Bag": "tbm_msgs_py.bags.bag",
+    "BagInfo": "tbm_msgs_py.bags.bag",
+    "BagWriter": "tbm_msgs_py.bags.writing",
+    "RawMessage": "tbm_msgs_py.bags.stretch",
+    "RecordingError": "tbm_msgs_py.bags.errors",
+    "Topic": "tbm_msgs_py.bags.stretch",
+}
+
+
+def __getattr__(name: str) -> object:
+    if name not in _HOME:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    return getattr(import_module(_HOME[name]), name)

@@ -15,8 +15,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tbm_msgs_py import blocks
+from tbm_msgs_py.bags.headers import read_headers
 from tbm_msgs_py.bags.records import Bytes, gather, join
-from tbm_msgs_py.bags.samples import BLOCK_TYPE, ENCAPSULATION, UNDECODABLE, Samples, read_headers, typestore
+from tbm_msgs_py.bags.samples import BLOCK_TYPE, ENCAPSULATION, UNDECODABLE, Samples, typestore
 from tbm_msgs_py.blocks import ACCELERATION, LONGEST_S, NANOSECONDS, BlockError
 
 

@@ -13,7 +13,6 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from tbm_msgs_py.bags import metadata
-from tbm_msgs_py.bags.bag import Bag
 from tbm_msgs_py.bags.errors import RecordingError
 from tbm_msgs_py.bags.locking import lock
 from tbm_msgs_py.bags.writing import BagWriter
@@ -86,6 +85,8 @@ def _delete(file: Path, writing: BagWriter) -> bool:
 
 def _delete_finished(file: Path) -> None:
     """Delete a file of a finished recording, and with its last one the recording."""
+    from tbm_msgs_py.bags.bag import Bag  # noqa: PLC0415 - no recorder without a quota reads recordings
+
     folder = file.parent
     described = metadata.read(folder)
     if [other["path"] for other in described["files"]] == [file.name]:

@@ -5,12 +5,13 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
 from itertools import groupby
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from tbm_msgs_py.bags.records import Bytes
+if TYPE_CHECKING:
+    from tbm_msgs_py.bags.records import Bytes
 
 POOL = 4 << 20  # bytes of decompressed chunks that are handed on together
 BATCH = 1000  # messages outside chunks that count as one batch

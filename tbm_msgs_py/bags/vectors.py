@@ -5,8 +5,9 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from tbm_msgs_py.bags.headers import read_headers
 from tbm_msgs_py.bags.records import Bytes, gather
-from tbm_msgs_py.bags.samples import ENCAPSULATION, Samples, numbers, read_headers
+from tbm_msgs_py.bags.samples import ENCAPSULATION, Samples, numbers
 
 # Bytes from the end of the header to the three float64 of the acceleration, after alignment.
 VECTOR_OFFSETS = {

@@ -48,8 +48,8 @@ class BagPlayer(ManagedNode):
     While it waits for subscribers the clock stands at the first message, so that nodes on simulated time can start.
     """
 
-    def __init__(self) -> None:
-        super().__init__("bag_player", PARAMETERS)
+    def __init__(self, **options: Any) -> None:
+        super().__init__("bag_player", PARAMETERS, **options)
         self._publishers_by_topic: dict[str, Publisher] = {}
         self._latched: set[str] = set()
         self._clock_publisher: Publisher | None = None

@@ -58,8 +58,8 @@ class Arrived(NamedTuple):
 class BagRecorder(ManagedNode):
     """Records raw messages on the node's clock, from the moment a topic has a publisher."""
 
-    def __init__(self) -> None:
-        super().__init__("bag_recorder", PARAMETERS)
+    def __init__(self, **options: Any) -> None:
+        super().__init__("bag_recorder", PARAMETERS, **options)
         self._writer: BagWriter | None = None
         self._subscribed: dict[str, Subscription] = {}
         self._asked: dict[str, Quality] = {}

@@ -43,12 +43,16 @@ class ManagedNode(LifecycleNode):  # type: ignore[misc]  # rclpy is untyped
         Declared beside `autostart`.
     namespace : str
         Default namespace.
+    **options
+        Of rclpy's `Node`, for a program that holds several nodes: `context`, `cli_args`, `parameter_overrides`.
     """
 
     _gathered: list[Callable[[], object]] | None = None  # how to destroy what a hook creates, while it runs
 
-    def __init__(self, name: str, parameters: Sequence[Parameter] = (), *, namespace: str = NAMESPACE) -> None:
-        super().__init__(name, namespace=namespace)
+    def __init__(
+        self, name: str, parameters: Sequence[Parameter] = (), *, namespace: str = NAMESPACE, **options: Any
+    ) -> None:
+        super().__init__(name, namespace=namespace, **options)
         self._survive_bad_transitions()
         self.exit_code = 0
         self.ended = Future()

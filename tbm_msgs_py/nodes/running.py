@@ -45,17 +45,23 @@ def run_node(factory: Callable[[], ManagedNode], args: Sequence[str] | None = No
     try:
         # Before rclpy.init: rclpy's own handlers, which end the context, call the ones they find.
         sys.unraisablehook = _without_interruptions
+        _Signal.came, _Signal.breaks_off = False, True
         _handle(_on_signal)
         avoid_shared_memory()
         rclpy.init(args=None if args is None else list(args))
         node = factory()
         code = _spin(node)
     except (KeyboardInterrupt, ExternalShutdownException):
-        pass
+        _Signal.breaks_off = False
     except Exception as error:  # noqa: BLE001  the last resort before a traceback
+        _Signal.breaks_off = False  # before any call: a signal that broke rclpy may be about to raise, too
         code = _explain(error, node)
     finally:
+        _Signal.breaks_off = False
         _close(node)
+    # An interruption that passes an `exec` of text, as there are in many an import, is noted by Python, and a process
+    # started with -m dies of SIGINT at its end. The next text clears the note.
+    exec("")  # noqa: S102
     return code or (node.exit_code if node else 0)  # its end may have gone wrong, too
 
 
@@ -72,7 +78,11 @@ def _without_interruptions(unraisable: Any) -> None:
         sys.__unraisablehook__(unraisable)
 
 
-_spinning = threading.Event()
+class _Signal:
+    """A signal that ends the process."""
+
+    breaks_off = False  # raises where the program stands: while a node starts
+    came = False
 
 
 def _on_signal(_number: int, _frame: Any) -> None:
@@ -80,7 +90,8 @@ def _on_signal(_number: int, _frame: Any) -> None:
 
     The executor would log a `KeyboardInterrupt` in a callback as a fault.
     """
-    if not _spinning.is_set():
+    _Signal.came = True
+    if _Signal.breaks_off:
         # A compiler's callback swallows what is raised in it: again, until it is heard.
         signal.setitimer(signal.ITIMER_REAL, AGAIN)
         raise KeyboardInterrupt
@@ -92,11 +103,10 @@ def _spin(node: ManagedNode) -> int:
     try:
         if not node.start():
             return 2 if node.context.ok() else node.exit_code
-        _spinning.set()
+        _Signal.breaks_off = False
         while not node.ended.done() and node.context.ok():
             _turn(executor, node)
     finally:
-        _spinning.clear()
         executor.remove_node(node)
         executor.shutdown()
     return node.exit_code
@@ -120,7 +130,9 @@ def fastest_executor() -> Any:
 
 
 def _explain(error: Exception, node: ManagedNode | None) -> int:
-    """Exit code for an error, with its one line; an error after the context is gone is part of the shutdown."""
+    """Exit code for an error, with its one line; an error after a signal or without the context is part of the end."""
+    if node is None and _Signal.came:
+        return 0
     if node is not None and not node.context.ok():
         return node.exit_code
     logger = node.get_logger() if node else get_logger("tbm_monitor")

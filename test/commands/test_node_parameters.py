@@ -1,5 +1,6 @@
-"""Nodes as processes with parameters that cannot be: one line that says which and what is allowed, exit code 2."""
+"""Nodes with parameters that cannot be: one line that says which and what is allowed, exit code 2."""
 
+import signal
 import subprocess
 import sys
 
@@ -8,63 +9,81 @@ import pytest
 
 pytest.importorskip("rclpy")
 
+from tbm_dynamics.nodes.dynamics_node import DynamicsNode
+from tbm_dynamics.nodes.load_node import LoadNode
+from tbm_gsa.nodes.analysis_node import AnalysisNode
 from tbm_msgs_py import ACCELERATION, BagWriter
+from tbm_msgs_py.nodes.bag_player import BagPlayer
+from tbm_msgs_py.nodes.bag_recorder import BagRecorder
+from tbm_msgs_py.nodes.managed import run_node
 
 pytestmark = pytest.mark.ros
 
-ANALYSIS, LOADS, DYNAMICS = (
-    "tbm_gsa.nodes.analysis_node",
-    "tbm_dynamics.nodes.load_node",
-    "tbm_dynamics.nodes.dynamics_node",
-)
-PLAYER, RECORDER = "tbm_msgs_py.nodes.bag_player", "tbm_msgs_py.nodes.bag_recorder"
 FOLDER = "the folder of the test"  # stands for its path
 BAG, NEW = f"{FOLDER}/field", f"{FOLDER}/new"
 BAD = [
-    (ANALYSIS, {"alarm_axes": "[x,w]"}, "alarm_axes"),
-    (ANALYSIS, {"mapping": "/nowhere.yaml"}, "/nowhere.yaml"),
-    (ANALYSIS, {"history": "/dev/null/h.sqlite"}, "/dev/null/h.sqlite"),
-    (ANALYSIS, {"baseline": "never_made"}, "no baseline never_made"),
-    (ANALYSIS, {"baseline": "any", "history": "none"}, "baseline any: no history to find it in"),
-    (DYNAMICS, {"block_rate": 3000}, "allowed: what divides"),
-    (DYNAMICS, {"sensor.rate": 3000}, "allowed: what divides"),
-    (DYNAMICS, {"sensor.range": 1.0, "sensor.quantisation": 2.0}, "must not exceed the range"),
-    (LOADS, {"block_rate": 100.0}, "block_rate"),
-    (LOADS, {"block_rate": 3000.0}, "whole number of ns"),
-    (LOADS, {"machine": "nowhere"}, "nowhere"),
-    (LOADS, {"use_sim_time": 3}, "use_sim_time"),
-    (LOADS, {"loads": "rock"}, "loads"),
-    (LOADS, {"loads": "cutter", "machine": "open380"}, "cutters: missing"),
-    (LOADS, {"schedule": "nowhere.csv"}, "nowhere.csv"),
-    (PLAYER, {"bag": "/nowhere.mcap"}, "no such file"),
-    (PLAYER, {}, "parameter bag"),
-    (PLAYER, {"bag": BAG, "rate": 20.0}, "rate"),
-    (PLAYER, {"bag": BAG, "rate": 2}, "decimal number from 0.1 to 10"),
-    (PLAYER, {"bag": BAG, "topics": "[/nowhere]"}, "/nowhere"),
-    (RECORDER, {"topics": "[/a]"}, "parameter output"),
-    (RECORDER, {"output": NEW}, "parameter topics"),
-    (RECORDER, {"output": NEW, "topics": "[/a]", "split_size": 10.0, "quota": 15.0}, "twice the split_size of 10 MB"),
-    (RECORDER, {"output": f"{NEW}.mcap", "topics": "[/a]", "split_size": 10.0}, "allowed: a new folder"),
+    (AnalysisNode, {"alarm_axes": "[x,w]"}, "alarm_axes"),
+    (AnalysisNode, {"mapping": "/nowhere.yaml"}, "/nowhere.yaml"),
+    (AnalysisNode, {"history": "/dev/null/h.sqlite"}, "/dev/null/h.sqlite"),
+    (AnalysisNode, {"baseline": "never_made"}, "no baseline never_made"),
+    (AnalysisNode, {"baseline": "any", "history": "none"}, "baseline any: no history to find it in"),
+    (DynamicsNode, {"block_rate": 3000}, "allowed: what divides"),
+    (DynamicsNode, {"sensor.rate": 3000}, "allowed: what divides"),
+    (DynamicsNode, {"sensor.range": 1.0, "sensor.quantisation": 2.0}, "must not exceed the range"),
+    (LoadNode, {"block_rate": 100.0}, "block_rate"),
+    (LoadNode, {"block_rate": 3000.0}, "whole number of ns"),
+    (LoadNode, {"machine": "nowhere"}, "nowhere"),
+    (LoadNode, {"use_sim_time": 3}, "use_sim_time"),
+    (LoadNode, {"loads": "rock"}, "loads"),
+    (LoadNode, {"loads": "cutter", "machine": "open380"}, "cutters: missing"),
+    (LoadNode, {"schedule": "nowhere.csv"}, "nowhere.csv"),
+    (BagPlayer, {"bag": "/nowhere.mcap"}, "no such file"),
+    (BagPlayer, {}, "parameter bag"),
+    (BagPlayer, {"bag": BAG, "rate": 20.0}, "rate"),
+    (BagPlayer, {"bag": BAG, "rate": 2}, "decimal number from 0.1 to 10"),
+    (BagPlayer, {"bag": BAG, "topics": "[/nowhere]"}, "/nowhere"),
+    (BagRecorder, {"topics": "[/a]"}, "parameter output"),
+    (BagRecorder, {"output": NEW}, "parameter topics"),
+    (
+        BagRecorder,
+        {"output": NEW, "topics": "[/a]", "split_size": 10.0, "quota": 15.0},
+        "twice the split_size of 10 MB",
+    ),
+    (BagRecorder, {"output": f"{NEW}.mcap", "topics": "[/a]", "split_size": 10.0}, "allowed: a new folder"),
 ]
 
 
+@pytest.fixture
+def process(monkeypatch, capfd):
+    """What a process of a node does, in this one: exit code and what it said; signal handlers stay as they were."""
+    numbers = (signal.SIGINT, signal.SIGTERM, signal.SIGALRM)
+    before = [signal.getsignal(number) for number in numbers]
+    monkeypatch.setattr(sys, "unraisablehook", sys.unraisablehook)
+
+    def run(factory, *arguments):
+        code = run_node(factory, ["node", "--ros-args", *arguments])
+        return code, "".join(capfd.readouterr())
+
+    yield run
+    for number, handler in zip(numbers, before, strict=True):
+        signal.signal(number, handler)
+
+
 @pytest.mark.parametrize(("node", "parameters", "named"), BAD)
-def test_bad_parameters_are_one_line(node, parameters, named, tmp_path):
+def test_bad_parameters_are_one_line(node, parameters, named, process, tmp_path):
     with BagWriter(tmp_path / "field") as writer:
         writer.write_block("/tbm/field/shield/block", 10**18, ACCELERATION, [0.0, 0.1], np.ones((2, 3)))
     before = sorted(tmp_path.rglob("*"))
-    given = [
-        part for name, value in parameters.items() for part in ("-p", f"{name}:={value}".replace(FOLDER, str(tmp_path)))
-    ]
-    done = subprocess.run(
-        [sys.executable, "-m", "tbm_gsa.nodes.start", node, "--ros-args", *given],
-        stdout=subprocess.PIPE,
-        stderr=subprocess.STDOUT,
-        text=True,
-        timeout=60.0,
-        check=False,
-    )
-    assert done.returncode == 2, done.stdout
-    assert named in done.stdout
-    assert len(done.stdout.strip().splitlines()) == 1, done.stdout
+    values = [f"{name}:={value}".replace(FOLDER, str(tmp_path)) for name, value in parameters.items()]
+    code, said = process(node, *(part for value in values for part in ("-p", value)))
+    assert code == 2, said
+    assert named in said
+    assert len(said.strip().splitlines()) == 1, said
     assert sorted(tmp_path.rglob("*")) == before
+
+
+def test_a_process_with_bad_parameters_ends_with_2():
+    command = [sys.executable, "-m", "tbm_gsa.nodes.start", "tbm_msgs_py.nodes.bag_player"]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert (done.returncode, done.stdout, len(done.stderr.splitlines())) == (2, "", 1), done
+    assert "parameter bag" in done.stderr

@@ -100,3 +100,9 @@ def test_every_document_has_its_place():
 )
 def test_what_counts_as_printed_alike(shown, printed, expected):
     assert agrees(shown, printed) is expected
+
+
+def test_every_file_with_verifications_says_why():
+    text = (ROOT / "docs" / "verification.md").read_text(encoding="utf-8")
+    marked = {file.name for file in (ROOT / "test").rglob("test_*.py") if "mark.verify" in file.read_text("utf-8")}
+    assert set(re.findall(r"^\| `(\w+\.py)`", text, re.MULTILINE)) == marked - {"test_pages.py"}

@@ -1,22 +1,59 @@
 """Ishikawa's tooth stiffness against ISO 6336-1:2006, method B, and against the mesh it is used for.
 
-ISO: q' = 0.04723 + 0.15551/z1 + 0.25791/z2 (mm·µm/N), z2 → ∞ for a ring, c' = 0.8/q' C_B (0.8: measured against
-computed; C_B = (1 + 0.5 (1.2 − 1.25)) (1 − 0.02 (20° − α)), the basic rack with a dedendum of 1.25 modules),
-cγ = c'(0.75 ε + 0.25), for steel and no profile shift. The two models are different ones; 15 % is what the project asks
-for. For 20/40 teeth the project's reference gives 20.6 N/(mm·µm) against 19.2.
+ISO: c' = 0.8 C_B/q' (0.8: measured against computed), q' a series in 1/z and the profile shifts x, z2 → ∞ for a ring,
+C_B = (1 + 0.5 (1.2 − 1.25)) (1 − 0.02 (20° − α)) for a basic rack with a dedendum of 1.25 modules, and
+cγ = c'(0.75 ε + 0.25), for steel. `iso_stiffness` is held against the two spur stages of the NREL 5 MW gearbox that
+github.com/gfsReboucas/Drivetrain-python publishes (tests/data/nrel_5mw_matlab_gear_geometry.json).
 
-The target is met by the pairs at 20°, with C_B and without it, and by the pinion in its ring at 25°. It is missed,
-always to the stiff side, by external pairs at 25° (20 to 24 %: ISO's C_B grows by 2 % a degree, Ishikawa's trapezoid
-by more) and by planets in a ring at 20° (16 to 19 %). These cases are marked as failing.
+Ishikawa's mean stiffness lies above ISO's: external pairs by 9 to 15 % at 20° and 20 to 24 % at 25°, a pinion in its
+ring by 16 to 19 % at 20° and 11 to 13 % at 25°. The project asks for 15 %, so external pairs at 25° and rings at 20°
+miss it. `PAIRS` holds each deviation, to 0.5 % either way.
+
+What makes them stiff is the contact. Ishikawa's flattening, 4 (1 − ν²)/(π E b), is 0.0056 mm·µm/N whatever the load. A
+line contact pressed together between the centre lines of two teeth yields by 2 (1 − ν²)/(π E b) (2 ln(2d/a) −
+ν/(1 − ν)) per force, a half the width of the contact and d the depth (Weber and Banaschek 1953; Johnson, Contact
+Mechanics, section 5.6): at 300 N/mm and module 5 mm 0.016 to 0.020 mm·µm/N, a quarter to a third of what a pair yields
+where it is stiffest. With this in the place of Ishikawa's and nothing else changed, all pairs lie between −8 and +2 %,
+the second deviation in `PAIRS`; at 100 N/mm between −12 and −2 %, at 1000 N/mm between −5 and +7 %. The model keeps
+Ishikawa's term: the formula is the paper's, and no load belongs to it.
 """
 
 import numpy as np
 import pytest
 
+from tbm_dynamics.mesh import ishikawa
 from tbm_dynamics.mesh.geometry import ExternalPair, InternalPair
 from tbm_dynamics.mesh.ishikawa import Tooth, contact_compliance, mesh_stiffness, tooth_compliance
 
 ANGLE, MODULE, WIDTH, STEEL = np.radians(20.0), 0.005, 0.02, (206e9, 0.3)
+LOAD = 300e3  # N/m
+
+# Kind, teeth, pressure angle (degrees), deviation from ISO, the same with a line contact under LOAD.
+PAIRS = [
+    (ExternalPair, (20, 40), 20.0, 0.099, -0.072),
+    (ExternalPair, (25, 25), 20.0, 0.106, -0.064),
+    (ExternalPair, (20, 60), 20.0, 0.106, -0.068),
+    (ExternalPair, (30, 90), 20.0, 0.140, -0.041),
+    (ExternalPair, (18, 54), 20.0, 0.100, -0.073),
+    (ExternalPair, (20, 25), 20.0, 0.091, -0.075),
+    (ExternalPair, (25, 50), 20.0, 0.117, -0.058),
+    (ExternalPair, (17, 60), 20.0, 0.101, -0.073),
+    (ExternalPair, (30, 30), 20.0, 0.122, -0.053),
+    (ExternalPair, (20, 80), 20.0, 0.111, -0.065),
+    (ExternalPair, (40, 40), 20.0, 0.148, -0.033),
+    (InternalPair, (25, 70), 20.0, 0.176, -0.006),
+    (InternalPair, (20, 70), 20.0, 0.164, -0.021),
+    (InternalPair, (30, 90), 20.0, 0.189, 0.006),
+    (ExternalPair, (20, 40), 25.0, 0.205, -0.012),
+    (ExternalPair, (25, 25), 25.0, 0.221, 0.002),
+    (ExternalPair, (20, 60), 25.0, 0.208, -0.012),
+    (ExternalPair, (30, 90), 25.0, 0.242, 0.015),
+    (ExternalPair, (18, 54), 25.0, 0.197, -0.019),
+    (InternalPair, (16, 152), 25.0, 0.131, -0.071),
+    (InternalPair, (25, 70), 25.0, 0.109, -0.066),
+    (InternalPair, (20, 70), 25.0, 0.106, -0.076),
+    (InternalPair, (30, 90), 25.0, 0.123, -0.053),
+]
 
 
 def external_pair(z1, z2):
@@ -41,37 +78,48 @@ def mean_stiffness(pair):
     return mesh_stiffness(pair, WIDTH, *STEEL, PHASES).mean() / WIDTH / 1e9
 
 
+def iso_stiffness(teeth, ratio, degrees, shifts=(0.0, 0.0)):
+    """ISO's c' and cγ, N/(mm·µm)."""
+    (z1, z2), (x1, x2) = teeth, shifts
+    q = 0.04723 + 0.15551 / z1 + 0.25791 / z2 - 0.00635 * x1 - 0.11654 * x1 / z1 - 0.00193 * x2 - 0.24188 * x2 / z2
+    q += 0.00529 * x1**2 + 0.00182 * x2**2
+    single = 0.8 / q * 0.975 * (1.0 - 0.02 * (20.0 - degrees))
+    return single, single * (0.75 * ratio + 0.25)
+
+
 def deviation_from_iso(pair):
-    """Mean stiffness over ISO's cγ less 1, with and without the factor of the basic rack."""
-    wheel = pair.wheel_teeth if isinstance(pair, ExternalPair) else np.inf
-    single = 0.8 / (0.04723 + 0.15551 / pair.pinion_teeth + 0.25791 / wheel)
-    rack = 0.975 * (1.0 - 0.02 * (20.0 - np.degrees(pair.pressure_angle)))
-    return mean_stiffness(pair) / (single * (0.75 * pair.contact_ratio + 0.25) * np.array([rack, 1.0])) - 1.0
+    """Mean stiffness over ISO's cγ less 1."""
+    teeth = (pair.pinion_teeth, pair.wheel_teeth if isinstance(pair, ExternalPair) else np.inf)
+    return mean_stiffness(pair) / iso_stiffness(teeth, pair.contact_ratio, np.degrees(pair.pressure_angle))[1] - 1.0
+
+
+def line_contact(pair):
+    """Compression between the centre lines of two teeth that touch in the pitch point, times width over force, m²/N."""
+    poisson, modulus = STEEL[1], STEEL[0] / (1.0 - STEEL[1] ** 2)
+    wheel = pair.wheel_pitch_radius if isinstance(pair, ExternalPair) else -pair.ring_pitch_radius
+    radius = np.sin(pair.pressure_angle) / (1.0 / pair.pinion_pitch_radius + 1.0 / wheel)
+    half_width = np.sqrt(8.0 * LOAD * radius / (np.pi * modulus))
+    depth = np.pi / 4.0 * pair.module / np.cos(pair.pressure_angle)
+    return 2.0 / (np.pi * modulus) * (2.0 * np.log(2.0 * depth / half_width) - poisson / (1.0 - poisson))
 
 
 @pytest.mark.parametrize(
-    "teeth",
-    [(20, 40), (25, 25), (20, 60), (30, 90), (18, 54), (20, 25), (25, 50), (17, 60), (30, 30), (20, 80), (40, 40)],
-)
-def test_mean_stiffness_against_iso_6336(teeth):
-    assert np.abs(deviation_from_iso(ExternalPair(*teeth, MODULE, ANGLE))).max() < 0.15
-
-
-@pytest.mark.parametrize("teeth", [(16, 152), (25, 70)])
-def test_mean_stiffness_inside_a_ring_against_iso_6336(teeth):
-    assert abs(deviation_from_iso(InternalPair(*teeth, MODULE, np.radians(25.0)))[0]) < 0.15
-
-
-@pytest.mark.xfail(strict=True, reason="stiffer than ISO by more than 15 %, see above")
-@pytest.mark.parametrize(
-    ("kind", "teeth", "degrees"),
+    ("teeth", "shifts", "ratio", "single", "mean"),
     [
-        *((ExternalPair, teeth, 25.0) for teeth in [(20, 40), (25, 25), (20, 60), (30, 90), (18, 54)]),
-        *((InternalPair, teeth, 20.0) for teeth in [(25, 70), (20, 70), (30, 90)]),
+        ((19, 17), (0.617, 0.802), 1.114698962948295, 14.686762000041444, 15.95017927789633),
+        ((18, 36), (0.389, 0.504), 1.3703997308907856, 14.19506877983275, 18.138456021852434),
     ],
 )
-def test_mean_stiffness_against_iso_6336_out_of_reach(kind, teeth, degrees):
-    assert abs(deviation_from_iso(kind(*teeth, MODULE, np.radians(degrees)))[0]) < 0.15
+def test_iso_6336_of_two_published_stages(teeth, shifts, ratio, single, mean):
+    assert iso_stiffness(teeth, ratio, 20.0, shifts) == pytest.approx((single, mean), rel=1e-12)
+
+
+@pytest.mark.parametrize(("kind", "teeth", "degrees", "deviation", "with_line_contact"), PAIRS)
+def test_mean_stiffness_against_iso_6336(monkeypatch, kind, teeth, degrees, deviation, with_line_contact):
+    pair = kind(*teeth, MODULE, np.radians(degrees))
+    assert deviation_from_iso(pair) == pytest.approx(deviation, abs=0.005)
+    monkeypatch.setattr(ishikawa, "contact_compliance", lambda width, *_: line_contact(pair) / width)
+    assert deviation_from_iso(pair) == pytest.approx(with_line_contact, abs=0.005)
 
 
 @pytest.mark.parametrize("teeth", [(20, 40), (25, 25), (30, 90), (40, 20)])

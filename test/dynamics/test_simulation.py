@@ -1,11 +1,11 @@
 """The motion against what nobody here wrote: scipy's Radau on every unknown, modal superposition, and statics.
 
-The reference of the small machine (14 nodes, 2 drives) is converged: its tolerances 1e-7 and 1e-10 give the same
-differences to three digits. Tolerances are the design's, each indicator within 1 %, except for the peak accelerations
-of the light pinion (6 kg·m²) in this machine's strikes: a strike begins within a step, its damping force jumps, and the
-peak of such a signal is not defined to 1 % on a grid; there the mean square is held. On the shipped machine the
-production method, which takes such steps in parts, is held to 1 % in all eight against every unknown at a tenth of the
-step.
+The reference of the small machine (14 nodes, 2 drives) is converged: between its tolerances 1e-7 and 1e-10 no indicator
+differs by more than 4e-6 of itself. Tolerances are the design's, each indicator within 1 %, except for the peak
+accelerations of the light pinion (6 kg·m²) in this machine's strikes: a strike begins within a step, its damping force
+jumps, and the peak of such a signal is not defined to 1 % on a grid; there the mean square is held. On the shipped
+machine the production method, which takes such steps in parts, is held to 1 % in all eight against every unknown at a
+tenth of the step: one seed always, another, for which `test_whole_system` has Radau too, in `make verify`.
 """
 
 import numpy as np
@@ -61,10 +61,9 @@ def radau(machine, system):
         if amplitude not in kept:
             loads = swinging(system, amplitude)
             times = np.arange(round(DURATION / 2.5e-5)) * 2.5e-5
-            start = start_of(system, Simulator(system, system.nodes, method="full").step(loads(0.0)))
             speed = machine.operating_point.speed
             q, a, force = reference_motion(
-                system, start, lambda t: loads(t)[0], times, lambda t: speed * t, tolerance=1e-7
+                system, start_of(system), lambda t: loads(t)[0], times, lambda t: speed * t, tolerance=1e-7
             )
             kept[amplitude] = q.reshape(len(times), -1, 6), a.reshape(len(times), -1, 6), force
         return kept[amplitude]
@@ -128,7 +127,7 @@ def test_reduced_against_full_on_the_shipped_machine():
         assert np.sqrt(np.mean((found - expected) ** 2)) < 0.005 * np.sqrt(np.mean(expected**2))
 
 
-@pytest.mark.parametrize("seed", [0, 3])
+@pytest.mark.parametrize("seed", [0, pytest.param(3, marks=pytest.mark.verify)])
 def test_every_indicator_of_the_shipped_machine_while_the_teeth_strike(seed):
     # Low torque and eight times the error: teeth strike on both flanks. The loads run linearly between the steps.
     machine = load_machine("dz101").with_inputs(x2=1000.0, x8=8.0)
@@ -217,7 +216,6 @@ def test_a_change_of_speed_keeps_the_phase_of_the_teeth(machine, system):
     point = machine.operating_point
     faster = type(point)(speed=2.0 * point.speed, torque=point.torque, thrust=point.thrust)
     change, count = 300, 600
-    start = start_of(system, Simulator(system, system.nodes, method="full").step(loads(0.0)))
     run = Simulator(system, (1,), method="full")
     grid = loads(np.arange(count) * 1e-4)
     first = run.step(grid[: change + 1]).mesh_force
@@ -228,7 +226,7 @@ def test_a_change_of_speed_keeps_the_phase_of_the_teeth(machine, system):
         return point.speed * (t + max(0.0, t - change * 1e-4))
 
     times = np.arange(count) * 1e-4
-    _, _, force = reference_motion(system, start, lambda t: loads(t)[0], times, angle, tolerance=1e-7)
+    _, _, force = reference_motion(system, start_of(system), lambda t: loads(t)[0], times, angle, tolerance=1e-7)
     # The rate of the error doubles at once: that step has a corner, the rest is as good as without the change.
     difference = np.abs(found - force).max(axis=1) / force.max()
     assert difference.max() < 2e-4

@@ -6,7 +6,11 @@ from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
-from processes import NodeProcess, ros_text
+
+pytest.importorskip("rclpy")
+
+from peer import HostedNode, Peer
+from processes import NodeProcess, ros_arguments
 
 
 @contextmanager
@@ -15,8 +19,7 @@ def node_runner(folder: Path) -> Iterator[Callable[..., NodeProcess]]:
     started: list[NodeProcess] = []
 
     def start(module: str, *arguments: str, **parameters: object) -> NodeProcess:
-        ros = [part for name, value in parameters.items() for part in ("-p", f"{name}:={ros_text(value)}")]
-        node = NodeProcess(folder / f"node{len(started)}.log", module, ["--ros-args", *arguments, *ros])
+        node = NodeProcess(folder / f"node{len(started)}.log", module, ros_arguments(arguments, parameters))
         started.append(node)
         return node
 
@@ -33,3 +36,16 @@ def run_node(tmp_path: Path) -> Iterator[Callable[..., NodeProcess]]:
     """Nodes of one test."""
     with node_runner(tmp_path) as start:
         yield start
+
+
+@pytest.fixture
+def peer() -> Iterator[Peer]:
+    """Node of the test process."""
+    with Peer() as made:
+        yield made
+
+
+@pytest.fixture
+def host_node(peer: Peer) -> Callable[..., HostedNode]:
+    """Nodes of one test that its peer spins, with parameters as keywords."""
+    return peer.host

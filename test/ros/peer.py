@@ -1,19 +1,26 @@
-"""A node of the test process that listens, publishes, calls services and drives other nodes' lifecycles."""
+"""A node of the test process that listens, publishes, calls services and drives other nodes' lifecycles.
+
+What a node does with a message, a clock or a transition is tested on the node itself, in this process: the peer hosts
+it and spins it. What only a process can show (signals, kill -9, discovery, memory) is tested on processes.
+"""
 
 import math
 import os
+import sys
 import time
+from contextlib import suppress
 from importlib import import_module
 from pathlib import Path
 
 import rclpy
 from diagnostic_msgs.msg import DiagnosticArray
 from lifecycle_msgs.srv import ChangeState, GetState
-from processes import DEADLINE, wait_for
+from processes import DEADLINE, ros_arguments, wait_for
 from rcl_interfaces.msg import ParameterType
 from rcl_interfaces.srv import DescribeParameters, ListParameters, SetParameters
-from rclpy.executors import SingleThreadedExecutor
+from rclpy.executors import SingleThreadedExecutor, TimeoutException
 from rclpy.parameter import Parameter
+from rosgraph_msgs.msg import Clock
 
 from tbm_gsa.nodes.start import NODES
 from tbm_msgs_py.nodes import messages, qos
@@ -21,6 +28,70 @@ from tbm_msgs_py.nodes.parameters import AUTOSTART
 
 NOT_OURS = ("qos_overrides", "use_sim_time", "start_type_description")  # parameters that rclpy declares
 TRANSITIONS = {"configure": 1, "cleanup": 2, "activate": 3, "deactivate": 4}
+
+
+class Logger:
+    """Logger of a hosted node: keeps what it logs, a line each."""
+
+    def __init__(self):
+        self.lines = []
+
+    def debug(self, message):
+        """Nothing that a site sees."""
+
+    def __getattr__(self, severity):
+        def log(message):
+            self.lines.append(f"[{severity.upper()}] {message}")
+            sys.stderr.write(f"{self.lines[-1]}\n")  # pytest shows it where a test fails
+
+        return log
+
+
+class HostedNode:
+    """A node in the test process; an error in a callback of it is one of the test."""
+
+    def __init__(self, peer, factory, arguments, parameters):
+        self._peer = peer
+        self.node = factory(cli_args=ros_arguments(arguments, parameters))
+        logger = Logger()
+        self.node.get_logger = lambda: logger
+        self._lines = logger.lines
+        peer.executor.add_node(self.node)
+        self.started = self.node.start()
+
+    @property
+    def output(self):
+        """What it logged."""
+        return "\n".join(self._lines)
+
+    def says(self, text):
+        return text in self.output
+
+    def wait_for(self, condition):
+        """Wait until a condition holds, the node's statuses at hand without the second between them."""
+        self._peer.wait_for(condition, step=self.report)
+
+    def report(self):
+        """Let it do what is due and say how it is."""
+        self._peer.settle()
+        if self.node.active:
+            self.node.say()
+        self._peer.spin()
+        self._peer.settle()
+
+    @property
+    def ended(self):
+        """Whether its process would have ended."""
+        return self.node.ended.done()
+
+    def close(self):
+        """Release it as the end of its process would; once."""
+        if self.node is None:
+            return
+        self.node.finish()
+        self._peer.executor.remove_node(self.node)
+        self.node.destroy_node()
+        self.node = None
 
 
 class Peer:
@@ -31,12 +102,14 @@ class Peer:
         self.node = rclpy.create_node("peer", namespace="/tbm")
         self.executor = SingleThreadedExecutor()
         self.executor.add_node(self.node)
-        self.diagnostics, self.said = {}, {}  # by status name: the latest, and every text
+        self.diagnostics, self.said, self.levels = {}, {}, {}  # by status name: the latest, and every text and level
         self.node.create_subscription(DiagnosticArray, "/diagnostics", self._on_diagnostics, qos.DIAGNOSTICS)
-        self._clients = {}
+        self._clients, self._hosted = {}, []
         return self
 
     def __exit__(self, *_):
+        for hosted in self._hosted:
+            hosted.close()
         self.executor.shutdown()
         self.node.destroy_node()
         rclpy.try_shutdown()
@@ -45,18 +118,40 @@ class Peer:
         for status in message.status:
             self.diagnostics[status.name] = Status(status)
             self.said.setdefault(status.name, []).append(status.message)
+            self.levels.setdefault(status.name, []).append(self.diagnostics[status.name].level)
+
+    def host(self, factory, *arguments, **parameters):
+        """Start a node in this process."""
+        self._hosted.append(HostedNode(self, factory, arguments, parameters))
+        return self._hosted[-1]
 
     def spin(self):
         self.executor.spin_once(timeout_sec=0.02)
+
+    def settle(self):
+        """Run every callback that is due, those that they cause included."""
+        while self._pass():
+            pass
+
+    def _pass(self):
+        """Number of callbacks that were due: of a subscription one, however many messages wait."""
+        count = 0
+        with suppress(TimeoutException):
+            while True:
+                handler, _, _ = self.executor.wait_for_ready_callbacks(timeout_sec=0.0)
+                handler()
+                handler.result()
+                count += 1
+        return count
 
     def spin_for(self, seconds):
         end = time.monotonic() + seconds
         while (left := end - time.monotonic()) > 0:
             self.executor.spin_once(timeout_sec=left)
 
-    def wait_for(self, condition, deadline=DEADLINE):
+    def wait_for(self, condition, deadline=DEADLINE, step=None):
         try:
-            wait_for(condition, deadline, self.spin)
+            wait_for(condition, deadline, step or self.spin)
         except AssertionError as error:
             raise AssertionError(f"{error}; on /diagnostics:\n{self._heard()}") from None
 
@@ -131,6 +226,28 @@ class Peer:
 
     def state(self, node):
         return self.call(GetState, f"{node}/get_state").current_state.label
+
+
+class SimulatedClock:
+    """`/clock` of a peer, for nodes with `use_sim_time`: time passes when the test says so."""
+
+    def __init__(self, peer, start_ns):
+        self._peer, self.now_ns = peer, start_ns
+        self._publisher = peer.node.create_publisher(Clock, "/clock", qos.CLOCK)
+        self.tick(0.0)
+
+    def tick(self, seconds=0.01):
+        """Let a moment pass and everything happen that is due then."""
+        self.now_ns += round(seconds * 1e9)
+        self._publisher.publish(messages.clock(self.now_ns))
+        self._peer.settle()
+
+    def run_until(self, condition):
+        self._peer.wait_for(condition, step=self.tick)
+
+    def run_for(self, seconds):
+        for _ in range(round(seconds / 0.01)):
+            self.tick()
 
 
 class Status:

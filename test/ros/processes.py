@@ -7,7 +7,7 @@ import time
 from collections.abc import Callable
 from pathlib import Path
 
-DEADLINE = 60.0  # s; a busy machine takes its time to import and compile
+DEADLINE = 300.0  # s; only what is stuck gets there, however busy the computer is
 
 
 def wait_for(
@@ -45,7 +45,7 @@ class NodeProcess:
     def send(self, number: signal.Signals) -> None:
         self.process.send_signal(number)
 
-    def fault_at_end(self, deadline: float = 4.0) -> str:
+    def fault_at_end(self, deadline: float = DEADLINE) -> str:
         """What went wrong with the end that a signal asked for; killed by its id if it did not come."""
         try:
             code = self.process.wait(deadline)
@@ -59,5 +59,7 @@ class NodeProcess:
         return self.process.wait(deadline)
 
 
-def ros_text(value: object) -> str:
-    return str(value).lower() if isinstance(value, bool) else str(value)
+def ros_arguments(remapped: tuple[str, ...], parameters: dict[str, object]) -> list[str]:
+    """What follows a node's name on its command line."""
+    values = {name: str(value).lower() if isinstance(value, bool) else str(value) for name, value in parameters.items()}
+    return ["--ros-args", *remapped, *(part for name, value in values.items() for part in ("-p", f"{name}:={value}"))]

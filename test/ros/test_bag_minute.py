@@ -10,7 +10,7 @@ import pytest
 
 pytest.importorskip("rclpy")
 
-from processes import wait_for
+from processes import DEADLINE, wait_for
 
 from tbm_msgs_py import Bag, topics
 from tbm_msgs_py.bags.samples import typestore
@@ -30,12 +30,12 @@ def test_no_message_of_a_minute_is_missing(tmp_path):
     options = ["--topics", ",".join([*BLOCKS, *LIVE]), "--out", output, "--split-time", "20", "--json"]
     record = subprocess.Popen([*COMMAND, "bag", "record", *options], stdout=subprocess.PIPE)
     try:
-        wait_for((output / "metadata.yaml").exists, 60)
+        wait_for((output / "metadata.yaml").exists)
         run = [*COMMAND, "run", "--duration", str(SECONDS + START_S), "--out", tmp_path / "run", "--json"]
         subprocess.run(run, stdout=subprocess.DEVNULL, check=True)
     finally:
         record.send_signal(signal.SIGINT)
-        out, _ = record.communicate(timeout=60)
+        out, _ = record.communicate(timeout=DEADLINE)
     document = json.loads(out)
     assert document["lost"] == 0
     assert len(document["files"]) >= 3

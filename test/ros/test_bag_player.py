@@ -1,23 +1,22 @@
-"""Bag player and recorder as processes: every message arrives, the clock runs, signals and bad input end cleanly."""
+"""Bag player: every message arrives, the clock runs, rates, loops, losses; as a process the recorder, signals."""
 
 import json
 import shutil
 import signal
-import time
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 rclpy = pytest.importorskip("rclpy")
 
-from peer import Peer  # noqa: E402
 from processes import wait_for  # noqa: E402
-from rclpy.executors import SingleThreadedExecutor  # noqa: E402
 from rosgraph_msgs.msg import Clock  # noqa: E402
 from sensor_msgs.msg import JointState, PointCloud2  # noqa: E402
 
 from tbm_msgs_py import ACCELERATION, Bag, BagWriter, OperatingPoint  # noqa: E402
-from tbm_msgs_py.nodes import messages, qos  # noqa: E402
+from tbm_msgs_py.nodes import bag_player, messages, qos  # noqa: E402
+from tbm_msgs_py.nodes.bag_player import BagPlayer  # noqa: E402
 from tbm_msgs_py.operating_point import from_joint_state  # noqa: E402
 
 pytestmark = pytest.mark.ros
@@ -40,64 +39,65 @@ def bag(tmp_path_factory):
     return path
 
 
-class Listener:
-    """A node that keeps what the player publishes."""
+class Heard:
+    """What the player publishes."""
 
-    def __init__(self):
-        self.node = rclpy.create_node("listener")
-        self.blocks, self.clock, self.points = [], [], []
-        self.node.create_subscription(PointCloud2, TOPIC, self.blocks.append, qos.BLOCK)
-        self.node.create_subscription(JointState, "/tbm/operating_point", self.points.append, qos.OPERATING_POINT)
-        self.node.create_subscription(Clock, "/clock", self._on_clock, qos.CLOCK)
-        self.executor = SingleThreadedExecutor()
-        self.executor.add_node(self.node)
+    def __init__(self, peer):
+        self.blocks = peer.listen(PointCloud2, TOPIC, qos.BLOCK)
+        self.points = peer.listen(JointState, "/tbm/operating_point", qos.OPERATING_POINT)
+        self._clock = peer.listen(Clock, "/clock", qos.CLOCK)
 
-    def _on_clock(self, message):
-        self.clock.append((time.monotonic(), messages.stamp_to_ns(message.clock)))
+    @property
+    def clock(self):
+        return [messages.stamp_to_ns(message.clock) for message in self._clock]
 
-    def spin(self):
-        self.executor.spin_once(timeout_sec=0.02)
-
-    def wait_for(self, condition):
-        wait_for(condition, step=self.spin)
+    @property
+    def stamps(self):
+        return [messages.stamp_to_ns(message.header.stamp) for message in self.blocks]
 
 
 @pytest.fixture
-def listener():
-    rclpy.init()
-    made = Listener()
-    yield made
-    made.executor.shutdown()
-    made.node.destroy_node()
-    rclpy.try_shutdown()
+def heard(peer):
+    return Heard(peer)
 
 
-def test_every_block_and_the_clock_arrive(run_node, listener, bag):
-    player = run_node(PLAYER, bag=bag, wait_for_subscribers=2)
-    listener.wait_for(lambda: player.process.poll() is not None)
-    listener.wait_for(lambda: len(listener.blocks) >= BLOCKS)
-    assert player.exit_code() == 0, player.output
-    decoded = [messages.block_from(message) for message in listener.blocks]
+def test_every_block_and_the_clock_arrive(host_node, peer, heard, bag):
+    player = host_node(BagPlayer, bag=bag, wait_for_subscribers=2)
+    peer.wait_for(lambda: player.ended)
+    peer.settle()
+    decoded = [messages.block_from(message) for message in heard.blocks]
     assert [block.stamp_ns for block in decoded] == [START_NS + k * PERIOD for k in range(BLOCKS)]
     assert [float(block.values[0, 0]) for block in decoded] == list(range(BLOCKS))
-    assert from_joint_state(listener.points[0]) == OperatingPoint(0.586, 3.04e6, 1.2e7)
-    times = [stamp for _, stamp in listener.clock]
+    assert from_joint_state(heard.points[0]) == OperatingPoint(0.586, 3.04e6, 1.2e7)
+    times = heard.clock
     assert times == sorted(times)
-    assert START_NS <= times[0] < START_NS + 500_000_000  # its subscription may be matched after that of the blocks
+    assert START_NS <= times[0] < START_NS + PERIOD
     assert times[-1] == START_NS + (BLOCKS - 1) * PERIOD
-    moving = [wall for wall, stamp in listener.clock if stamp > START_NS]
-    assert len(moving) / (moving[-1] - moving[0]) > 100
+    assert len(set(times)) > 2
 
 
-def test_rate_start_and_duration(run_node, listener, bag):
-    player = run_node(PLAYER, bag=bag, wait_for_subscribers=1, rate=4.0, start=0.25, duration=0.5, topics=f"[{TOPIC}]")
-    listener.wait_for(lambda: player.process.poll() is not None)
-    listener.wait_for(lambda: len(listener.blocks) >= 21)
-    assert [messages.stamp_to_ns(m.header.stamp) for m in listener.blocks] == [
-        START_NS + k * PERIOD for k in range(10, 31)
-    ]
-    moving = [wall for wall, stamp in listener.clock if stamp > START_NS + 250_000_000]
-    assert 0.08 < moving[-1] - moving[0] < 0.4
+@pytest.fixture
+def wall(monkeypatch):
+    """Wall time of the player, which passes when the test says so, in ns."""
+    passed = SimpleNamespace(ns=0)
+    monkeypatch.setattr(bag_player.time, "monotonic_ns", lambda: passed.ns)
+    return passed
+
+
+def test_rate_start_and_duration(host_node, peer, heard, bag, wall):
+    player = host_node(BagPlayer, bag=bag, rate=4.0, start=0.25, duration=0.5, topics=f"[{TOPIC}]")
+    wanted = [START_NS + k * PERIOD for k in range(10, 31)]
+    peer.wait_for(lambda: heard.stamps == wanted[:1])
+    for passed in (1, 50, 51, 124):  # ms
+        wall.ns = passed * 1_000_000
+        now = START_NS + 250_000_000 + 4 * wall.ns
+        peer.wait_for(lambda now=now: heard.clock[-1:] == [now])
+        peer.settle()
+        assert heard.stamps == [stamp for stamp in wanted if stamp <= now]
+    wall.ns = 125_000_000
+    peer.wait_for(lambda: player.ended)
+    peer.settle()
+    assert heard.stamps == wanted
 
 
 def test_recorder_gets_what_the_player_plays(run_node, bag, tmp_path):
@@ -116,35 +116,29 @@ def test_recorder_gets_what_the_player_plays(run_node, bag, tmp_path):
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
-def test_signals_end_cleanly(run_node, listener, bag, number):
+def test_signals_end_cleanly(run_node, peer, heard, bag, number):
     player = run_node(PLAYER, bag=bag, loop=True)
-    listener.wait_for(lambda: len(listener.blocks) > 3)
+    peer.wait_for(lambda: len(heard.blocks) > 3)
     player.send(number)
     assert player.exit_code() == 0, player.output
     assert "Traceback" not in player.output
 
 
-def test_loop_starts_again(run_node, listener, bag):
-    run_node(PLAYER, bag=bag, loop=True, rate=10.0)
-    listener.wait_for(lambda: len(listener.blocks) > 2 * BLOCKS)
+def test_loop_starts_again(host_node, peer, heard, bag):
+    host_node(BagPlayer, bag=bag, loop=True, rate=10.0)
+    peer.wait_for(lambda: len(heard.blocks) > 2 * BLOCKS)
 
 
-@pytest.fixture
-def peer():
-    with Peer() as made:
-        yield made
-
-
-def test_it_says_how_far_it_has_come(run_node, peer, bag):
-    run_node(PLAYER, bag=bag, wait_timeout=60.0, rate=0.1, exit_at_end=False)
-    peer.wait_for(lambda: peer.text(STATUS) == "waiting for subscribers")
+def test_it_says_how_far_it_has_come(host_node, peer, bag):
+    player = host_node(BagPlayer, bag=bag, wait_timeout=60.0, rate=0.1, exit_at_end=False)
+    player.wait_for(lambda: peer.text(STATUS) == "waiting for subscribers")
     peer.listen(PointCloud2, TOPIC, qos.BLOCK)
-    peer.wait_for(lambda: peer.text(STATUS) == "playing")
+    player.wait_for(lambda: peer.text(STATUS) == "playing")
     assert peer.set_parameters("bag_player", paused=True) == []
-    peer.wait_for(lambda: peer.text(STATUS) == "paused")
+    player.wait_for(lambda: peer.text(STATUS) == "paused")
     assert 0.0 <= float(peer.value(STATUS, "position")) < float(peer.value(STATUS, "length"))
     assert peer.set_parameters("bag_player", paused=False, rate=10.0) == []
-    peer.wait_for(lambda: peer.text(STATUS) == "ended")
+    player.wait_for(lambda: peer.text(STATUS) == "ended")
     status = peer.diagnostics[STATUS]
     assert (status.level, status.hardware) == (0, str(bag))
     assert status.values == {
@@ -157,25 +151,26 @@ def test_it_says_how_far_it_has_come(run_node, peer, bag):
     }
 
 
-def test_it_warns_of_messages_that_the_recording_states_and_does_not_hold(run_node, peer, bag, tmp_path):
+def test_it_warns_of_messages_that_are_stated_and_not_there(host_node, peer, bag, tmp_path):
     copy = tmp_path / "copy"
     shutil.copytree(bag, copy)
     described = (copy / "metadata.yaml").read_text()
     (copy / "metadata.yaml").write_text(
         described.replace(f"message_count: {BLOCKS + 1}", f"message_count: {BLOCKS + 10}")
     )
-    run_node(PLAYER, bag=copy, wait_for_subscribers=0, rate=10.0, exit_at_end=False)
-    peer.wait_for(lambda: peer.text(STATUS) == "ended; 9 messages lost")
+    player = host_node(BagPlayer, bag=copy, wait_for_subscribers=0, rate=10.0, exit_at_end=False)
+    player.wait_for(lambda: peer.text(STATUS) == "ended; 9 messages lost")
     assert peer.diagnostics[STATUS].level == 1
     assert peer.value(STATUS, "lost") == "9"
 
 
-def test_what_is_not_played_is_not_lost(run_node, tmp_path):
+def test_what_is_not_played_is_not_lost(host_node, peer, tmp_path):
     path, summary = tmp_path / "files", tmp_path / "summary.json"
     with BagWriter(path, max_seconds=0.1) as writer:
         for k in range(BLOCKS):
             writer.write_block(TOPIC, START_NS + k * PERIOD, ACCELERATION, [0.0], np.zeros((1, 3)))
     assert len(Bag(path).files) == 10
-    player = run_node(PLAYER, bag=path, wait_for_subscribers=0, rate=10.0, duration=0.3, summary=summary)
-    assert player.exit_code() == 0, player.output
+    player = host_node(BagPlayer, bag=path, wait_for_subscribers=0, rate=10.0, duration=0.3, summary=summary)
+    peer.wait_for(lambda: player.ended)
+    player.close()
     assert json.loads(summary.read_text()) == {"played": 13, "lost": 0, "loops": 0, "ended": True}

@@ -15,8 +15,8 @@ import yaml
 
 rclpy = pytest.importorskip("rclpy")
 
-from peer import Peer, alive, children  # noqa: E402
-from processes import wait_for  # noqa: E402
+from peer import SimulatedClock, alive, children  # noqa: E402
+from processes import DEADLINE, wait_for  # noqa: E402
 from rosgraph_msgs.msg import Clock  # noqa: E402
 from sensor_msgs.msg import JointState, PointCloud2  # noqa: E402
 
@@ -36,31 +36,24 @@ START_NS = 1_700_000_000_000_000_000
 PERIOD = 50_000_000  # ns, 250 samples at 5 kHz
 
 
-@pytest.fixture
-def peer():
-    with Peer() as made:
-        yield made
-
-
 class Sender:
-    """Publishes numbered blocks in real time."""
+    """Publishes numbered blocks."""
 
     def __init__(self, peer):
         self.peer = peer
         self.publisher = peer.publisher(PointCloud2, TOPIC, qos.BLOCK)
         self.sent = 0
 
-    def send(self, seconds):
-        """Send for a while; wall time at which each block left, by its number."""
-        left = {}
-        for _ in range(round(seconds * 1e9 / PERIOD)):
+    def send(self, blocks=1):
+        for _ in range(blocks):
             values = np.full((250, 3), float(self.sent))
             stamp = START_NS + self.sent * PERIOD
             self.publisher.publish(messages.block(ACCELERATION, stamp, np.arange(250) / 5000, values))
-            left[self.sent] = time.monotonic()
             self.sent += 1
-            self.peer.spin_for(PERIOD / 1e9)
-        return left
+            self.peer.spin()
+
+    def send_until(self, condition):
+        wait_for(condition, step=self.send)
 
 
 def numbers(path):
@@ -69,41 +62,61 @@ def numbers(path):
     return [int(block.values[0, 0]) for block in blocks]
 
 
-def test_killed_recorder_leaves_all_but_the_last_second(run_node, peer, tmp_path):
+def on_disk(path):
+    """Messages that a reader finds while the recorder writes."""
+    return Bag(path).info().messages if path.exists() else 0
+
+
+def test_a_killed_recorder_leaves_what_it_had_flushed(run_node, peer, tmp_path):
     output = tmp_path / "bag"
-    recorder = run_node(RECORDER, output=output, topics=f"[{TOPIC}]", split_time=1.0)
-    left = Sender(peer).send(2.8)
+    recorder = run_node(RECORDER, output=output, topics=f"[{TOPIC}]", split_size=0.05)  # 10 blocks a file
+    Sender(peer).send_until(lambda: on_disk(output) >= 25)
     recorder.send(signal.SIGKILL)
-    killed = time.monotonic()
     assert recorder.exit_code() == -signal.SIGKILL
     kept = numbers(output)
-    safe = [number for number, at in left.items() if at < killed - 1.0]
-    assert kept[: len(safe)] == safe
     assert kept == list(range(len(kept)))
     info = Bag(output).info()
     assert info.truncated
-    assert len(list(output.glob("*.mcap"))) == 3
+    assert len(kept) >= 25
+    assert len(list(output.glob("*.mcap"))) >= 3
     (topic,) = info.topics
     assert topic.type == "sensor_msgs/msg/PointCloud2"
+
+
+@pytest.mark.verify  # a second counts, which a busy computer may not have
+def test_a_killed_recorder_loses_the_last_second_at_most(run_node, peer, tmp_path):
+    output, left = tmp_path / "bag", {}
+    recorder = run_node(RECORDER, output=output, topics=f"[{TOPIC}]", split_time=1.0)
+    sender = Sender(peer)
+    for _ in range(56):
+        left[sender.sent] = time.monotonic()
+        sender.send()
+        peer.spin_for(PERIOD / 1e9)
+    recorder.send(signal.SIGKILL)
+    killed = time.monotonic()
+    assert recorder.exit_code() == -signal.SIGKILL
+    safe = [number for number, at in left.items() if at < killed - 1.0]
+    assert numbers(output)[: len(safe)] == safe
 
 
 def test_full_disk_ends_the_recording_with_what_was_written(run_node, peer, tmp_path):
     output, summary = tmp_path / "bag", tmp_path / "summary.json"
     recorder = run_node(RECORDER, output=output, topics=f"[{TOPIC}]", summary=summary)
     sender = Sender(peer)
-    sender.send(1.0)
-    resource.prlimit(recorder.process.pid, resource.RLIMIT_FSIZE, (150_000, 150_000))
-    sender.send(1.5)
+    sender.send_until(lambda: on_disk(output) >= 10)
+    size = (output / "bag.mcap").stat().st_size
+    resource.prlimit(recorder.process.pid, resource.RLIMIT_FSIZE, (size + 10_000, size + 10_000))
+    sender.send_until(lambda: recorder.process.poll() is not None)
     assert recorder.exit_code() == 2, recorder.output
     assert "Traceback" not in recorder.output
     (line,) = [line for line in recorder.output.splitlines() if "[ERROR]" in line]
     assert "File too large" in line
     assert "bag.mcap" in line
+    peer.wait_for(lambda: "File too large" in peer.text("tbm: recorder"))
     assert peer.diagnostics["tbm: recorder"].level == 2
-    assert "File too large" in peer.text("tbm: recorder")
     assert "File too large" in json.loads(summary.read_text())["problem"]
     kept = numbers(output)
-    assert 10 < len(kept) < 30  # 150 kB of 5.1 kB each, flushed twice a second
+    assert len(kept) >= 10
     assert kept == list(range(len(kept)))
     described = yaml.safe_load((output / "metadata.yaml").read_text())["rosbag2_bagfile_information"]
     assert described["message_count"] == len(kept)
@@ -113,8 +126,8 @@ def test_disk_that_is_full_at_the_end_is_said_too(run_node, peer, tmp_path):
     output, summary = tmp_path / "bag", tmp_path / "summary.json"
     recorder = run_node(RECORDER, output=output, topics=f"[{TOPIC}]", summary=summary)
     sender = Sender(peer)
-    sender.send(0.2)
-    wait_for(lambda: Bag(output).info().messages == sender.sent, step=peer.spin)  # nothing waits but the index
+    sender.send(4)
+    wait_for(lambda: on_disk(output) == sender.sent, step=peer.spin)  # nothing waits but the index
     size = (output / "bag.mcap").stat().st_size
     resource.prlimit(recorder.process.pid, resource.RLIMIT_FSIZE, (size, size))
     recorder.send(signal.SIGTERM)
@@ -149,31 +162,29 @@ def test_a_signal_while_the_recording_is_created_leaves_none(monkeypatch, tmp_pa
     assert not (tmp_path / "bag").exists()
 
 
-def test_a_publisher_that_comes_back_and_offers_less_is_recorded(run_node, peer, tmp_path):
-    recorder = run_node(RECORDER, output=tmp_path / "bag", topics=f"[{TOPIC}]")
+def test_a_publisher_that_comes_back_and_offers_less_is_recorded(host_node, peer, tmp_path):
+    recorder = host_node(BagRecorder, output=tmp_path / "bag", topics=f"[{TOPIC}]")
     sender = Sender(peer)
-    sender.send(0.1)
+    sender.send(2)
     peer.node.destroy_publisher(sender.publisher)
     sender.publisher = peer.node.create_publisher(PointCloud2, TOPIC, qos.LIVE)  # best effort
     peer.wait_for(lambda: sender.publisher.get_subscription_count() == 1)
-    before = int(peer.value("tbm: recorder", "messages"))
-    sender.send(0.5)
-    peer.wait_for(lambda: int(peer.value("tbm: recorder", "messages")) > before)
-    recorder.send(signal.SIGTERM)
-    assert recorder.exit_code() == 0, recorder.output
+    recorder.wait_for(lambda: peer.value("tbm: recorder", "messages") == "2")
+    sender.send()
+    recorder.wait_for(lambda: peer.value("tbm: recorder", "messages") == "3")
 
 
-def test_quota_and_splitting_by_size(run_node, peer, tmp_path):
+def test_quota_and_splitting_by_size(host_node, peer, tmp_path):
     output = tmp_path / "bag"
-    recorder = run_node(
-        RECORDER, output=output, topics=f"[{TOPIC}]", split_size=0.05, quota=0.2, flush_period=0.1
+    recorder = host_node(
+        BagRecorder, output=output, topics=f"[{TOPIC}]", split_size=0.05, quota=0.2, flush_period=0.1
     )  # 10 blocks a file
     sender = Sender(peer)
-    sender.send(3.2)
-    wait_for(lambda: recorder.says("deleted"), step=peer.spin)
-    sender.send(1.0)
-    recorder.send(signal.SIGTERM)
-    assert recorder.exit_code() == 0, recorder.output
+    sender.send(60)
+    peer.wait_for(lambda: recorder.says("deleted"))
+    sender.send(20)
+    peer.settle()
+    recorder.close()
     deleted = [line.split(" deleted ")[1].split()[0] for line in recorder.output.splitlines() if " deleted " in line]
     assert deleted[0] == str(output / "bag_0.mcap")
     described = yaml.safe_load((output / "metadata.yaml").read_text())["rosbag2_bagfile_information"]
@@ -185,25 +196,20 @@ def test_quota_and_splitting_by_size(run_node, peer, tmp_path):
     assert described["message_count"] == len(kept)
 
 
-def test_what_comes_before_a_simulated_clock_is_kept(run_node, peer, tmp_path):
+def test_what_comes_before_a_simulated_clock_is_kept(host_node, peer, tmp_path):
     output = tmp_path / "bag"
-    recorder = run_node(
-        RECORDER, output=output, topics=f"[operating_point,{TOPIC}]", use_sim_time=True, flush_period=0.05
+    recorder = host_node(
+        BagRecorder, output=output, topics=f"[operating_point,{TOPIC}]", use_sim_time=True, flush_period=0.05
     )
     point = peer.publisher(JointState, "/tbm/operating_point", qos.OPERATING_POINT)
     point.publish(messages.operating_point_message(START_NS, OperatingPoint(0.5, 2e6, 1e7)))
-    Sender(peer).send(0.1)
-    peer.wait_for(lambda: "waiting for /clock" in peer.text("tbm: recorder"))
-    clock = peer.publisher(Clock, "/clock", qos.CLOCK)
-
-    def tick():
-        clock.publish(messages.clock(START_NS))
-        peer.spin()
-
-    wait_for(lambda: Bag(output).info().messages == 3, step=tick)
-    recorder.send(signal.SIGINT)
-    assert recorder.exit_code() == 0, recorder.output
-    assert {message.log_ns for message in Bag(output).messages()} == {START_NS}
+    Sender(peer).send(2)
+    recorder.wait_for(lambda: "waiting for /clock" in peer.text("tbm: recorder"))
+    SimulatedClock(peer, START_NS).run_until(lambda: on_disk(output) == 3)
+    recorder.close()
+    logged = {message.log_ns for message in Bag(output).messages()}
+    assert min(logged) >= START_NS
+    assert max(logged) < START_NS + 10**9
 
 
 def test_losses_are_a_fault_once_and_counted_for_good(tmp_path):
@@ -255,16 +261,16 @@ def started(tmp_path):
 def test_record_and_play_commands(started, bag, tmp_path):
     output = tmp_path / "copy"
     record = started("record", "--topics", f"operating_point,{TOPIC}", "--out", output, "--json")
-    wait_for((output / "metadata.yaml").exists, 60)
+    wait_for((output / "metadata.yaml").exists)
     play = started("play", bag, "--start", 1.0, "--rate", 2.0, "--subscribers", 2, "--json")
-    out, _ = play.communicate(timeout=60)
+    out, _ = play.communicate(timeout=DEADLINE)
     assert play.returncode == 0
     document = json.loads(out)
     assert (document["played"], document["lost"], document["ended"]) == (21, 0, True)  # 20 blocks, and the point before
     wait_for(lambda: Bag(output).info().messages == 21)
     nodes = children(record.pid)
     record.send_signal(signal.SIGTERM)
-    out, _ = record.communicate(timeout=60)
+    out, _ = record.communicate(timeout=DEADLINE)
     assert record.returncode == 0
     assert nodes
     assert not any(map(alive, nodes))
@@ -286,7 +292,7 @@ def test_looping_play_ends_cleanly_with_a_signal(started, peer, bag):
     clock = peer.listen(Clock, "/clock", qos.CLOCK)
     peer.wait_for(lambda: len(blocks) > 60)
     play.send_signal(signal.SIGINT)
-    out, _ = play.communicate(timeout=60)
+    out, _ = play.communicate(timeout=DEADLINE)
     assert play.returncode == 0
     document = json.loads(out)
     assert document["loops"] >= 1
@@ -304,7 +310,7 @@ def test_a_signal_while_the_node_starts(started, bag, tmp_path, what, number):
     wait_for(lambda: children(command.pid))
     nodes = children(command.pid)
     command.send_signal(number)
-    out, _ = command.communicate(timeout=60)
+    out, _ = command.communicate(timeout=DEADLINE)
     said = (tmp_path / "command0.err").read_text()
     assert (command.returncode, out, said) == (0, b"", "stopped before it had begun\n")
     assert not any(map(alive, nodes))

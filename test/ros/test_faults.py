@@ -1,31 +1,36 @@
-"""The system under faults: each is on `/diagnostics` within two windows and gone when it is over; no state jumps."""
+"""The system under faults: each is on `/diagnostics` within two windows and gone when it is over; no state jumps.
 
-import signal
+Loads, dynamics and analysis in this process, on a simulated clock that wall time follows.
+"""
+
 from functools import partial
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 rclpy = pytest.importorskip("rclpy")
 
-from conftest import node_runner  # noqa: E402
-from peer import Peer, alive, children, stamps  # noqa: E402
-from processes import wait_for  # noqa: E402
+from peer import Peer, SimulatedClock, stamps  # noqa: E402
 from sensor_msgs.msg import PointCloud2  # noqa: E402
-from std_srvs.srv import Trigger  # noqa: E402
 
 from tbm_dynamics import load_machine, simulate  # noqa: E402
+from tbm_dynamics.nodes import pace  # noqa: E402
+from tbm_dynamics.nodes.dynamics_node import DynamicsNode  # noqa: E402
+from tbm_dynamics.nodes.load_node import LoadNode  # noqa: E402
+from tbm_gsa.nodes import health  # noqa: E402
+from tbm_gsa.nodes.analysis_node import AnalysisNode  # noqa: E402
 from tbm_msgs_py import ACCELERATION, LOADS  # noqa: E402
-from tbm_msgs_py.nodes import messages, qos  # noqa: E402
+from tbm_msgs_py.nodes import messages, qos, rate  # noqa: E402
 from tbm_msgs_py.topics import TEST_POINTS, WINDOW  # noqa: E402
 
 pytestmark = pytest.mark.ros
 
-LOAD_NODE, DYNAMICS_NODE = "tbm_dynamics.nodes.load_node", "tbm_dynamics.nodes.dynamics_node"
-ANALYSIS_NODE = "tbm_gsa.nodes.analysis_node"
 DYNAMICS = "tbm: dynamics"
 OK, WARN, ERROR, STALE = range(4)
 SEED = 7
+START_NS = 1_700_000_000_000_000_000
+BLOCK_S = 0.05
 STATUS_S = 1.0  # between messages on /diagnostics
 
 
@@ -93,35 +98,37 @@ def silent(*_):
 
 
 @pytest.fixture(scope="module")
-def system(tmp_path_factory):
+def system():
     """Loads, dynamics and analysis with a field; the tests share them and leave them sound."""
-    with Peer() as peer, node_runner(tmp_path_factory.mktemp("nodes")) as run_node:
-        yield System(peer, run_node, tmp_path_factory.mktemp("studies"))
+    with Peer() as peer, pytest.MonkeyPatch.context() as patch:
+        clock = SimulatedClock(peer, START_NS)
+        for module in (health, rate, pace):
+            patch.setattr(module, "time", SimpleNamespace(monotonic=lambda: clock.now_ns * 1e-9))
+        yield System(peer, clock)
 
 
 class System:
-    def __init__(self, peer, run_node, studies):
-        self.peer, self._run, self._studies = peer, run_node, studies
+    def __init__(self, peer, clock):
+        self.peer, self.clock = peer, clock
         self.meshes = peer.listen(PointCloud2, "/tbm/model/mesh_forces", qos.BLOCK)
         self.loads = peer.listen(PointCloud2, "/tbm/loads/block", qos.BLOCK)
         self.field = Field(peer)
-        self.nodes = {}
-        for name in ("analysis", "dynamics", "loads"):
-            self.start(name)
+        self._nodes = [
+            peer.host(AnalysisNode, use_sim_time=True, history="none", **{"gsa.on_threshold": False}),
+            peer.host(DynamicsNode, use_sim_time=True, seed=SEED),
+            peer.host(LoadNode, use_sim_time=True, seed=SEED),
+        ]
         self.wait_until_sound()
 
-    def start(self, name):
-        parameters = {
-            "analysis": {"gsa.on_threshold": False, "gsa.samples": 2000, "gsa.folder": self._studies},
-            "dynamics": {"seed": SEED},
-            "loads": {"seed": SEED, "wait_for_subscribers": 2},  # the dynamics and this process
-        }
-        module = {"analysis": ANALYSIS_NODE, "dynamics": DYNAMICS_NODE, "loads": LOAD_NODE}
-        self.nodes[name] = self._run(module[name], **parameters[name])
+    def step(self):
+        """A status period of every node."""
+        for _ in range(round(STATUS_S / BLOCK_S)):
+            self.clock.tick(BLOCK_S)
+        for node in self._nodes:
+            node.report()
 
-    def kill(self, name):
-        self.nodes[name].send(signal.SIGKILL)
-        assert self.nodes[name].exit_code() == -signal.SIGKILL
+    def wait_for(self, condition, step=None):
+        self.peer.wait_for(condition, step=step or self.step)
 
     def level(self, status):
         return self.peer.diagnostics[status].level if status in self.peer.diagnostics else None
@@ -132,14 +139,14 @@ class System:
         return all(self.level(name) == level and text in self.peer.text(name) for name, (level, text) in wanted.items())
 
     def wait_until_sound(self):
-        self.peer.wait_for(lambda: self.shows({}))
+        self.wait_for(lambda: self.shows({}))
 
     def has_fault_for(self, spoilt, faults):
         """Let sensors err: faults are shown, and gone afterwards, within two windows of the stream's time."""
         for change, expected in ((spoilt, faults), ({}, {})):
             self.field.spoilt = change
             since = stamps(self.meshes)[-1]
-            self.peer.wait_for(lambda expected=expected: self.shows(expected))
+            self.wait_for(lambda expected=expected: self.shows(expected))
             # The first window in which something is wrong from its beginning, two of them, and the next message.
             assert (stamps(self.meshes)[-1] - since) * 1e-9 < WINDOW + 2.0 * WINDOW + 2.0 * STATUS_S
 
@@ -197,42 +204,19 @@ def test_loads_of_others_change_no_bit_of_the_run(system):
             offsets = steps * wrong.get("spacing", 1.0)
             layout = wrong.get("layout", LOADS)
             publisher.publish(messages.block(layout, stamp, offsets, wrong["values"], wrong.get("frame", "")))
-            peer.spin_for(0.05)
+            system.step()
 
-        wait_for(lambda before=before, reason=reason: any(reason in t for t in peer.said[DYNAMICS][before:]), step=send)
-        assert system.level(DYNAMICS) == WARN
+        system.wait_for(
+            lambda before=before, reason=reason: any(reason in t for t in peer.said[DYNAMICS][before:]), send
+        )
+        assert max(peer.levels[DYNAMICS][before:]) == WARN
     peer.node.destroy_publisher(publisher)
     system.wait_until_sound()
-    assert (peer.value(DYNAMICS, "restarts"), peer.value(DYNAMICS, "lost_steps")) == ("0", "0")
+    counted = peer.value(DYNAMICS, "restarts"), peer.value(DYNAMICS, "lost_steps")
+    assert counted == ("0", "0"), peer.said[DYNAMICS]
     epoch = stamps(system.loads)[0]
     response = simulate(machine, duration=(stamps(system.meshes)[-1] - epoch) / 1e9 + 0.05, seed=SEED)
     for message in system.meshes:
         block = messages.block_from(message)
         first = (block.stamp_ns - epoch) // 200_000
         assert np.array_equal(block.values, response.mesh_force[::2][first : first + 250]), f"at sample {first}"
-
-
-def test_nodes_killed_and_started_again(system):
-    peer = system.peer
-    signals = {comparison(point): (STALE, "no signal of the") for point in TEST_POINTS}
-    system.kill("dynamics")
-    peer.wait_for(lambda: system.shows(signals, signals))
-    peer.diagnostics.pop(DYNAMICS)  # what is dead says nothing more
-    system.start("dynamics")
-    system.wait_until_sound()
-
-    assert peer.call(Trigger, "/tbm/analysis/run_gsa").success
-    analysis = system.nodes["analysis"].process.pid
-    peer.wait_for(lambda: len(children(analysis)) >= 3)  # the study and its workers
-    study = children(analysis)
-    system.kill("analysis")
-    system.kill("loads")
-    wait_for(lambda: not any(map(alive, study)))
-    silence = {DYNAMICS: (ERROR, "no block on loads/block for")}
-    peer.wait_for(lambda: system.shows(silence, silence))
-    for name in ("tbm: loads", *signals):
-        peer.diagnostics.pop(name)
-    system.start("analysis")
-    system.start("loads")
-    system.wait_until_sound()
-    assert peer.value(DYNAMICS, "restarts") == "1"

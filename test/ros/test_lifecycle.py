@@ -1,32 +1,31 @@
 """Lifecycle of the nodes whose own tests do not go through it, and of one whose hooks fail."""
 
-import os
-import signal
 from pathlib import Path
 
 import pytest
 
 rclpy = pytest.importorskip("rclpy")
 
-from conftest import node_runner  # noqa: E402
 from peer import Peer  # noqa: E402
+from std_msgs.msg import Empty  # noqa: E402
 
-from tbm_gsa.nodes.start import NODES  # noqa: E402
+from tbm_gsa.nodes.analysis_node import AnalysisNode  # noqa: E402
+from tbm_gsa.nodes.live_view import LiveView  # noqa: E402
 from tbm_msgs_py import Bag  # noqa: E402
+from tbm_msgs_py.nodes.bag_player import BagPlayer  # noqa: E402
+from tbm_msgs_py.nodes.bag_recorder import BagRecorder  # noqa: E402
+from tbm_msgs_py.nodes.managed import ManagedNode, Parameter  # noqa: E402
 
 pytestmark = pytest.mark.ros
-
-FAULTY = """
-from std_msgs.msg import Empty
-
-from tbm_msgs_py.nodes.managed import ManagedNode, Parameter, run_node
 
 ERRORS = {"refuses": ValueError, "breaks": KeyError}
 
 
 class Faulty(ManagedNode):
-    def __init__(self):
-        super().__init__("faulty", [Parameter("fails", "", "hook that fails, and how", changes="running")])
+    """Node whose hooks fail when a parameter says so."""
+
+    def __init__(self, **options):
+        super().__init__("faulty", [Parameter("fails", "", "hook that fails, and how", changes="running")], **options)
 
     def hook(self, name):
         failing, _, how = self.value("fails").partition(" ")
@@ -48,9 +47,6 @@ class Faulty(ManagedNode):
         self.hook("cleanup")
 
 
-def main():
-    return run_node(Faulty)
-"""
 # Each from the state before, with the state that it leads to and what may not be asked there.
 ROUND = (
     ("configure", "inactive", "deactivate"),
@@ -65,22 +61,18 @@ STEPS = {"configure": [], "activate": ["configure"], "deactivate": ["configure",
 
 @pytest.fixture(scope="module")
 def nodes(tmp_path_factory):
-    """A peer, the processes by name, and their folder; all start at once and wait unconfigured."""
+    """A peer, the nodes by name, and their folder; all wait unconfigured."""
     folder = tmp_path_factory.mktemp("nodes")
-    (folder / "faulty.py").write_text(FAULTY)
     parameters = {
-        "analysis_node": {"history": "none"},
-        "bag_player": {"bag": Path(__file__).parents[2] / "bags" / "field_dz101"},
-        "bag_recorder": {"output": folder / "first", "topics": "[/diagnostics]"},
-        "live_view": {"port": 0},
-        "faulty": {},
+        AnalysisNode: {"history": "none"},
+        BagPlayer: {"bag": Path(__file__).parents[2] / "bags" / "field_dz101"},
+        BagRecorder: {"output": folder / "first", "topics": "[/diagnostics]"},
+        LiveView: {"port": 0},
+        Faulty: {},
     }
-    with pytest.MonkeyPatch.context() as patch, Peer() as peer, node_runner(folder) as run_node:
-        patch.setenv("PYTHONPATH", str(folder), prepend=os.pathsep)
-        started = {
-            name: run_node(NODES.get(name, name), autostart=False, **given) for name, given in parameters.items()
-        }
-        yield peer, started, folder
+    with Peer() as peer:
+        hosted = [peer.host(factory, autostart=False, **given) for factory, given in parameters.items()]
+        yield peer, {one.node.get_name(): one for one in hosted}, folder
 
 
 def expect(peer, name, state, refused):
@@ -103,7 +95,7 @@ def test_every_parameter_is_described(nodes, name):
 
 @pytest.mark.parametrize("name", ["analysis_node", "bag_player", "bag_recorder", "live_view"])
 def test_there_and_back_and_there_again(nodes, name):
-    peer, started, folder = nodes
+    peer, _, folder = nodes
     if name == "live_view":
         pytest.importorskip("foxglove")
     expect(peer, name, "unconfigured", "deactivate")
@@ -121,8 +113,6 @@ def test_there_and_back_and_there_again(nodes, name):
     assert peer.transition(f"/tbm/{name}", "shutdown")
     expect(peer, name, "finalized", "configure")
     peer.wait_for(lambda: name not in publishers(peer, "/diagnostics"))
-    started[name].send(signal.SIGTERM)
-    assert not started[name].fault_at_end()
 
 
 @pytest.mark.parametrize(
@@ -139,14 +129,14 @@ def test_there_and_back_and_there_again(nodes, name):
     ],
 )
 def test_a_hook_that_fails(nodes, hook, how, answer, left):
-    peer, started, _ = nodes
+    peer, hosted, _ = nodes
     for step in STEPS[hook]:
         assert peer.transition("/tbm/faulty", step)
     assert not peer.set_parameters("/tbm/faulty", fails=f"{hook} {how}")
     assert peer.transition("/tbm/faulty", hook) == answer
     assert peer.state("/tbm/faulty") == left
     reason = f"{hook}: KeyError: '{hook}'" if how == "breaks" else f"{hook}: {hook}"
-    peer.wait_for(lambda: started["faulty"].says(reason))
+    assert hosted["faulty"].says(reason)
     peer.wait_for(lambda: not publishers(peer, "/tbm/activated"))
     peer.wait_for(lambda: bool(publishers(peer, "/tbm/configured")) == (left == "inactive"))
     assert not peer.set_parameters("/tbm/faulty", fails="")

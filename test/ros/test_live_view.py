@@ -11,6 +11,7 @@ pytest.importorskip("foxglove")
 client = pytest.importorskip("websockets.sync.client")
 
 from peer import Peer  # noqa: E402
+from processes import DEADLINE  # noqa: E402
 from rclpy.serialization import deserialize_message  # noqa: E402
 from sensor_msgs.msg import JointState  # noqa: E402
 
@@ -33,7 +34,7 @@ def test_a_client_gets_what_is_published(run_node):
         with client.connect(f"ws://127.0.0.1:{port}", subprotocols=["foxglove.sdk.v1"]) as connection:
             channels = {}
             while TOPIC not in channels:
-                told = connection.recv(10.0)
+                told = connection.recv(DEADLINE)
                 if isinstance(told, str) and (document := json.loads(told))["op"] == "advertise":
                     channels |= {channel["topic"]: channel for channel in document["channels"]}
             channel = channels[TOPIC]

@@ -11,12 +11,14 @@ rclpy = pytest.importorskip("rclpy")
 
 from diagnostic_msgs.msg import DiagnosticArray  # noqa: E402
 from geometry_msgs.msg import AccelStamped  # noqa: E402
-from peer import Peer, Status, stamps  # noqa: E402
+from peer import Peer, SimulatedClock, Status, stamps  # noqa: E402
 from rclpy.qos import ReliabilityPolicy  # noqa: E402
 from sensor_msgs.msg import JointState, PointCloud2  # noqa: E402
 
 from tbm_dynamics import load_machine, simulate  # noqa: E402
-from tbm_gsa.nodes.start import NODES  # noqa: E402
+from tbm_dynamics.nodes.dynamics_node import DynamicsNode  # noqa: E402
+from tbm_dynamics.nodes.load_node import LoadNode  # noqa: E402
+from tbm_gsa.nodes.analysis_node import AnalysisNode  # noqa: E402
 from tbm_msgs_py.nodes import messages, qos  # noqa: E402
 from tbm_msgs_py.operating_point import from_joint_state  # noqa: E402
 
@@ -29,63 +31,75 @@ STEP_NS = 200_000
 
 
 @pytest.fixture(scope="module")
-def nodes(tmp_path_factory):
-    """A peer, and the processes of both machines by namespace and name."""
-    from conftest import node_runner
-
-    with Peer() as peer, node_runner(tmp_path_factory.mktemp("nodes")) as run_node:
+def machines():
+    """A peer, the clock and the load blocks and mesh forces of both machines by namespace and topic."""
+    with Peer() as peer:
         blocks = {}
         for name in SEEDS:
             for topic in (LOADS[name], "model/mesh_forces"):
                 blocks[name, topic] = peer.listen(PointCloud2, f"/{name}/{topic}", qos.BLOCK)
-        started = {}
+        clock = SimulatedClock(peer, 1_700_000_000_000_000_000)
+        hosted = []
         for name, seed in SEEDS.items():
             quality = {f"qos_overrides./{name}/model/shield/accel.publisher.reliability": "reliable"}
             quality |= {f"qos_overrides./{name}/model/mesh_forces.publisher.depth": 200}
             remapped = ("-r", f"__ns:=/{name}", "-r", f"loads/block:={LOADS[name]}")
-            started[name, "dynamics_node"] = run_node(NODES["dynamics_node"], *remapped, seed=seed, **quality)
-            started[name, "load_node"] = run_node(NODES["load_node"], *remapped, seed=seed, wait_for_subscribers=2)
-        started["north", "analysis_node"] = run_node(NODES["analysis_node"], "-r", "__ns:=/north")
-        yield peer, started, blocks
+            hosted.append(peer.host(DynamicsNode, *remapped, use_sim_time=True, seed=seed, **quality))
+            hosted.append(peer.host(LoadNode, *remapped, use_sim_time=True, seed=seed))
+        hosted.append(peer.host(AnalysisNode, "-r", "__ns:=/north", use_sim_time=True, history="none"))
+        yield Machines(peer, clock, hosted, blocks)
 
 
-def test_two_machines_do_not_meet(nodes):
-    peer, _, blocks = nodes
-    peer.wait_for(lambda: all(len(received) > 20 for received in blocks.values()))
+class Machines:
+    def __init__(self, peer, clock, hosted, blocks):
+        self.peer, self.clock, self.blocks = peer, clock, blocks
+        self._hosted = hosted
+
+    def run_until(self, condition):
+        self.peer.wait_for(condition, step=self._step)
+
+    def _step(self):
+        self.clock.run_for(0.1)
+        for hosted in self._hosted:
+            hosted.report()
+
+
+def test_two_machines_do_not_meet(machines):
+    peer, blocks = machines.peer, machines.blocks
+    machines.run_until(lambda: all(len(received) > 20 for received in blocks.values()))
     for name, seed in SEEDS.items():
         epoch, moved = stamps(blocks[name, LOADS[name]])[0], blocks[name, "model/mesh_forces"][:20]
-        # The peer may have found the mesh forces late: from wherever they begin.
         response = simulate(load_machine("dz101"), duration=(stamps(moved)[-1] - epoch) / 1e9 + 0.05, seed=seed)
         for message in moved:
             block = messages.block_from(message)
             first = (block.stamp_ns - epoch) // STEP_NS
             assert np.array_equal(block.values, response.mesh_force[::2][first : first + 250]), name
     wanted = {f"{name}: {task}" for name in SEEDS for task in ("dynamics", "loads")}
-    peer.wait_for(lambda: wanted | {"north: comparison shield"} <= set(peer.diagnostics))
+    machines.run_until(lambda: wanted | {"north: comparison shield"} <= set(peer.diagnostics))
     assert not [name for name in peer.diagnostics if name.startswith("tbm:")]
 
 
-def test_a_remapped_topic_goes_by_its_new_name(nodes):
+def test_a_remapped_topic_goes_by_its_new_name(machines):
     """That the south's dynamics follow its loads is seen above."""
-    peer, _, _ = nodes
+    peer = machines.peer
     publishers = peer.node.get_publishers_info_by_topic("/south/loads/excavation")
     assert [(known.node_namespace, known.node_name) for known in publishers] == [("/south", "load_node")]
     assert peer.node.count_publishers("/south/loads/block") == 0
     assert peer.node.count_publishers("/north/loads/block") == 1
 
 
-def test_parameters_at_run_time(nodes):
-    peer, _, _ = nodes
+def test_parameters_at_run_time(machines):
+    peer = machines.peer
     points = peer.listen(JointState, "/north/loads/operating_point", qos.OPERATING_POINT)
     accels = peer.listen(AccelStamped, "/north/model/shield/accel", qos.LIVE)
-    peer.wait_for(lambda: points and accels)
+    machines.run_until(lambda: points and accels)
     assert not peer.set_parameters("/north/load_node", operating_point__torque=2000.0, operating_point__thrust=9000.0)
-    peer.wait_for(lambda: len(points) == 2)
+    machines.run_until(lambda: len(points) == 2)
     applied = from_joint_state(points[1])
     assert (applied.torque, applied.thrust) == (2.0e6, 9.0e6)
     assert applied.speed == load_machine("dz101").operating_point.speed
     assert not peer.set_parameters("/north/dynamics_node", live_rate=20.0)
-    peer.wait_for(lambda: np.diff(stamps(accels))[-3:].tolist() == [50_000_000] * 3)
+    machines.run_until(lambda: np.diff(stamps(accels))[-3:].tolist() == [50_000_000] * 3)
     assert not peer.set_parameters("/north/analysis_node", threshold=0.5, window=1.0, alarm_axes=["x", "z"])
 
     for node, values, reason in (
@@ -104,38 +118,43 @@ def test_parameters_at_run_time(nodes):
 
 
 @pytest.mark.parametrize("node", ["load_node", "dynamics_node", "analysis_node"])
-def test_every_parameter_is_described(nodes, node):
+def test_every_parameter_is_described(machines, node):
     """Those of the other nodes: test_lifecycle."""
-    peer, _, _ = nodes
+    peer = machines.peer
     vectors = {"sensor.bias", "sensor.mounting_rotation"} if node == "dynamics_node" else set()
     assert peer.check_parameters("/north", node) == vectors
 
 
-def test_quality_of_service_by_parameter_and_one_that_does_not_match(nodes):
-    peer, started, _ = nodes
-    topic = "/north/model/shield/accel"
-    (offered,) = peer.node.get_publishers_info_by_topic(topic)
+def test_quality_of_service_by_parameter(machines):
+    (offered,) = machines.peer.node.get_publishers_info_by_topic("/north/model/shield/accel")
     assert offered.qos_profile.reliability == ReliabilityPolicy.RELIABLE
-    peer.node.create_publisher(JointState, "/south/operating_point", qos.LIVE)  # best effort
-    load_node = started["south", "load_node"]
-    peer.wait_for(lambda: load_node.says("incompatible QoS"))
-    (line,) = [line for line in load_node.output.splitlines() if "incompatible QoS" in line]
-    assert "[south.load_node]" in line
+
+
+def test_quality_of_service_that_does_not_match_is_said(machines, capfd):
+    machines.peer.node.create_publisher(JointState, "/south/operating_point", qos.LIVE)  # best effort
+    said = []
+
+    def heard():
+        said.extend(line for line in capfd.readouterr().err.splitlines() if "incompatible QoS" in line)
+        return said
+
+    machines.run_until(heard)
+    (line,) = [line for line in said if "[south.load_node]" in line]
     assert "'operating_point'" in line
     assert "RELIABILITY" in line
 
 
-def test_the_layouts_name_statuses_and_values_that_there_are(nodes):
+def test_the_layouts_name_statuses_and_values_that_there_are(machines):
     """As PlotJuggler writes it: /topic/hardware_id/name/key."""
-    peer, _, _ = nodes
+    peer = machines.peer
     studies = peer.listen(DiagnosticArray, "/north/analysis/gsa_status", qos.GSA)
-    peer.wait_for(lambda: studies)
+    machines.run_until(lambda: studies)
     (study,) = [Status(status) for status in studies[0].status]
     curves = ElementTree.parse(LAYOUTS / "plotjuggler.xml").findall(".//curve")
     names = [curve.get("name") for curve in curves]
     for name in (name for name in names if name.startswith("/diagnostics/")):
         hardware, status, key = name.removeprefix("/diagnostics/").replace("tbm:", "north:").split("/")
-        peer.wait_for(lambda status=status, key=key: peer.value(status, key) is not None)
+        machines.run_until(lambda status=status, key=key: peer.value(status, key) is not None)
         assert peer.diagnostics[status].hardware == hardware
         float(peer.value(status, key))
     (done,) = [name for name in names if name.startswith("/tbm/analysis/gsa_status/")]

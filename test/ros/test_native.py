@@ -18,7 +18,7 @@ import yaml
 
 rclpy = pytest.importorskip("rclpy")
 
-from processes import wait_for  # noqa: E402
+from processes import DEADLINE, wait_for  # noqa: E402
 from sensor_msgs.msg import JointState  # noqa: E402
 
 from tbm_gsa.cli.commands import load  # noqa: E402
@@ -91,7 +91,7 @@ def test_what_colcon_installed_starts_and_ends(built, tmp_path):
     finally:
         for process in started.values():
             process.send_signal(signal.SIGTERM)
-        ended = {node: process.wait(10.0) for node, process in started.items()}
+        ended = {node: process.wait(DEADLINE) for node, process in started.items()}
         watching.destroy_node()
         context.shutdown()
     assert ended == dict.fromkeys(NODES, 0)

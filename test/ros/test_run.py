@@ -13,13 +13,12 @@ import pytest
 rclpy = pytest.importorskip("rclpy")
 
 from peer import Peer, alive, children  # noqa: E402
-from processes import wait_for  # noqa: E402
+from processes import DEADLINE, wait_for  # noqa: E402
 from sensor_msgs.msg import PointCloud2  # noqa: E402
 
 from tbm_dynamics import load_machine  # noqa: E402
 from tbm_gsa.cli.processes import NodeCommand, NodeProcesses  # noqa: E402
 from tbm_msgs_py.nodes import qos  # noqa: E402
-from tbm_msgs_py.topics import TEST_POINTS  # noqa: E402
 
 pytestmark = pytest.mark.ros
 
@@ -27,30 +26,26 @@ COMMAND = [sys.executable, "-m", "tbm_gsa.cli.main"]
 NODES_YAML = Path(__file__).parents[2] / "config" / "nodes.yaml"
 
 
-def test_run_counts_no_loss(command):
-    code, out, err = command("run", "--duration", "3", "--json")
-    assert code == 0, err
-    document = json.loads(out)
-    assert document["first_block_seconds"] < 10.0
-    assert set(document["topics"]) == {
-        "/tbm/loads/block",
-        "/tbm/model/mesh_forces",
-        *(f"/tbm/model/{point}/block" for point in TEST_POINTS),
-    }
-    for name, topic in document["topics"].items():
-        assert topic["lost"] == 0, name
-        assert topic["stream_time"] >= 3.0, name
-    assert document["diagnostics"]["tbm: dynamics"]["message"] == "integrating"
-
-
-def test_run_takes_machine_and_operating_point_from_file_and_options(command, tmp_path):
+def test_run_with_a_file_and_options_counts_no_loss(command, tmp_path):
     """The file alone names the machine; the options drive it."""
     (tmp_path / "site.yaml").write_text("/**:\n  ros__parameters: {machine: open380, seed: 3}\n")
     code, out, err = command(
-        "run", "--duration", "1", "--params", "site.yaml", "--speed", "1.5", "--thrust", "9000", "--json"
+        "run", "--duration", "2", "--params", "site.yaml", "--speed", "1.5", "--thrust", "9000", "--json"
     )
     assert code == 0, err
-    diagnostics = json.loads(out)["diagnostics"]
+    document = json.loads(out)
+    assert document["first_block_seconds"] > 0.0
+    points = load_machine("open380").description.test_points
+    assert set(document["topics"]) == {
+        "/tbm/loads/block",
+        "/tbm/model/mesh_forces",
+        *(f"/tbm/model/{point}/block" for point in points),
+    }
+    for name, topic in document["topics"].items():
+        assert topic["lost"] == 0, name
+        assert topic["stream_time"] >= 2.0, name
+    diagnostics = document["diagnostics"]
+    assert diagnostics["tbm: dynamics"]["message"] == "integrating"
     own = load_machine("open380").operating_point
     values = diagnostics["tbm: loads"]["values"]
     assert float(values["speed_r_min"]) == pytest.approx(1.5)
@@ -70,20 +65,31 @@ def test_signals_end_run_and_its_nodes(tmp_path, number):
             assert len(nodes) == 3
             process.send_signal(number)
             process.send_signal(number)  # an impatient user
-            code = process.wait(30)
+            code = process.wait(DEADLINE)
         finally:
             if process.poll() is None:
                 left = children(process.pid)
                 process.kill()
                 for node in left:  # or they would disturb the tests after this one
                     os.kill(node, signal.SIGKILL)
-        wait_for(lambda: not any(map(alive, nodes)), 3.0)
+        wait_for(lambda: not any(map(alive, nodes)))
     assert "Traceback" not in (tmp_path / "err").read_text()
     for log in (tmp_path / "tbm_run" / "logs").iterdir():
         assert "Traceback" not in log.read_text(), log.name
     assert code == (-signal.SIGKILL if number == signal.SIGKILL else 0)
     if code == 0:
         assert json.loads((tmp_path / "out").read_text())["topics"]["/tbm/loads/block"]["blocks"] > 5
+
+
+@pytest.mark.verify  # 3 s are the promise of a quiet computer
+def test_run_and_its_nodes_end_within_three_seconds(tmp_path, peer):
+    process = subprocess.Popen([*COMMAND, "run", "--json"], cwd=tmp_path, stdout=subprocess.DEVNULL)
+    blocks = peer.listen(PointCloud2, "/tbm/model/girder/block", qos.BLOCK)
+    peer.wait_for(lambda: len(blocks) > 10)
+    asked = time.monotonic()
+    process.send_signal(signal.SIGTERM)
+    assert process.wait(DEADLINE) == 0
+    assert time.monotonic() - asked < 3.0
 
 
 def test_a_node_that_ends_by_itself_is_noticed(tmp_path):
@@ -96,7 +102,7 @@ def test_a_node_that_ends_by_itself_is_noticed(tmp_path):
 
 
 def test_nodes_are_ended_before_and_after_they_can_hear_of_it(tmp_path, monkeypatch):
-    """One by one that still starts, without a complaint; one that does not end, in time for the 3 s of a command."""
+    """One that still starts, without a complaint; one that does not end is killed."""
     deaf = "signal.signal(signal.SIGTERM, signal.SIG_IGN); print('deaf', flush=True)"
     for name, does in {"deaf": deaf, "hears": "pass"}.items():
         (tmp_path / f"{name}.py").write_text(f"import signal, time\ndef main():\n    {does}\n    time.sleep(60)\n")
@@ -105,8 +111,6 @@ def test_nodes_are_ended_before_and_after_they_can_hear_of_it(tmp_path, monkeypa
         nodes.start(NodeCommand("deaf", "deaf"))
         wait_for(lambda: (tmp_path / "deaf.log").read_text() == "deaf\n")
         nodes.start(NodeCommand("early", "hears"))
-        asked = time.monotonic()
-    assert time.monotonic() - asked < 3.0
     assert not nodes.running("early")
     assert (tmp_path / "early.log").read_text() == ""
     with pytest.raises(RuntimeError, match="deaf ended with exit code -9"):

@@ -9,7 +9,7 @@ from functools import cached_property
 from typing import Self
 
 import numpy as np
-import scipy.optimize
+import scipy  # its parts load on first use
 from numba import njit
 from numpy.typing import ArrayLike
 

@@ -4,7 +4,7 @@ import typer
 
 from tbm_gsa.cli.bag import import_, info, play, record, recover
 
-app = typer.Typer(add_completion=False, help="Recordings on disk.", no_args_is_help=True)
+app = typer.Typer(add_completion=False, no_args_is_help=True)
 app.command()(info.info)
 app.command()(recover.recover)
 app.command("import")(import_.import_)
