@@ -10,7 +10,6 @@ from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
 
-from distributed import Client
 from evaluations import LONG_S
 
 _PROGRAM = "import sys; from distributed.cli.{0} import main; sys.exit(main())"
@@ -26,6 +25,8 @@ class Cluster:
 @contextmanager
 def dask_cluster(folder):
     """Scheduler and one worker process with one thread, watched by its nanny; both are there."""
+    from distributed import Client  # which not every test process need load
+
     file = folder / "scheduler.json"
     local = ["--host", "127.0.0.1", "--no-dashboard"]
     scheduler = _start(folder, "dask_scheduler", *local, "--port", "0", "--scheduler-file", str(file))

@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 from campaign_problem import PROBLEM, THREE
 from dask_cluster import dask_cluster
-from evaluations import Traced, analytic, fails_above
+from evaluations import LONG_S, Traced, analytic, fails_above
 
+from tbm_gsa.study import cluster as cluster_module
 from tbm_gsa.study.campaign import run_campaign
 from tbm_gsa.study.errors import StudyCancelled, StudyError
 from tbm_gsa.study.evaluate import MachineEvaluation
@@ -19,6 +20,12 @@ from tbm_gsa.study.store import Counts, Store
 def cluster(tmp_path_factory):
     with dask_cluster(tmp_path_factory.mktemp("cluster")) as started:
         yield started
+
+
+@pytest.fixture(autouse=True)
+def _patience(monkeypatch):
+    """Connect as slowly as a busy computer does."""
+    monkeypatch.setattr(cluster_module, "CONNECT_TIMEOUT_S", LONG_S)
 
 
 @pytest.fixture

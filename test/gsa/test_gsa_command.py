@@ -38,9 +38,9 @@ def definition(tmp_path):
 
 @pytest.fixture
 def small(monkeypatch):
-    """Analyses in this process with small samplings."""
+    """Work in this process, with small samplings."""
     monkeypatch.setattr(analysis, "local_processes", pytest.fail)  # one worker is this process
-    with small_samplings():
+    with simulations_here(), small_samplings():
         yield
 
 
@@ -48,8 +48,7 @@ def test_a_study_grows(tmp_path, typed, definition, small):
     out = str(tmp_path / "study")
     begin = ("gsa", "run", *QUICK, "--inputs", definition, "--out", out, "--design", "lhs-maximin")
     go_on = ("--out", out, "--method", "prs", "--workers", "1", "--json")
-    with simulations_here():
-        code, first, _ = typed(*begin, "--workers", "1", "--json")
+    code, first, _ = typed(*begin, "--workers", "1", "--json")
     assert code == 0
     document = json.loads(first)
     assert list(document["outputs"]) == ["MF_M", "RDef_A"]
@@ -69,7 +68,7 @@ def test_a_study_grows(tmp_path, typed, definition, small):
     assert (code, json.loads(again)["outputs"]) == (0, document["outputs"])
     assert (tmp_path / "study/store.sqlite").read_bytes() == before, "nothing was simulated again"
 
-    code, second, _ = typed("gsa", "extend", "--samples", "5", *go_on)  # in a process of the campaign's own
+    code, second, _ = typed("gsa", "extend", "--samples", "5", *go_on)
     assert code == 0
     with Store.open(tmp_path / "study/store.sqlite") as store:
         grown = store.results("train")

@@ -13,7 +13,7 @@ from html.parser import HTMLParser
 import numpy as np
 import pytest
 from evaluations import OUTPUTS, analytic, fails_above
-from here import simulations_here
+from here import simulations_here, small_samplings
 
 from tbm_gsa import fit_surrogate, sobol_closed_form
 from tbm_gsa.report.page import render_page
@@ -136,7 +136,8 @@ def test_failures_and_no_test_points_are_reported(tmp_path):
     problem = Problem(THREE, OUTPUTS, train=40, test=0, seed=0)
     with simulations_here(), Store.create_or_open(tmp_path / "store.sqlite", problem) as store:
         run_campaign(store, fails_above)
-    result = report_study(tmp_path, StudyOptions(("prs",), workers=1))
+    with small_samplings():
+        result = report_study(tmp_path, StudyOptions(("prs",), workers=1))
     failed = result.document["samples"]["failed"]
     assert failed == len(result.document["failures"]) > 0
     text = result.report.read_text(encoding="utf-8")

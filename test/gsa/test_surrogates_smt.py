@@ -25,7 +25,7 @@ def unit(name, X):
 
 def predictions(model, name, X, **options):
     """Train SMT's Kriging on the same samples; its values (n,) at points X in the output's unit."""
-    process = KRG(print_global=False, n_start=2, **options)
+    process = KRG(print_global=False, n_start=1, **options)
     process.set_training_values(model.samples.unit, model.samples.standardised)
     process.train()
     return model.samples.mean + model.samples.spread * process.predict_values(unit(name, X))[:, 0]

@@ -1,5 +1,6 @@
 """Nodes in processes of their own."""
 
+import gc
 import signal
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -49,3 +50,10 @@ def peer() -> Iterator[Peer]:
 def host_node(peer: Peer) -> Callable[..., HostedNode]:
     """Nodes of one test that its peer spins, with parameters as keywords."""
     return peer.host
+
+
+@pytest.fixture(autouse=True, scope="module")
+def participants_end_with_their_module() -> Iterator[None]:
+    """Collect the contexts that tests have shut down: until then their DDS participants are there for others."""
+    yield
+    gc.collect()
