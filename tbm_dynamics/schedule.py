@@ -98,6 +98,8 @@ def read_schedule(
     chosen = {**COLUMNS, **(columns or {})}
     if unknown := sorted(set(chosen) - set(COLUMNS)):
         raise MachineError(f"columns: {unknown[0]}: allowed are {', '.join(COLUMNS)}")
+    if Path(path).exists() and not Path(path).is_file():
+        raise MachineError(f"{path}: no regular file, allowed: a CSV file")
     try:
         lines = Path(path).read_text(encoding="utf-8-sig").splitlines()
     except (OSError, UnicodeDecodeError) as error:
@@ -106,9 +108,12 @@ def read_schedule(
     rows = csv.DictReader(lines)
     header = [name.strip() for name in rows.fieldnames or ()]
     rows.fieldnames = header
-    for name in (*chosen.values(), *(where or {})):
+    wanted_columns = (*chosen.values(), *(where or {}))
+    for name in wanted_columns:
         if name not in header:
-            raise MachineError(f"{path}: line 1: no column {name!r}, there are {', '.join(header) or 'none'}")
+            # Of a file without any of them nothing is quoted: over ROS anybody may name it.
+            there = f", there are {', '.join(header)}" if set(header) & set(wanted_columns) else ""
+            raise MachineError(f"{path}: line 1: no column {name!r}{there}")
     taken = [
         (f"{path}: line {rows.line_num}", row)
         for row in rows

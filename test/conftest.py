@@ -9,6 +9,7 @@ import tempfile
 from pathlib import Path
 
 import pytest
+from hypothesis import HealthCheck, settings
 
 # One BLAS thread, as the command line and its processes have it: sums over more threads differ in their last bit.
 for _name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"):
@@ -41,6 +42,10 @@ os.environ["ROS_PYTHON_CHECK_FIELDS"] = "1"
 # must not hold up the tests after it.
 os.environ.pop("FASTRTPS_DEFAULT_PROFILES_FILE", None)
 avoid_shared_memory()
+
+# A busy computer draws slowly, too.
+settings.register_profile("patient", deadline=None, suppress_health_check=[HealthCheck.too_slow])
+settings.load_profile("patient")
 
 # What a test compares does not go into the history of whoever runs it.
 _data = tempfile.TemporaryDirectory(prefix="tbm_test_data_")

@@ -11,7 +11,7 @@ from pydantic import ValidationError
 
 from tbm_dynamics.errors import InputError
 from tbm_dynamics.machine.description import MachineDescription
-from tbm_dynamics.machine.strict_yaml import strict_yaml
+from tbm_dynamics.machine.strict_yaml import strict_yaml, yaml_problem
 
 
 class MachineError(InputError):
@@ -36,8 +36,8 @@ def read_description(machine: str | Path) -> MachineDescription:
     try:
         data = strict_yaml(text)
     except yaml.YAMLError as error:
-        raise MachineError(f"{label}: not valid YAML: {' '.join(str(error).split())}") from None
-    if not isinstance(data, dict):
+        raise MachineError(f"{label}: not valid YAML: {yaml_problem(error)}") from None
+    if not isinstance(data, dict) or data.keys().isdisjoint(MachineDescription.model_fields):
         raise MachineError(
             f"{label}: a machine file is a mapping with the keys {', '.join(MachineDescription.model_fields)}"
         )
@@ -57,8 +57,10 @@ def _read_text(machine: str | Path) -> tuple[str, str]:
         )
     try:
         return str(machine), path.read_text("utf-8")
-    except (OSError, UnicodeDecodeError) as error:
-        raise MachineError(f"{machine}: cannot be read: {error}") from None
+    except OSError as error:
+        raise MachineError(f"{machine}: cannot be read: {error.strerror}") from None
+    except UnicodeDecodeError:
+        raise MachineError(f"{machine}: cannot be read: no UTF-8 text") from None
 
 
 def _one_line(label: str, error: ValidationError) -> str:

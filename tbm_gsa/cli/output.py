@@ -15,8 +15,8 @@ from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, Ti
 from tbm_gsa.files import plain
 
 # Paths are never wrapped: rich would break them at 80 columns when its output is piped.
-results = Console(soft_wrap=True)
-notes = Console(stderr=True, soft_wrap=True)
+results = Console(soft_wrap=True, emoji=False)
+notes = Console(stderr=True, soft_wrap=True, emoji=False)
 
 JSON_OPTION = typer.Option("--json", help="Print exactly one JSON document on stdout.")
 SEED_OPTION = typer.Option("--seed", min=0, max=2**31 - 1, help="Seed of everything random.")

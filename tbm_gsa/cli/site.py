@@ -8,6 +8,7 @@ from typing import Any
 
 import yaml
 
+from tbm_dynamics.machine.strict_yaml import yaml_problem
 from tbm_gsa.study.errors import StudyError
 from tbm_msgs_py.topics import NAMESPACE
 
@@ -36,7 +37,7 @@ class Site:
         try:
             content = yaml.safe_load(file.read_text(encoding="utf-8"))
         except (yaml.YAMLError, UnicodeDecodeError) as error:
-            raise StudyError(f"{file}: not YAML ({' '.join(str(error).split())})") from None
+            raise StudyError(f"{file}: not YAML ({yaml_problem(error)})") from None
         if not isinstance(content, dict):
             raise StudyError(f"{file}: allowed: a mapping of nodes with {_PARAMETERS}")
         self._content = content

@@ -7,7 +7,7 @@ from typing import Any, Final
 
 import yaml
 
-from tbm_dynamics.machine.strict_yaml import strict_yaml
+from tbm_dynamics.machine.strict_yaml import strict_yaml, yaml_problem
 from tbm_gsa.study.distributions import distribution_from, number
 from tbm_gsa.study.errors import StudyError
 from tbm_gsa.study.inputs import PAPER_INPUTS, Input, InputSet
@@ -56,12 +56,14 @@ def read_definition(path: str | Path) -> Definition:
     StudyError
         One line that names the file, the input or group, and what is allowed.
     """
+    if Path(path).exists() and not Path(path).is_file():
+        raise StudyError(f"{path}: no regular file, allowed: a YAML file")
     try:
         document = strict_yaml(Path(path).read_text(encoding="utf-8"))
     except OSError as error:
         raise StudyError(f"{path}: cannot be read ({error.strerror}), allowed: a YAML file") from None
     except (yaml.YAMLError, UnicodeDecodeError) as error:
-        raise StudyError(f"{path}: not YAML ({' '.join(str(error).split())}), allowed: a YAML file") from None
+        raise StudyError(f"{path}: not YAML ({yaml_problem(error)}), allowed: a YAML file") from None
     try:
         return _definition(document)
     except StudyError as error:
@@ -70,7 +72,7 @@ def read_definition(path: str | Path) -> Definition:
 
 def _definition(document: object) -> Definition:
     """Build the definition of a parsed file."""
-    if not isinstance(document, dict) or not isinstance(document.get("inputs"), dict):
+    if not isinstance(document, dict) or not isinstance(document.get("inputs"), dict):  # nothing of it is quoted
         raise StudyError("inputs: missing or no mapping, allowed: codes of inputs with their distributions")
     for key in document:
         if key not in KEYS:

@@ -115,16 +115,40 @@ def contract_mapping(names: Iterable[str]) -> Mapping:
     return Mapping(topics=sensors)
 
 
-def load_mapping(path: str | Path) -> Mapping:
-    """Read a mapping file; a `RecordingError` names the key that is wrong and what is allowed."""
+def read_yaml(path: str | Path, what: str, keys: Iterable[str]) -> dict[str, object]:
+    """Read a YAML file that holds `what`: a mapping with some of the keys.
+
+    Raises
+    ------
+    RecordingError
+        What is wrong, and where, without a word of the file: over ROS anybody may name one.
+    """
     path = Path(path)
+    if path.exists() and not path.is_file():
+        raise RecordingError(f"{path}: no regular file, allowed: {what}")
     try:
         content = yaml.safe_load(path.read_text(encoding="utf-8"))
-        return Mapping.model_validate(content)
     except OSError as error:
-        raise RecordingError(f"{path}: {error.strerror}, allowed: a readable mapping file") from error
-    except (yaml.YAMLError, UnicodeDecodeError) as error:
-        raise RecordingError(f"{path}: not YAML ({' '.join(str(error).split())}), allowed: a mapping file") from error
+        raise RecordingError(f"{path}: {error.strerror}, allowed: a readable file with {what}") from None
+    except UnicodeDecodeError:
+        raise RecordingError(f"{path}: not YAML (no UTF-8 text), allowed: {what}") from None
+    except yaml.MarkedYAMLError as error:
+        mark = error.problem_mark or error.context_mark
+        place = f"line {mark.line + 1}, column {mark.column + 1}: " if mark else ""
+        raise RecordingError(f"{path}: not YAML ({place}{error.problem}), allowed: {what}") from None
+    except (yaml.YAMLError, RecursionError, ValueError) as error:
+        why = "nested too deeply" if isinstance(error, RecursionError) else " ".join(str(error).split())
+        raise RecordingError(f"{path}: not YAML ({why}), allowed: {what}") from None
+    if not isinstance(content, dict) or content.keys().isdisjoint(keys):
+        raise RecordingError(f"{path}: not {what}, allowed: a mapping with keys of {', '.join(keys)}")
+    return content
+
+
+def load_mapping(path: str | Path) -> Mapping:
+    """Read a mapping file; a `RecordingError` names the key that is wrong and what is allowed."""
+    content = read_yaml(path, "a mapping of topics", Mapping.model_fields)
+    try:
+        return Mapping.model_validate(content)
     except ValidationError as error:
         # A misspelt key is also a missing one: the misspelling comes first.
         first = min(error.errors(), key=lambda problem: problem["type"] != "extra_forbidden")

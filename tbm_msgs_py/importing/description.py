@@ -9,12 +9,11 @@ from datetime import UTC, datetime, timedelta
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
-import yaml
 from pydantic import AwareDatetime, BaseModel, ConfigDict, Field, ValidationError, field_validator, model_validator
 
 from tbm_msgs_py import topics
 from tbm_msgs_py.bags.errors import RecordingError
-from tbm_msgs_py.bags.mapping import SensorMapping, entry_problem
+from tbm_msgs_py.bags.mapping import SensorMapping, entry_problem, read_yaml
 
 Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
 Column = Annotated[str, Field(min_length=1)]
@@ -270,13 +269,8 @@ def describe(path: str | Path | None, changes: Mapping[str, Any] | None = None) 
     """
     where = "import description" if path is None else str(path)
     try:
-        content = {} if path is None else yaml.safe_load(Path(path).read_text(encoding="utf-8"))
+        content = {} if path is None else read_yaml(path, "an import description", Description.model_fields)
         return Description.model_validate(_joined(content, changes or {}))
-    except OSError as error:
-        raise RecordingError(f"{where}: {error.strerror}, allowed: a readable import description") from error
-    except (yaml.YAMLError, UnicodeDecodeError) as error:
-        why = " ".join(str(error).split())
-        raise RecordingError(f"{where}: not YAML ({why}), allowed: an import description") from error
     except ValidationError as error:
         # A misspelt key is also a missing one: the misspelling comes first.
         first = min(error.errors(), key=lambda problem: problem["type"] != "extra_forbidden")
