@@ -23,7 +23,7 @@ from tbm_gsa.cli.output import (
     split_names,
 )
 from tbm_gsa.cli.processes import NodeCommand, NodeProcesses, ParameterValue, settle_ros_environment
-from tbm_gsa.cli.ros import ANALYSIS_NODE, BAG_PLAYER, DYNAMICS_NODE, LOAD_NODE, watch
+from tbm_gsa.cli.ros import ANALYSIS_NODE, BAG_PLAYER, DYNAMICS_NODE, LOAD_NODE, SAID, watch
 from tbm_gsa.cli.shipped import shipped_bag
 from tbm_gsa.errors import RunError
 from tbm_gsa.study.outputs import parse_outputs
@@ -40,7 +40,6 @@ _ASKED_S = 10.0
 """Longest wait for a study to start after it was asked for, and for its result."""
 _START_S = 300.0
 """Longest start of the nodes, with everything to compile."""
-_SAID = {"tbm: loads", "tbm: dynamics", "tbm: history"}  # once a second by each of the nodes
 _STRONGEST = 5
 
 
@@ -111,8 +110,8 @@ def player_command(recording: Recording) -> NodeCommand:
 
 def _wait_until_active(watching: Watch, nodes: NodeProcesses) -> None:
     """Wait until every node says how it is: on a computer that still compiles the recording would be over before."""
-    _wait_while(watching, nodes, lambda: not watching.seen.diagnostics.keys() >= _SAID, _START_S)
-    if missing := sorted(_SAID - watching.seen.diagnostics.keys()):
+    _wait_while(watching, nodes, lambda: not watching.seen.diagnostics.keys() >= SAID, _START_S)
+    if missing := sorted(SAID - watching.seen.diagnostics.keys()):
         raise RunError(f"{missing[0]}: nothing on /diagnostics for {_START_S:g} s; see the logs")
 
 

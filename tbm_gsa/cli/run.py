@@ -26,7 +26,7 @@ from tbm_gsa.cli.output import (
     results,
 )
 from tbm_gsa.cli.processes import NodeCommand, NodeProcesses, ParameterValue, settle_ros_environment, until_told
-from tbm_gsa.cli.ros import ANALYSIS_NODE, DYNAMICS_NODE, LIVE_VIEW, LOAD_NODE, watch
+from tbm_gsa.cli.ros import ANALYSIS_NODE, DYNAMICS_NODE, LIVE_VIEW, LOAD_NODE, SAID, watch
 from tbm_gsa.cli.simulate import schedule_of
 from tbm_gsa.cli.site import Site
 from tbm_gsa.errors import RunError
@@ -183,12 +183,12 @@ def _wait_for_blocks(watching: Watch, nodes: NodeProcesses, start: float, told: 
 
 
 def _follow(watching: Watch, nodes: NodeProcesses, duration: float | None, told: Callable[[], bool]) -> None:
-    """Watch until every stream has reached the duration, or until told to end."""
+    """Watch until every stream has reached the duration and every node has said how it is, or until told to end."""
     counts = watching.seen.blocks.values()
     with progress_bar("running") as bar:
         task = bar.add_task("", total=duration)
         reached = 0.0
-        while not told() and (duration is None or reached < duration):
+        while not told() and (duration is None or reached < duration or not watching.seen.diagnostics.keys() >= SAID):
             nodes.check()
             watching.spin(_LOOK_S)
             reached = min(count.stream_time for count in counts)

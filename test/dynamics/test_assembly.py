@@ -106,7 +106,7 @@ def test_mass_and_its_centre_are_those_of_the_file(system, data, positions):
 units = st.tuples(*[st.floats(-1.0, 1.0)] * 3).map(np.array)
 
 
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=25)
 @given(translation=units, rotation=units)
 def test_without_rock_a_rigid_motion_strains_nothing(system, free_stiffness, positions, translation, rotation):
     motion = rigid_motion(system, positions, translation, rotation)
@@ -176,7 +176,7 @@ def test_axial_shortening_by_hand(system, data):
     assert front - back == pytest.approx(1e10 * back * chain, rel=1e-6)
 
 
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=25)
 @given(seed=st.integers(0, 10**6), size=st.floats(0.0, 4e-4))
 def test_equilibrium_satisfies_the_law_of_the_teeth(system, seed, size):
     # Residual of the equations as the design states them, backlash, open meshes and gearboxes included.

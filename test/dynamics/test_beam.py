@@ -116,7 +116,7 @@ def rigid_motion(places, translation, rotation):
 vectors = st.tuples(*[st.floats(-1.0, 1.0)] * 3).map(np.array)
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=40)
 @given(translation=vectors, rotation=vectors, length=st.floats(0.1, 10.0))
 def test_a_rigid_motion_strains_nothing(translation, rotation, length):
     section = circular_section(DIAMETER, 0.3, NU)
@@ -139,7 +139,7 @@ def test_a_rigid_motion_has_the_inertia_of_the_solid_tube():
     assert np.count_nonzero(scipy.linalg.eigvalsh(K, M) < 1e-3) == 6  # rad²/s²; the first bending mode has 1e6
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=40)
 @given(angles=st.tuples(*[st.floats(-np.pi, np.pi)] * 3))
 def test_turned_is_a_rotation_of_the_element(angles):
     # Any rotation that brings x to the direction gives the same matrix: the section is round.

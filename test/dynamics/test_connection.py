@@ -16,7 +16,7 @@ places = st.tuples(*[st.floats(-20.0, 20.0)] * 3).map(np.array)
 units = st.tuples(*[st.floats(-1.0, 1.0)] * 3).map(np.array)
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 @given(offset=places, translation=units, axis=units)
 def test_a_point_on_a_rigid_arm(offset, translation, axis):
     small = 1e-7
@@ -32,7 +32,7 @@ def rigid_motion(place, translation, rotation):
     return np.concatenate([translation + np.cross(rotation, place), rotation])
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 @given(place=places, first=places, second=places, translation=units, rotation=units)
 def test_a_rigid_motion_strains_no_connection(place, first, second, translation, rotation):
     rows = spring_rows(place, first, second)
@@ -40,7 +40,7 @@ def test_a_rigid_motion_strains_no_connection(place, first, second, translation,
     assert rows @ motion == pytest.approx(np.zeros(6), abs=1e-13)
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=40)
 @given(place=places, first=places, second=places, data=st.data())
 def test_energy_is_that_of_six_springs_at_the_place(place, first, second, data):
     stiffness = np.array(data.draw(st.lists(st.floats(0.0, 1e10), min_size=6, max_size=6)))

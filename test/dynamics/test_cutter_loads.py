@@ -75,7 +75,7 @@ def test_most_of_the_energy_is_below_10_hz(loads):
 places = st.lists(st.floats(-50.0, 50.0), min_size=1, max_size=40)
 
 
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=25)
 @given(times=places, cut=st.integers(0, 40), data=st.data())
 def test_any_window_in_any_order_gives_the_same_bits(machine, times, cut, data):
     at = np.array(times)

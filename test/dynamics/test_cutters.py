@@ -44,7 +44,7 @@ def test_the_resultant_halves_the_arc_of_contact():
     assert rolling / normal == pytest.approx(math.tan(math.acos(1.0 - 9.9 / 216.0) / 2.0))
 
 
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=30)
 @given(factor=st.floats(0.1, 10.0), penetration=st.floats(1e-4, 0.03))
 def test_powers_of_strength_spacing_and_size(factor, penetration):
     def normal(rock=ROCK, disc=DISC, spacing=0.08, depth=penetration):
@@ -60,7 +60,7 @@ def test_powers_of_strength_spacing_and_size(factor, penetration):
     assert normal(disc=large, spacing=0.08 * factor, depth=penetration * factor) == pytest.approx(normal() * factor**2)
 
 
-@settings(max_examples=20, deadline=None)
+@settings(max_examples=20)
 @given(depths=st.lists(st.floats(0.0, 0.05), min_size=2, max_size=2, unique=True))
 def test_deeper_takes_more_force(depths):
     shallow, deep = (np.array(cutting_forces(ROCK, DISC, [0.08], depth)) for depth in sorted(depths))

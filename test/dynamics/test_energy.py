@@ -34,7 +34,7 @@ def receptance(system, frequency, dofs):
     return np.linalg.solve(system.K + 1j * omega * system.C - omega**2 * system.M, forces)[dofs]
 
 
-@settings(max_examples=10, deadline=None)
+@settings(max_examples=10)
 @given(frequency=st.floats(0.1, 2000.0), seed=st.integers(0, 10**6))
 def test_a_force_here_moves_there_as_a_force_there_moves_here(system, frequency, seed):
     dofs = np.random.default_rng(seed).choice(system.size, 12, replace=False)
@@ -43,7 +43,7 @@ def test_a_force_here_moves_there_as_a_force_there_moves_here(system, frequency,
     assert np.all(np.abs(found - found.T) < 1e-6 * scale)
 
 
-@settings(max_examples=10, deadline=None)
+@settings(max_examples=10)
 @given(frequency=st.floats(0.1, 2000.0), seed=st.integers(0, 10**6))
 def test_no_force_draws_power_from_the_machine(system, frequency, seed):
     random = np.random.default_rng(seed)

@@ -33,7 +33,7 @@ def path_on_paper(z1, z2, angle, internal):
     return start, end
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=40)
 @given(z1=st.integers(18, 60), z2=st.integers(18, 120), angle=angles)
 def test_path_of_an_external_pair(z1, z2, angle):
     angle = np.radians(angle)
@@ -45,7 +45,7 @@ def test_path_of_an_external_pair(z1, z2, angle):
     assert pair.path_start == pytest.approx(MODULE * z1 / 2 * np.sin(angle) + start, abs=1e-12)
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=40)
 @given(z1=st.integers(18, 40), z2=st.integers(70, 160), angle=angles)
 def test_path_of_an_internal_pair(z1, z2, angle):
     angle = np.radians(angle)
@@ -65,7 +65,7 @@ def test_radii_of_an_external_pair():
     assert pair.wheel_base_radius == pytest.approx(0.05 * 0.93969262)
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 @given(z1=st.integers(12, 60), z2=st.integers(12, 120), angle=st.floats(14.5, 32.0))
 def test_a_pair_that_is_not_undercut_touches_above_both_base_circles(z1, z2, angle):
     # The wheel's flank is the line between the base circles less the pinion's.

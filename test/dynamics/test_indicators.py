@@ -40,7 +40,7 @@ def test_equation_5_is_the_mean_of_the_meshes_and_not_of_all_samples():
     assert found["MF_Se"] == pytest.approx(np.sqrt(32.0) / 2.0)
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=40)
 @given(seed=st.integers(0, 10**6), scale=st.floats(1e-3, 1e3))
 def test_they_scale_with_the_motion_and_do_not_see_its_sign(seed, scale):
     random = np.random.default_rng(seed)

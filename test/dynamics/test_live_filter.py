@@ -25,7 +25,7 @@ def run(values, first=0, stride=STRIDE, cuts=()):
     return found
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=40)
 @given(first=st.integers(0, 10**9), cuts=st.sets(st.integers(1, 999), max_size=10), stride=st.sampled_from([1, 7, 200]))
 def test_any_chunks_give_the_same_bits(first, cuts, stride):
     values = np.random.default_rng(1).standard_normal((1000, 3))

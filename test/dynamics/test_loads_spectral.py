@@ -56,7 +56,7 @@ def block_edges() -> st.SearchStrategy[float]:
 times = st.lists(st.floats(-40.0, 60.0) | block_edges(), min_size=1, max_size=40)
 
 
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=25)
 @given(times=times, cut=st.integers(0, 40), data=st.data())
 def test_same_bits_in_any_chunks_and_any_order(loads, times, cut, data):
     time = np.array(times)

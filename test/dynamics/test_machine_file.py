@@ -281,7 +281,7 @@ def test_an_input_changes_what_it_names_and_nothing_else(machine, code):
     assert tuple(INPUT_CODES) == tuple(f"x{i}" for i in range(1, 26))
 
 
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=30)
 @given(first=st.floats(0.5, 2.0), second=st.floats(0.5, 2.0))
 def test_multipliers_are_relative_to_the_file_and_the_last_one_holds(machine, first, second):
     twice = machine.with_inputs(x16=first, x2=1500.0).with_inputs(x16=second)
@@ -350,7 +350,7 @@ def test_a_multiplier_of_a_connection_that_is_not_there():
         other.with_inputs(x25=2.0)
 
 
-@settings(max_examples=20, deadline=None)
+@settings(max_examples=20)
 @given(torque=st.floats(500.0, 5000.0), thrust=st.floats(3000.0, 20000.0))
 def test_loads_follow_thrust_and_torque(machine, torque, thrust):
     variant = machine.with_inputs(x2=torque, x3=thrust)

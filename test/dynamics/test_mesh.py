@@ -42,7 +42,7 @@ def test_contact_ratio_of_the_shipped_pair():
     assert PAIR.contact_ratio == pytest.approx(contact_ratio_on_paper(16, 152, 0.022, np.radians(25.0)), rel=1e-9)
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=40)
 @given(pinion=st.integers(14, 30), ring=st.integers(100, 250), module=st.floats(0.005, 0.03), angle=st.floats(20, 28))
 def test_contact_ratio_of_other_pairs(pinion, ring, module, angle):
     pair = InternalPair(pinion, ring, module, np.radians(angle))
@@ -84,7 +84,7 @@ def over_a_cycle(variation, points=4096):
     return 1.0 + np.cos(angle) @ variation[0::2] + np.sin(angle) @ variation[1::2]
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=40)
 @given(ratio=ratios, levels=st.floats(1.0, 2.2))
 def test_stiffness_keeps_its_levels(ratio, levels):
     table = over_a_cycle(rounded_variation(two_levels(ratio, levels)))
@@ -95,7 +95,7 @@ def test_stiffness_keeps_its_levels(ratio, levels):
     assert table.max() <= levels * single + slack
 
 
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=30)
 @given(ratio=ratios, levels=st.floats(1.1, 2.2))
 def test_stiffness_has_the_harmonics_of_the_rectangular_wave(ratio, levels):
     # k̄ + Σ 2(k₂−k₁)/(nπ) sin(nπ(ε−1)) cos(n(ωt − π(ε−1))), the project's reference.
@@ -133,7 +133,7 @@ PHASES = np.array([0.0, 0.2, 0.4, 0.6, 0.8] * 2)  # 15.2 teeth from pinion to pi
 GOLDEN = 0.6180339887498949
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 @given(cycle=st.floats(-50.0, 5000.0))
 def test_every_pinion_sees_stiffness_and_error_at_its_own_phase(couplings, cycle):
     stiffness, error, slope = (part[0, :10] for part in couplings.waves.evaluate(np.array([cycle])))
@@ -166,7 +166,7 @@ def test_every_gearbox_repeats_with_its_stages_and_planets(couplings):
     assert 1.0 / couplings.stiffness[10] == pytest.approx(np.mean(1.0 / stiffness[:, 10]), rel=1e-9)
 
 
-@settings(max_examples=20, deadline=None)
+@settings(max_examples=20)
 @given(start=st.floats(0.0, 1e6), turn=st.floats(1e-4, 0.05))
 def test_what_a_block_holds_is_what_the_waves_say(couplings, start, turn):
     deflection = np.linspace(1e-4, 2e-4, 20)

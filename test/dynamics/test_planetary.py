@@ -129,7 +129,7 @@ def test_compliance_is_that_of_sun_planets_and_carrier_on_springs(stage):
     assert wave(law.compliance, CYCLES) == pytest.approx(np.array(found), rel=1e-9)
 
 
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=30)
 @given(stage=stages, harmonics=st.integers(1, 12))
 def test_coefficients_are_those_of_the_exact_reciprocal(stage, harmonics):
     sun, ring = tooth_stiffness(stage, *STEEL, CYCLES)
@@ -144,7 +144,7 @@ def test_coefficients_are_those_of_the_exact_reciprocal(stage, harmonics):
     assert law.compliance == pytest.approx(expected, abs=1e-9 * expected[0])
 
 
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=30)
 @given(stage=stages)
 def test_teeth_keep_the_mean_of_the_formula(stage):
     phase = (np.arange(2048) + 0.5) / 2048
@@ -162,7 +162,7 @@ def same_phase(found, expected):
     return np.abs((np.asarray(found) - expected + 0.5) % 1.0 - 0.5).max() < 1e-9
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 @given(stage=stages)
 def test_phases_from_the_places_of_the_teeth(stage):
     # Seen from the carrier the sun turns counter-clockwise, planets and ring clockwise; pitch points only.
@@ -199,7 +199,7 @@ def test_teeth_enter_before_the_pitch_point_by_the_path_in_between(stage):
             assert np.abs(rounded - factor * exact).max() < 2e-3 * np.abs(exact).max()
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 @given(stage=stages)
 def test_harmonics_that_cancel_between_the_planets(stage):
     compliance = stage_law(stage, *STEEL, 12).compliance

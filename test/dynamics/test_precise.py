@@ -28,7 +28,7 @@ def close(found, expected, tolerance):
     return np.abs(found - expected).max() <= tolerance * max(1.0, np.abs(expected).max())
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=40)
 @given(seed=st.integers(0, 10**6), n=st.integers(1, 12), scale=st.floats(1e-6, 30.0))
 def test_exponential_of_random_matrices(seed, n, scale):
     matrix = np.random.default_rng(seed).standard_normal((n, n))
@@ -38,7 +38,7 @@ def test_exponential_of_random_matrices(seed, n, scale):
     assert close(half @ half, whole, 1e-11)
 
 
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=25)
 @given(seed=st.integers(0, 10**6), n=st.integers(1, 10), stiffest=st.floats(10.0, 1e5))
 def test_exponential_of_stiff_damped_oscillators(seed, n, stiffest):
     # Displacements and velocities of the stiffest differ by its frequency: compare in scaled coordinates.
@@ -67,7 +67,7 @@ def test_a_small_increment_is_not_lost_beside_the_identity():
     assert half[0, 0] - 1.0 == pytest.approx(-0.5e-12, rel=1e-3)
 
 
-@settings(max_examples=15, deadline=None)
+@settings(max_examples=15)
 @given(seed=st.integers(0, 10**6), free=st.booleans())
 def test_response_to_a_polynomial_load(seed, free):
     random = np.random.default_rng(seed)

@@ -91,7 +91,7 @@ def test_the_head_angle_is_the_integral_of_the_speed(machine, startup_cycles, cy
 
 
 @pytest.mark.parametrize("level", ["spectral", "cutter"])
-@settings(max_examples=15, deadline=None)
+@settings(max_examples=15)
 @given(
     thrust=st.lists(st.floats(6e6, 12e6), min_size=2, max_size=5),
     speed=st.lists(st.floats(0.15, 0.7), min_size=2, max_size=5),

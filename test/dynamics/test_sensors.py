@@ -49,7 +49,7 @@ def test_samples_lie_on_absolute_steps():
     assert [len(packet.time) for packet in packets] == [10, 10]
 
 
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=30)
 @given(
     first=st.integers(0, 10**9),
     cuts=st.lists(st.integers(0, len(SIGNAL)), max_size=8).map(sorted),

@@ -60,7 +60,7 @@ def same(chunks, whole):
     )
 
 
-@settings(max_examples=12, deadline=None)
+@settings(max_examples=12)
 @given(cuts=st.sets(st.integers(1, STEPS - 1), max_size=12))
 def test_any_pieces_give_the_same_bits(system, loads, whole, cuts):
     run = Simulator(system, NODES)

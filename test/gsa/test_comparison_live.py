@@ -111,7 +111,7 @@ def test_a_window_sum_in_pieces_is_what_numpy_and_scipy_say_of_the_whole():
         assert np.isnan(unknown).all()
 
 
-@settings(max_examples=15, deadline=None)
+@settings(max_examples=15)
 @given(data=st.data())
 def test_the_interleaving_does_not_matter(data):
     queues = {source: list(blocks(source, 6.0, length=0.25)) for source in RATES}

@@ -58,7 +58,7 @@ def whole():
     return side, estimate(field_sample(side.signals["shield"], {0: 1.0}), side.signals["shield"], CHOSEN)
 
 
-@settings(max_examples=8, deadline=None)
+@settings(max_examples=8)
 @example(cuts=[358, 1623])  # a sampling rate from few stamps, a trifle beside that from all
 @given(cuts=st.lists(st.integers(1, 149_000), max_size=6).map(sorted))
 def test_statistics_do_not_depend_on_the_pieces(whole, cuts):
@@ -75,7 +75,7 @@ def test_statistics_do_not_depend_on_the_pieces(whole, cuts):
         assert statistics.spectrum.segments == expected[axis].spectrum.segments
 
 
-@settings(max_examples=20, deadline=None)
+@settings(max_examples=20)
 @given(cuts=st.lists(st.integers(1, 149_000), max_size=4, unique=True).map(sorted))
 def test_gaps_are_found_once_wherever_the_pieces_end(cuts):
     health = reduced(cuts).health["shield"]

@@ -73,7 +73,7 @@ def test_order_and_repeats_of_the_stamps_do_not_matter():
     np.testing.assert_array_equal(shuffled.values, condition(TIME, signal, RATE, BAND).values)
 
 
-@settings(max_examples=10, deadline=None)
+@settings(max_examples=10)
 @given(seed=st.integers(0, 100), jitter=st.floats(0.15, 0.4))
 def test_jittered_stamps_are_put_on_a_uniform_clock(seed, jitter):
     stamps = TIME + np.random.default_rng(seed).uniform(-jitter, jitter, TIME.size) / RATE
@@ -118,7 +118,7 @@ def test_sampling_rate_ignores_gaps():
         sampling_rate([1.0])
 
 
-@settings(max_examples=20, deadline=None)
+@settings(max_examples=20)
 @given(cuts=st.lists(st.integers(1000, 9999), max_size=6, unique=True).map(sorted))
 def test_live_conditioning_carries_its_state(cuts):
     signal = np.random.default_rng(3).standard_normal((10_000, 3))
@@ -180,7 +180,7 @@ def pieced(time: np.ndarray, signal: np.ndarray, cuts: list[int]) -> list[Stretc
     return [*(stretch for part in parts for stretch in conditioner.feed(*part)), *conditioner.finish()]
 
 
-@settings(max_examples=10, deadline=None)
+@settings(max_examples=10)
 @given(
     cuts=st.lists(st.integers(0, 150_000), max_size=8).map(sorted),
     jitter=st.sampled_from([0.0, 0.3]),

@@ -48,7 +48,7 @@ def test_closed_forms():
 finite = st.floats(-1e6, 1e6)
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 @given(
     lower=finite,
     width=st.floats(1e-3, 1e6),

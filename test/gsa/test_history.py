@@ -52,7 +52,7 @@ def history(tmp_path):
         yield opened
 
 
-@settings(max_examples=20, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(max_examples=20, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(rows=st.lists(entries, max_size=6, unique_by=lambda e: (e.point, e.axis, e.start_ns, e.length_ns)))
 def test_what_goes_in_comes_out(tmp_path_factory, rows):
     with History(tmp_path_factory.mktemp("h") / "h.sqlite") as opened:

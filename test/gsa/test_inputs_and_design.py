@@ -71,7 +71,7 @@ def _filled(inputs, points, slices):
     return [len(np.unique(column)) for column in places.T]
 
 
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=30)
 @given(seed=st.integers(0, 2**32), train=st.integers(1, 60), inputs=st.integers(1, 6), kind=st.sampled_from(HYPERCUBES))
 def test_a_latin_hypercube_has_one_point_in_every_slice(few_swaps, seed, train, inputs, kind):
     items = _set(inputs)
@@ -114,7 +114,7 @@ def test_a_sobol_design_is_scipy_s_sequence_and_goes_on_with_it():
     np.testing.assert_array_equal(add_points(inputs, short, 44, 5, "sobol"), long[20:])
 
 
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=30)
 @given(
     seed=st.integers(0, 2**32),
     first=st.integers(1, 30),

@@ -62,7 +62,7 @@ def test_the_cutter_level_has_its_thrust_and_torque_and_moves_slowly(machine, se
     assert np.all(below > 0.6)
 
 
-@settings(max_examples=20, deadline=None)
+@settings(max_examples=20)
 @given(
     frequency=st.floats(0.6, 220.0),
     share=st.floats(0.0, 1.0),

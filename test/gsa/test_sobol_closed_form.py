@@ -71,7 +71,7 @@ def _by_quadrature(expansion, inputs=3, order=40):
     return mean, variance, np.array(first), np.array(total)
 
 
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=25)
 @given(seed=st.integers(0, 10_000), count=st.integers(1, 30), scale=st.floats(-3.0, 1.5))
 def test_kernel_expansion_equals_quadrature(seed, count, scale):
     rng = np.random.default_rng(seed)
@@ -86,7 +86,7 @@ def test_kernel_expansion_equals_quadrature(seed, count, scale):
         np.testing.assert_allclose(indices.total, total, atol=1e-6)
 
 
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=25)
 @given(seed=st.integers(0, 10_000), terms=st.integers(2, 20))
 def test_polynomial_expansion_equals_quadrature(seed, terms):
     rng = np.random.default_rng(seed)
@@ -100,7 +100,7 @@ def test_polynomial_expansion_equals_quadrature(seed, terms):
         np.testing.assert_allclose(indices.total, total, atol=1e-9)
 
 
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=25)
 @given(seed=st.integers(0, 10_000), inputs=st.integers(1, 30), count=st.integers(1, 60))
 def test_indices_obey_the_decomposition(seed, inputs, count):
     rng = np.random.default_rng(seed)

@@ -41,7 +41,7 @@ def written(tmp_path_factory):
     return path.read_bytes()
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 @given(cut=st.integers(0, 10_000), place=st.integers(0, 10_000), value=st.integers(0, 255))
 def test_damaged_files_are_refused_in_one_line(tmp_path_factory, written, cut, place, value):
     path = tmp_path_factory.mktemp("damaged") / "model.npz"

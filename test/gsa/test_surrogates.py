@@ -85,7 +85,7 @@ def test_fit_and_cross_validation_are_reproducible(method):
     np.testing.assert_array_equal(one.cross_validate(5).predicted, two.cross_validate(5).predicted)
 
 
-@settings(max_examples=10, deadline=None)
+@settings(max_examples=10)
 @given(
     method=st.sampled_from(METHODS),
     shift=st.floats(-1e3, 1e3),
@@ -175,7 +175,7 @@ def test_likelihood_is_as_high_as_scikit_learns():
     assert NUGGET_BOUNDS[0] * 0.999 <= ours.nugget <= NUGGET_BOUNDS[1]
 
 
-@settings(max_examples=20, deadline=None)
+@settings(max_examples=20)
 @given(seed=st.integers(0, 1000))
 def test_gradient_of_the_likelihood(seed):
     rng = np.random.default_rng(seed)

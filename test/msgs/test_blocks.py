@@ -40,7 +40,7 @@ def test_sensor_sample_is_20_bytes_as_the_contract_says():
     assert [name for name, _, _ in mesh_forces(10).fields][-1] == "f10"
 
 
-@settings(deadline=None, max_examples=60)
+@settings(max_examples=60)
 @given(st.data(), st.sampled_from(LAYOUTS), st.integers(1, 40))
 def test_round_trip_is_exact(data, layout, samples):
     width = 32 if layout.kind == "f4" else 64
@@ -97,7 +97,6 @@ def test_encode_refuses_shapes_that_do_not_match():
         blocks.encode(ACCELERATION, [0.0], np.zeros((2, 3)))
 
 
-@settings(deadline=None)
 @given(st.integers(0, 2**31 * 10**9 - 1))
 def test_stamp_round_trip(stamp_ns):
     sec, nanosec = blocks.split_ns(stamp_ns)

@@ -44,7 +44,7 @@ def single(kind, stamp, frame, xyz, other):
         max_size=12,
     )
 )
-@settings(deadline=None, max_examples=60)
+@settings(max_examples=60)
 def test_single_samples_with_frames_of_any_length(kind, wanted):
     data = [
         bytes(STORE.serialize_cdr(single(kind, stamp, frame, xyz, other), kind, little_endian=little))
@@ -88,7 +88,7 @@ def cloud(layout, stamp, frame, offsets, values, **changed):
 
 
 @given(st.lists(st.tuples(st.integers(0, 30), FRAME, st.booleans(), st.integers(0, 9)), max_size=10))
-@settings(deadline=None, max_examples=60)
+@settings(max_examples=60)
 def test_blocks_are_those_of_the_library(wanted):
     """Blocks of any length and byte order, some of them wrong: what `blocks.from_cloud` takes is taken alike."""
     messages, expected, wrong = [], [], 0

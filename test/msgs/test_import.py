@@ -355,7 +355,7 @@ def test_description_from_a_file_and_options(tmp_path):
 NUMBERS = st.floats(-1e30, 1e30, allow_nan=False)
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 @given(
     rows=st.lists(st.tuples(NUMBERS, NUMBERS, NUMBERS), min_size=1, max_size=40),
     steps=st.lists(st.integers(1, 10**12), min_size=40, max_size=40),

@@ -5,7 +5,7 @@ import tracemalloc
 import numpy as np
 import pytest
 from bag_files import write_accel
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from sample_bag import BLOCKS, RATE, SAMPLES, START_NS
 
@@ -68,7 +68,6 @@ def samples(stamps, log=None, values=None):
 
 
 @given(st.lists(st.integers(-9, 9), min_size=1, max_size=200), st.integers(1, 40), st.integers(1, 50))
-@settings(deadline=None)
 def test_samples_that_are_late_by_less_than_the_lateness_are_never_lost(jitter, length, batch):
     """Any disorder below the lateness comes out sorted, whatever the batches and the pieces."""
     stamps = (np.arange(len(jitter)) * 2 + np.array(jitter) / 2) * S / 2 + 1000 * S

@@ -55,7 +55,7 @@ def test_large_file_is_read_over_windows(tmp_path, folder, monkeypatch):
 
 
 @given(st.lists(st.binary(max_size=60), min_size=1, max_size=12), st.binary(max_size=80), st.data())
-@settings(deadline=None, max_examples=300)
+@settings(max_examples=300)
 def test_bytes_put_between_messages_cost_no_message(payloads, garbage, data):
     """Garbage that no opcode can begin with is stepped over, wherever it stands."""
     garbage = bytes(byte | 0x10 for byte in garbage)
@@ -91,7 +91,6 @@ def test_absurd_log_time_is_a_lost_message():
 
 
 @given(st.binary(min_size=1, max_size=200), st.data())
-@settings(deadline=None)
 def test_copies_are_the_slices(data, draw):
     array = np.frombuffer(data, np.uint8)
     width = draw.draw(st.integers(0, len(data)))

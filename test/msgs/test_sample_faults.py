@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from bag_files import write_accel
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from sample_bag import START_NS
 
@@ -76,7 +76,6 @@ def test_stuck_and_dead_axes(tmp_path):
 
 
 @given(st.integers(0, 400), st.integers(1, 400), st.integers(0, 400))
-@settings(deadline=None)
 def test_stuck_stretches_of_any_place_and_length(before, held, after):
     values = np.concatenate([np.arange(before) + 1.0, np.zeros(held), -1.0 - np.arange(after)])[:, None]
     found = stuck_axes(np.arange(len(values), dtype=float), values, 100.0)
@@ -187,7 +186,6 @@ def test_one_dead_sensor_is_a_problem_and_no_error(tmp_path):
 
 
 @given(st.lists(st.sampled_from([0, 1, 2]), min_size=1, max_size=60))
-@settings(deadline=None)
 def test_no_message_of_the_clock_that_counts_is_astray(clocks):
     """Whatever the order of messages of clocks far apart, what is kept never jumps but at a step."""
     log = np.arange(len(clocks)) * 100 * MS
