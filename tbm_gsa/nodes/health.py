@@ -73,9 +73,14 @@ class StreamHealth:
         """Take note that something is not right, until it is settled."""
         self._faults.report(("doubts", point, key), text)
 
+    def fail(self, point: str, topic: str, text: str) -> None:
+        """Take note that a topic, or one of its publishers, cannot be used, until it is settled."""
+        self._faults.report(("refused", point, topic), text)
+
     def settle(self, point: str, key: str) -> None:
         """Take note that it is right now."""
-        self._faults.clear(("doubts", point, key))
+        for kind in ("refused", "doubts"):
+            self._faults.clear((kind, point, key))
 
     def publishers(self, point: str, topic: str, nodes: list[str]) -> None:
         """Take note of who publishes a field topic."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticStatus
@@ -12,7 +12,10 @@ from tbm_gsa.errors import InputError
 from tbm_msgs_py import topics
 from tbm_msgs_py.bags.samples import typestore
 from tbm_msgs_py.nodes import messages, qos
+from tbm_msgs_py.nodes.faults import Faults
+from tbm_msgs_py.nodes.following import Offer, TopicFollower
 from tbm_msgs_py.nodes.managed import ManagedNode, Parameter, run_node
+from tbm_msgs_py.topics import Quality
 
 LOOK_S = 0.5  # between looks for topics that are not there yet
 
@@ -47,14 +50,16 @@ class LiveView(ManagedNode):
 
     def activate(self) -> None:
         """Look for topics, again and again."""
-        self._subscriptions_made: list[Any] = []
+        self._faults: Faults[str] = Faults(self.get_logger().warning)
+        self._topics = TopicFollower(self, self)
         self._look()
         self.create_steady_timer(LOOK_S, self._look)
 
     def deactivate(self) -> None:
         """Listen no more."""
-        for subscription in self._subscriptions_made:
-            self.destroy_subscription(subscription)
+        self._topics.close()
+        for channel in self._channels.values():
+            channel.close()
         self._channels = {}
 
     def cleanup(self) -> None:
@@ -62,26 +67,41 @@ class LiveView(ManagedNode):
         self._server.stop()
 
     def _look(self) -> None:
-        own = f"{self.get_namespace().rstrip('/')}/"
-        for name, types in self.get_topic_names_and_types():
-            wanted = name.startswith(own) or name == topics.DIAGNOSTICS
-            shown = not name.endswith(("/block", topics.MODEL_MESH_FORCES)) or self.value("blocks")
-            if name not in self._channels and wanted and shown and types[0] in typestore().types:
-                self._show(name, types[0])
+        there = {name for name, kinds in self.get_topic_names_and_types() if self._shows(name, kinds)}
+        for name in there | self._channels.keys():
+            self._topics.look(name)
 
-    def _show(self, name: str, kind: str) -> None:
-        message_class = messages.message_class(kind)
-        publishers = self.get_publishers_info_by_topic(name)
-        if message_class is None or not publishers:
-            return
-        text, _ = typestore().generate_msgdef(kind, ros_version=2)
-        schema = self._foxglove.Schema(name=kind, encoding="ros2msg", data=text.encode())
-        channel = self._foxglove.Channel(name, schema=schema, message_encoding="cdr", context=self._sink)
-        self._channels[name] = channel
-        made = self.create_subscription(
-            message_class, name, self._passer(channel), qos.profile(qos.offered(publishers)), raw=True
-        )
-        self._subscriptions_made.append(made)
+    def _shows(self, name: str, kinds: Iterable[str]) -> bool:
+        own = name.startswith(f"{self.get_namespace().rstrip('/')}/") or name == topics.DIAGNOSTICS
+        block = name.endswith(("/block", topics.MODEL_MESH_FORCES))
+        return own and (self.value("blocks") or not block) and not all(self.refuses(name, kind) for kind in kinds)
+
+    def refuses(self, topic: str, kind: str) -> str:  # noqa: ARG002
+        """Say so of a type whose definition Foxglove could not be told."""
+        known = kind in typestore().types and messages.message_class(kind)
+        return "" if known else "none of the installed common interfaces of ROS 2 Jazzy"
+
+    def asks(self, topic: str, offered: Offer) -> Quality:  # noqa: ARG002
+        """Ask as much as every publisher offers."""
+        return offered.quality
+
+    def subscribe(self, topic: str, offer: Offer) -> Any:
+        """Show a topic."""
+        if before := self._channels.pop(topic, None):
+            before.close()
+        text, _ = typestore().generate_msgdef(offer.type, ros_version=2)
+        schema = self._foxglove.Schema(name=offer.type, encoding="ros2msg", data=text.encode())
+        channel = self._foxglove.Channel(topic, schema=schema, message_encoding="cdr", context=self._sink)
+        self._channels[topic] = channel
+        kind, profile = messages.message_class(offer.type), qos.profile(offer.quality)
+        return self.create_subscription(kind, topic, self._passer(channel), profile, raw=True)
+
+    def tell(self, topic: str, problem: str) -> None:
+        """Take note of what of a topic is not shown."""
+        if problem:
+            self._faults.report(topic, problem)
+        else:
+            self._faults.clear(topic)
 
     def _passer(self, channel: Any) -> Callable[[bytes], None]:
         def pass_on(data: bytes) -> None:
@@ -90,10 +110,13 @@ class LiveView(ManagedNode):
         return pass_on
 
     def statuses(self) -> list[DiagnosticStatus]:
-        """Where it listens."""
-        values = {"port": self._server.port, "topics": len(self._channels)}
+        """Where it listens, and what it cannot show."""
+        values = {"port": self._server.port, "topics": len(self._topics)}
         address = f"{self.value('host')}:{self._server.port}"
-        return [self.status("live view", "ok", "showing", values, address)]
+        problems = self._faults.show().values()
+        return [
+            self.status("live view", "error" if problems else "ok", "; ".join(["showing", *problems]), values, address)
+        ]
 
 
 def main() -> None:
