@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Callable, Iterable
+from queue import SimpleQueue
 from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticStatus
@@ -18,12 +19,24 @@ from tbm_msgs_py.nodes.managed import ManagedNode, Parameter, run_node
 from tbm_msgs_py.topics import Quality
 
 LOOK_S = 0.5  # between looks for topics that are not there yet
+REPEAT_S = 0.1  # between looks for clients that have missed a latched message
 
 PARAMETERS = (
     Parameter("host", "127.0.0.1", "address the server listens at; the default is this computer only"),
     Parameter("port", 8765, "TCP port; 0 for a free one, which the log names", minimum=0, maximum=65535),
     Parameter("blocks", False, "show blocks too: no panel draws them, a recording may want them"),
 )
+
+
+class _Listener:
+    """Notes which topics clients subscribe to."""
+
+    def __init__(self, asked: SimpleQueue[str]) -> None:
+        self._asked = asked
+
+    def on_subscribe(self, client: Any, channel: Any) -> None:  # noqa: ARG002
+        """Take note of a new subscriber; the server calls from a thread of its own."""
+        self._asked.put(channel.topic)
 
 
 class LiveView(ManagedNode):
@@ -42,8 +55,16 @@ class LiveView(ManagedNode):
         self._foxglove = foxglove
         self._sink = foxglove.Context()
         self._channels: dict[str, Any] = {}
+        self._kept: dict[str, tuple[bytes, int]] = {}  # last message of every latched topic, and when it came
+        self._asked: SimpleQueue[str] = SimpleQueue()  # topics of new subscribers; filled by the server's threads
         try:
-            self._server = foxglove.start_server(name=self.get_namespace(), host=host, port=port, context=self._sink)
+            self._server = foxglove.start_server(
+                name=self.get_namespace(),
+                host=host,
+                port=port,
+                context=self._sink,
+                server_listener=_Listener(self._asked),
+            )
         except Exception as error:
             raise InputError(f"{host}:{port}: {error}") from error
         self.get_logger().info(f"Foxglove: open ws://{host}:{self._server.port}")
@@ -54,13 +75,14 @@ class LiveView(ManagedNode):
         self._topics = TopicFollower(self, self)
         self._look()
         self.create_steady_timer(LOOK_S, self._look)
+        self.create_steady_timer(REPEAT_S, self._repeat)
 
     def deactivate(self) -> None:
         """Listen no more."""
         self._topics.close()
         for channel in self._channels.values():
             channel.close()
-        self._channels = {}
+        self._channels, self._kept = {}, {}
 
     def cleanup(self) -> None:
         """Stop the server."""
@@ -94,7 +116,8 @@ class LiveView(ManagedNode):
         channel = self._foxglove.Channel(topic, schema=schema, message_encoding="cdr", context=self._sink)
         self._channels[topic] = channel
         kind, profile = messages.message_class(offer.type), qos.profile(offer.quality)
-        return self.create_subscription(kind, topic, self._passer(channel), profile, raw=True)
+        passer = self._passer(topic, channel, offer.quality.latched)
+        return self.create_subscription(kind, topic, passer, profile, raw=True)
 
     def tell(self, topic: str, problem: str) -> None:
         """Take note of what of a topic is not shown."""
@@ -103,11 +126,23 @@ class LiveView(ManagedNode):
         else:
             self._faults.clear(topic)
 
-    def _passer(self, channel: Any) -> Callable[[bytes], None]:
-        def pass_on(data: bytes) -> None:
-            channel.log(bytes(data), log_time=self.get_clock().now().nanoseconds)
+    def _passer(self, topic: str, channel: Any, latched: bool) -> Callable[[bytes], None]:
+        self._kept.pop(topic, None)
+
+        def pass_on(message: bytes) -> None:
+            data, now = bytes(message), self.get_clock().now().nanoseconds
+            if latched:
+                self._kept[topic] = data, now
+            channel.log(data, log_time=now)
 
         return pass_on
+
+    def _repeat(self) -> None:
+        """Send the latched message of a topic again, to all its clients, for those that have come later."""
+        asked = {self._asked.get() for _ in range(self._asked.qsize())}
+        for topic in asked & self._kept.keys():
+            data, came = self._kept[topic]
+            self._channels[topic].log(data, log_time=came)
 
     def statuses(self) -> list[DiagnosticStatus]:
         """Where it listens, and what it cannot show."""
