@@ -20,7 +20,7 @@ from tbm_msgs_py.nodes import messages, qos
 from tbm_msgs_py.nodes.guarding import Guard
 from tbm_msgs_py.nodes.parameters import AUTOSTART, Parameter, ParameterError, ParameterValue
 from tbm_msgs_py.nodes.running import run_node
-from tbm_msgs_py.topics import DIAGNOSTICS, NAMESPACE
+from tbm_msgs_py.topics import DIAGNOSTICS, NAMESPACE, status_name
 
 __all__ = ["ManagedNode", "Parameter", "ParameterError", "ParameterValue", "run_node"]
 
@@ -121,7 +121,7 @@ class ManagedNode(LifecycleNode):  # type: ignore[misc]  # rclpy is untyped
 
     def status_name(self, task: str) -> str:
         """Name on `/diagnostics` of a task of this machine."""
-        return f"{self.get_namespace().strip('/') or self.get_name()}: {task}"
+        return status_name(task, self.get_namespace().strip("/") or self.get_name())
 
     def create_publisher(self, kind: Any, topic: str, profile: Any, *args: Any, **kwargs: Any) -> Any:
         """Create a publisher as rclpy does; the profile given stays as it is."""
