@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from tbm_dynamics.continuity import NANOSECONDS, Continuity, Samples
+from tbm_dynamics.continuity import NANOSECONDS, Continuity, Piece
 from tbm_dynamics.errors import InputError
 from tbm_dynamics.integration.errors import SimulationError
 from tbm_dynamics.levels import LoadLevel, operated_loads
@@ -190,7 +190,7 @@ class DynamicsStream:
         self._step = step_ns(rate_hz)
         self._longest = round(longest_bridge * rate_hz)
         self.nodes = default_outputs(machine)
-        self._continuity = Continuity(self._step, self._longest * self._step)
+        self._continuity: Continuity[np.ndarray] = Continuity(self._longest * self._step)
         self.lost_steps = self.restarts = 0
         self.meshes = self._system.couplings.drives
         self._point = self._loads.reached(machine.operating_point)
@@ -257,8 +257,9 @@ class DynamicsStream:
             raise SimulationError("loads hold a value that is not finite")
         begins = self._lost or not self._started
         end = None if begins else self.epoch_ns + self._simulator.next_step * self._step
+        block = Piece(stamp_ns, stamp_ns + len(loads) * self._step, self._step / 2, len(loads), loads)
         return [
-            chunk for block in self._continuity.take(Samples(stamp_ns, loads), end) for chunk in self._go_on(*block)
+            chunk for piece in self._continuity.take(block, end) for chunk in self._go_on(piece.begin_ns, piece.content)
         ]
 
     def _go_on(self, stamp_ns: int, loads: np.ndarray) -> list[Chunk]:

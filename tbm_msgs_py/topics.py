@@ -116,6 +116,11 @@ def absolute(name: str, namespace: str = NAMESPACE) -> str:
     return name if name.startswith("/") else f"{namespace.rstrip('/')}/{name}"
 
 
+def status_name(task: str, namespace: str = NAMESPACE) -> str:
+    """Name on `/diagnostics` of a task of the machine in a namespace, so that two machines stay apart."""
+    return f"{namespace.strip('/')}: {task}"
+
+
 def quality(name: str, namespace: str = NAMESPACE) -> Quality:
     """Quality of service that the contract gives a topic, by its absolute or relative name."""
     name = name.removeprefix(f"{namespace.rstrip('/')}/")

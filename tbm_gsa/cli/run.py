@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Callable, Iterable, Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -29,6 +30,7 @@ from tbm_gsa.cli.processes import NodeCommand, NodeProcesses, ParameterValue, se
 from tbm_gsa.cli.ros import ANALYSIS_NODE, DYNAMICS_NODE, LIVE_VIEW, LOAD_NODE, SAID, watch
 from tbm_gsa.cli.simulate import schedule_of
 from tbm_gsa.cli.site import Site
+from tbm_gsa.cli.supervision import Supervision
 from tbm_gsa.errors import RunError
 from tbm_gsa.study.errors import StudyError
 from tbm_msgs_py import topics
@@ -72,6 +74,9 @@ def run(
             help="ROS parameter file of the nodes; what the command line names holds whatever it says.",
         ),
     ] = None,
+    sim_time: Annotated[
+        bool, typer.Option("--sim-time", help="Follow /clock, as beside a recording that `bag play` plays.")
+    ] = False,
     foxglove: Annotated[
         int | None, typer.Option(min=1, max=65535, help="Show all to Foxglove at this port of this computer.")
     ] = None,
@@ -99,8 +104,12 @@ def run(
     commands = node_commands(driven, seed, out, site)
     if foxglove:
         commands.append(NodeCommand("live_view", LIVE_VIEW, {"port": foxglove}))
+    if sim_time:
+        notes.print("the nodes follow /clock, as `tbm-monitor bag play` gives it", highlight=False)
+        commands = [replace(one, parameters={**one.parameters, "use_sim_time": True}) for one in commands]
     watching = watch(described.description.test_points)
-    first_block, stopped = _run(watching, commands, out / "logs", point, duration)
+    patience = math.inf if sim_time else _FIRST_BLOCK_S
+    first_block, stopped = _run(watching, commands, out / "logs", point, duration, patience)
     document = run_document(watching, first_block)
     if json:
         print_json(document)
@@ -153,36 +162,40 @@ def _run(
     logs: Path,
     point: OperatingPoint | None,
     duration: float | None,
+    patience: float,
 ) -> tuple[float | None, bool]:
     """Seconds to the first block, and whether a signal ended it."""
     start, told = time.monotonic(), until_told()
-    with watching, NodeProcesses(logs) as nodes:
+    with watching, NodeProcesses(logs) as processes:
+        nodes = Supervision(processes, watching.seen.diagnostics)
         if point is not None:
             watching.operate(point.speed, point.torque, point.thrust)
         for command in commands:
             nodes.start(command)
-        first_block = _wait_for_blocks(watching, nodes, start, told)
+        first_block = _wait_for_blocks(watching, nodes, start, told, patience)
         _follow(watching, nodes, duration, told)
         stopped = told()
     return first_block, stopped
 
 
-def _wait_for_blocks(watching: Watch, nodes: NodeProcesses, start: float, told: Callable[[], bool]) -> float | None:
+def _wait_for_blocks(
+    watching: Watch, nodes: Supervision, start: float, told: Callable[[], bool], patience: float
+) -> float | None:
     """Seconds from the start to the first block of the model; None when told to end before it."""
     first = watching.seen.blocks[topics.MODEL_MESH_FORCES]
     while first.received == 0:
         if told():
             return None
         nodes.check()
-        if time.monotonic() - start > _FIRST_BLOCK_S:
+        if time.monotonic() - start > patience:
             raise RunError(
-                f"no block on {topics.absolute(topics.MODEL_MESH_FORCES)} within {_FIRST_BLOCK_S:g} s; see the logs"
+                f"no block on {topics.absolute(topics.MODEL_MESH_FORCES)} within {patience:g} s; see the logs"
             )
         watching.spin(_LOOK_S)
     return time.monotonic() - start
 
 
-def _follow(watching: Watch, nodes: NodeProcesses, duration: float | None, told: Callable[[], bool]) -> None:
+def _follow(watching: Watch, nodes: Supervision, duration: float | None, told: Callable[[], bool]) -> None:
     """Watch until every stream has reached the duration and every node has said how it is, or until told to end."""
     counts = watching.seen.blocks.values()
     with progress_bar("running") as bar:

@@ -135,25 +135,38 @@ class WindowedComparison:
         times = stamp_ns + np.rint(offsets[finite] * NANOSECONDS).astype(np.int64)
         if not times.size:
             return []
-        streams = self._streams(point, source, times)
-        closed = streams.feed(source, times, rows[finite], high_hz=self._high_hz, patience=self._patience)
-        return [self._result(point, window) for window in closed]
+        streams = self._points.get(point) or self._begin(point)
+        return [
+            self._result(point, window)
+            for block_times, block_rows in streams[source].admit(times, rows[finite])
+            for window in self._streams(point, source, block_times).feed(
+                source, block_times, block_rows, high_hz=self._high_hz, patience=self._patience
+            )
+        ]
+
+    def apart_ns(self) -> dict[str, int]:
+        """How far the model's stamps are ahead of the field's, ns, at the points where no window can hold both."""
+        ahead: dict[str, int] = {}
+        for point, streams in self._points.items():
+            model, field = (streams[source].latest_ns for source in SOURCES)
+            if model is not None and field is not None:
+                ahead[point] = model - field
+        return {point: ns for point, ns in ahead.items() if abs(ns) > (self._patience + 1) * self._window_ns}
 
     def restart(self, point: str) -> None:
         """Begin a point anew: its signals come from elsewhere now, at another rate perhaps."""
         self._points.pop(point, None)
 
+    def _begin(self, point: str) -> PointStreams:
+        self._points[point] = PointStreams(self._window_ns, self.counters[point], point in self._rotating)
+        return self._points[point]
+
     def _streams(self, point: str, source: Source, times: Integers) -> PointStreams:
         """Both signals of a point; afresh if this one's clock has jumped back, as a bag does that loops."""
-        streams, counters = self._points.get(point), self.counters[point]
-        if streams is not None and not streams[source].jumps_back(times):
-            return streams
-        if streams is not None:
-            counters[source].restarts += 1
-            for name in SOURCES:
-                counters[name].late -= streams[name].behind - (len(times) if name == source else 0)
-        self._points[point] = PointStreams(self._window_ns, counters, point in self._rotating)
-        return self._points[point]
+        if not self._points[point][source].is_behind(times):
+            return self._points[point]
+        self.counters[point][source].restarts += 1
+        return self._begin(point)
 
     def _result(self, point: str, closed: ClosedWindow) -> WindowResult:
         start_ns, length_ns = closed.index * self._window_ns, self._window_ns

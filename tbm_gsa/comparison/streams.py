@@ -6,8 +6,9 @@ from typing import Literal
 
 import numpy as np
 
+from tbm_dynamics.continuity import Continuity, Piece
 from tbm_gsa.arrays import Array, Integers
-from tbm_gsa.comparison.clock import sampling_rate
+from tbm_gsa.comparison.clock import GAP_PERIODS, sampling_rate
 from tbm_gsa.comparison.conditioning import HIGH_PASS_HZ, Band, CausalConditioner, common_band
 from tbm_gsa.comparison.pace import NANOSECONDS, Pace
 from tbm_gsa.comparison.statistics import coverage, kurtosis, rms
@@ -17,7 +18,9 @@ SOURCES: tuple[Source, Source] = ("model", "field")
 
 BATCH_NS = 200_000_000  # samples are worked off in batches; the first one gives the rate and the mean to start from
 LEAST_BATCH = 8  # samples
-JUMP_BACK_NS = 500_000_000  # a run of samples behind the present that is longer is a clock that jumped back
+SLACK_NS = 30_000_000  # stamps jitter, and single samples are lost: so near, they are the signal's
+# A jump of the clock is believed after a window without a sample where the signal had got to, or after so long.
+MOST_JUMP_NS = 2_000_000_000
 SETTLE_NS = round(NANOSECONDS / HIGH_PASS_HZ)  # one period of the high-pass
 
 
@@ -26,9 +29,9 @@ class StreamCounters:
     """What happened to one signal of one point since the beginning."""
 
     rejected: int = 0  # samples that were not finite
-    late: int = 0  # samples not newer than the ones before, or of a window already closed
+    late: int = 0  # samples not newer than the ones before, of a window already closed, or beside the signal
     gaps: int = 0  # stretches without samples that were longer than a window
-    restarts: int = 0  # jumps back of the stamps
+    restarts: int = 0  # jumps back of the stamps, by more than a window
     rate_changes: int = 0  # of the rate that stamps declare, while they run on
     declared_hz: float = 0.0  # the rate since then
     came_hz: float = 0.0  # samples a second in the last stretch as long as a window
@@ -151,33 +154,33 @@ class _Stream:
         self._rotating = rotating
         self._pending_times: list[Integers] = []
         self._pending_rows: list[Array] = []
-        self._latest_ns: int | None = None  # of all samples, pending or not
-        self._behind: tuple[int, int, int] | None = None  # begin, end and number of samples behind the present
+        self.latest_ns: int | None = None  # of all samples, pending or not
+        self._continuity: Continuity[tuple[Integers, Array]] = Continuity(window_ns, min(window_ns, MOST_JUMP_NS))
+        self._dropped = 0  # samples of the continuity that are counted as late
         self._pace: Pace | None = None
         self._changing = False  # the rate; it is learnt again
         self._design: tuple[float, Band] | None = None  # rate and band of the conditioner
         self._conditioner: CausalConditioner | None = None
         self._settled_ns: int | None = None
 
-    def jumps_back(self, times: Integers) -> bool:
-        """Whether samples at these times (n,), ns, belong to a new run of the clock: nothing else has come for a while.
+    def admit(self, times: Integers, rows: Array) -> list[tuple[Integers, Array]]:
+        """Give the blocks to go on with, now that samples at times (n,), ns, with rows (n, 3) have come.
 
-        What lies behind the present for a moment only is the signal of a second publisher.
+        None while they wait, for they may be of another publisher; several when those that waited are believed.
         """
-        first, last = int(times[0]), int(times[-1])
-        if self._latest_ns is None or first >= self._latest_ns - self._window_ns:
-            self._behind = None
-            return False
-        since, until, count = self._behind or (first, first, 0)
-        if not 0 <= first - until < self._window_ns:
-            since, count = first, 0
-        self._behind = since, last, count + len(times)
-        return last - since >= JUMP_BACK_NS
+        length = int(times[-1] - times[0])
+        period = length / (len(times) - 1) if length > 0 else self._period_ns
+        slack = max(SLACK_NS, length / 2.0, GAP_PERIODS * period)
+        piece = Piece(int(times[0]), round(times[-1] + period), slack, len(times), (times, rows))
+        end = None if self.latest_ns is None else round(self.latest_ns + period)
+        admitted = self._continuity.take(piece, end)
+        self._counters.late += self._continuity.dropped_samples - self._dropped
+        self._dropped = self._continuity.dropped_samples
+        return [piece.content for piece in admitted]
 
-    @property
-    def behind(self) -> int:
-        """Samples of the run that lies behind the present; none of them is late any more once it is the present."""
-        return self._behind[2] if self._behind else 0
+    def is_behind(self, times: Integers) -> bool:
+        """Whether samples at these times (n,), ns, that were admitted, belong to a new run of the clock."""
+        return self.latest_ns is not None and bool(times[0] < self.latest_ns - self._window_ns)
 
     @property
     def _period_ns(self) -> int:
@@ -192,7 +195,7 @@ class _Stream:
 
     def push(self, times: Integers, rows: Array) -> None:
         """Take what is newer than all before; learn the rate from the first batch, and again once it changes."""
-        latest = int(times[0]) - 1 if self._latest_ns is None else self._latest_ns
+        latest = int(times[0]) - 1 if self.latest_ns is None else self.latest_ns
         fresh = times > np.maximum.accumulate(np.concatenate([[latest], times[:-1]]))
         self._counters.late += int(np.count_nonzero(~fresh))
         if self._pace:
@@ -202,7 +205,7 @@ class _Stream:
             return
         self._pending_times.append(times[fresh])
         self._pending_rows.append(rows[fresh])
-        self._latest_ns = int(times[fresh][-1])
+        self.latest_ns = int(times[fresh][-1])
         if self._pace:
             since = self._pace.changed_since(times[fresh])
             if since is not None:
@@ -253,10 +256,10 @@ class _Stream:
 
     def _ends_window(self) -> bool:
         """Whether the pending samples reach the end of the window they begin in."""
-        if not self._pending_times or self._latest_ns is None:
+        if not self._pending_times or self.latest_ns is None:
             return False
         end = (self._pending_times[0][0] // self._window_ns + 1) * self._window_ns
-        return bool(self._latest_ns + self._period_ns >= end)
+        return bool(self.latest_ns + self._period_ns >= end)
 
     def _restart(self) -> None:
         self._settled_ns = None

@@ -340,7 +340,7 @@ class AnalysisNode(ManagedNode):
     def statuses(self) -> list[DiagnosticStatus]:
         """Comparison at every point, and the sensitivity analysis."""
         self._look_at_gsa()
-        health = self._health.look(self._comparison.counters, self.clock_stands)
+        health = self._health.look(self._comparison.counters, self.clock_stands, self._comparison.apart_ns())
         statuses = [
             comparison_status(
                 self.status_name(f"comparison {point}"),

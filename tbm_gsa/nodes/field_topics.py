@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
 from functools import partial
 from typing import Any
 
@@ -13,6 +12,7 @@ from tbm_gsa.nodes.health import StreamHealth
 from tbm_msgs_py import topics
 from tbm_msgs_py.bags.mapping import SensorMapping
 from tbm_msgs_py.nodes import messages, qos
+from tbm_msgs_py.nodes.following import Offer, TopicFollower
 from tbm_msgs_py.nodes.managed import ManagedNode
 from tbm_msgs_py.topics import Quality
 
@@ -26,14 +26,6 @@ _SAMPLE: dict[str, Callable[[Any], Any]] = {
 
 OnBlock = Callable[[SensorMapping, Any], None]
 OnSamples = Callable[[SensorMapping, int, np.ndarray, np.ndarray], None]
-
-
-@dataclass(frozen=True)
-class _Offer:
-    """Message type and reliability of a topic."""
-
-    type: str
-    reliable: bool
 
 
 class FieldTopics:
@@ -70,61 +62,63 @@ class FieldTopics:
         self._node, self._sensors, self._health = node, dict(sensors), health
         self._points = {sensor.point for sensor in self._sensors.values()}
         self._on_block, self._on_samples, self._on_left = on_block, on_samples, on_left
-        self._offers: dict[str, _Offer] = {}
-        self._subscriptions: dict[str, Any] = {}
+        self._follower = TopicFollower(node, self)
         for name in self._sensors:
-            contract = _contract_offer(topics.absolute(name, node.get_namespace()), node.get_namespace())
-            if contract is not None:
-                self._subscribe(name, contract)
+            self._follower.follow(name, _contract_offer(name, node.get_namespace()))
         self._look()
         # Who publishes does not depend on the clock, which may stand.
         node.create_steady_timer(LOOK_S, self._look)
 
     def close(self) -> None:
         """Release the subscriptions made since the node was configured."""
-        for subscription in self._subscriptions.values():
-            self._node.destroy_subscription(subscription)
-        self._subscriptions = {}
+        self._follower.close()
 
     def _look(self) -> None:
-        offered: dict[str, _Offer] = {}
-        for name in self._sensors:
-            publishers = self._node.get_publishers_info_by_topic(name)
-            if not publishers:
-                continue
+        offers = {name: self._offer(name) for name in self._sensors}
+        in_blocks = {self._sensors[name].point for name, offer in offers.items() if offer and offer.type == _BLOCK}
+        for name, offer in offers.items():
+            point = self._sensors[name].point
+            if offer and offer.type != _BLOCK and point in in_blocks:
+                self._leave(name, point)
+            else:
+                self._follower.follow(name, offer)
+
+    def _offer(self, name: str) -> Offer | None:
+        publishers = self._node.get_publishers_info_by_topic(name)
+        if publishers:
             self._health.publishers(self._sensors[name].point, name, [known.node_name for known in publishers])
-            offered[name] = _Offer(publishers[0].topic_type, qos.offered(publishers).reliable)
-        in_blocks = {self._sensors[name].point for name, offer in offered.items() if offer.type == _BLOCK}
-        for name, offer in offered.items():
-            if offer.type != _BLOCK and self._sensors[name].point in in_blocks:
-                if name in self._subscriptions:
-                    self._leave(name)
-                    self._on_left(self._sensors[name].point)
-            elif offer != self._offers.get(name):
-                self._subscribe(name, offer)
+        return self._follower.offer(name, publishers)
 
-    def _leave(self, name: str) -> None:
-        self._offers.pop(name, None)
-        if name in self._subscriptions:
-            self._node.destroy_subscription(self._subscriptions.pop(name))
+    def _leave(self, name: str, point: str) -> None:
+        if name in self._follower:
+            self._follower.release(name)
+            self._on_left(point)
+        self.tell(name, "")
 
-    def _subscribe(self, name: str, offer: _Offer) -> None:
-        self._leave(name)
-        self._offers[name] = offer
-        if offer.type != _BLOCK and offer.type not in _SAMPLE:
-            allowed = ", ".join([_BLOCK, *_SAMPLE])
-            self._health.doubt(
-                self._sensors[name].point, name, f"{name}: type {offer.type}, allowed: {allowed}; not compared"
-            )
-            return
-        self._health.settle(self._sensors[name].point, name)
-        sensor = self._sensors[name]
+    def refuses(self, topic: str, kind: str) -> str:  # noqa: ARG002
+        """Say which types are allowed if this is none of them."""
+        return "" if kind == _BLOCK or kind in _SAMPLE else f"allowed: {', '.join([_BLOCK, *_SAMPLE])}"
+
+    def asks(self, topic: str, offered: Offer) -> Quality:  # noqa: ARG002
+        """As reliable as the publishers; what a late sensor sent before is of no use."""
+        quality = topics.BLOCK_QUALITY if offered.type == _BLOCK else topics.LIVE_QUALITY
+        return Quality(offered.quality.reliable, latched=False, depth=quality.depth)
+
+    def subscribe(self, topic: str, offer: Offer) -> Any:
+        """Subscribe to blocks or single samples."""
+        sensor = self._sensors[topic]
         block = offer.type == _BLOCK
         callback = partial(self._block, sensor) if block else partial(self._sample, _SAMPLE[offer.type], sensor)
-        depth = (topics.BLOCK_QUALITY if block else topics.LIVE_QUALITY).depth
-        profile = qos.profile(Quality(offer.reliable, latched=False, depth=depth))
         kind = messages.message_class(offer.type)
-        self._subscriptions[name] = self._node.create_subscription(kind, name, callback, profile)
+        return self._node.create_subscription(kind, topic, callback, qos.profile(offer.quality))
+
+    def tell(self, topic: str, problem: str) -> None:
+        """Say on `/diagnostics` what is wrong with a topic of a point."""
+        point = self._sensors[topic].point
+        if problem:
+            self._health.fail(point, topic, problem)
+        else:
+            self._health.settle(point, topic)
 
     def _foreign(self, sensor: SensorMapping, message: Any) -> bool:
         """Whether the frame is that of another test point."""
@@ -146,11 +140,12 @@ class FieldTopics:
         self._on_samples(sensor, stamp, np.zeros(1), np.array([[vector.x, vector.y, vector.z]]))
 
 
-def _contract_offer(name: str, namespace: str) -> _Offer | None:
+def _contract_offer(topic: str, namespace: str) -> Offer | None:
     """Give what the contract says about a field topic; None for any other topic."""
+    name = topics.absolute(topic, namespace)
+    quality = topics.quality(name, namespace)
     if not name.startswith(topics.absolute("field/", namespace)):
         return None
-    reliable = topics.quality(name, namespace).reliable
     if name.endswith("/block"):
-        return _Offer(_BLOCK, reliable)
-    return _Offer("geometry_msgs/msg/AccelStamped", reliable) if name.endswith("/accel") else None
+        return Offer(_BLOCK, quality)
+    return Offer("geometry_msgs/msg/AccelStamped", quality) if name.endswith("/accel") else None

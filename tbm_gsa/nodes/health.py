@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from tbm_gsa.comparison import StreamCounters
+from tbm_gsa.comparison.streams import SOURCES
 from tbm_msgs_py.nodes.faults import Faults
 from tbm_msgs_py.nodes.rate import Rate
 
@@ -18,6 +19,9 @@ _COUNTED = {
     "restarts": "{} jumps back of the stamps of the {}",
     "rate_changes": "{} changes of the rate of the {}: ",
 }
+
+
+_REMEDY = "a recording needs its own clock (run --sim-time), a sensor one that is set"
 
 
 @dataclass
@@ -57,6 +61,7 @@ class StreamHealth:
         self._rates: dict[tuple[str, str], Rate] = {}
         self._counted: dict[tuple[str, Any, str], int] = {}
         self._publishers: dict[str, dict[str, list[str]]] = {}  # by point and topic
+        self._apart: set[str] = set()  # points at the last look
 
     def arrived(self, point: str, source: str, samples: int) -> None:
         """Take note of samples that are used."""
@@ -71,18 +76,30 @@ class StreamHealth:
 
     def doubt(self, point: str, key: str, text: str) -> None:
         """Take note that something is not right, until it is settled."""
-        self._faults.report(("doubts", point, key), text)
+        self._faults.report(("doubts", point, key), text, f"{point}: ")
+
+    def fail(self, point: str, topic: str, text: str) -> None:
+        """Take note that a topic, or one of its publishers, cannot be used, until it is settled."""
+        self._faults.report(("refused", point, topic), text, f"{point}: ")
 
     def settle(self, point: str, key: str) -> None:
         """Take note that it is right now."""
-        self._faults.clear(("doubts", point, key))
+        for kind in ("refused", "doubts"):
+            self._faults.clear((kind, point, key))
 
     def publishers(self, point: str, topic: str, nodes: list[str]) -> None:
         """Take note of who publishes a field topic."""
         self._publishers.setdefault(point, {})[topic] = sorted(nodes)
 
-    def look(self, counters: Mapping[str, Mapping[Any, StreamCounters]], clock_stands: bool) -> dict[str, Condition]:
-        """Give what was found since the last look, by test point."""
+    def look(
+        self,
+        counters: Mapping[str, Mapping[Any, StreamCounters]],
+        clock_stands: bool,
+        apart_ns: Mapping[str, int],
+    ) -> dict[str, Condition]:
+        """Give what was found since the last look, by test point; `apart_ns` is that of the `WindowedComparison`."""
+        silences = self._silences(clock_stands)
+        self._compare_stamps(apart_ns, silences)
         for point, sources in counters.items():
             for source, counts in sources.items():
                 for name, text in _COUNTED.items():
@@ -91,17 +108,29 @@ class StreamHealth:
         found: dict[str, Condition] = {}
         for (kind, point, _), text in self._faults.show().items():
             getattr(found.setdefault(point, Condition()), kind).append(text)
-        for (point, source), silence in self._silences(clock_stands).items():
+        for (point, source), silence in silences.items():
             found.setdefault(point, Condition()).silent.append(f"no signal of the {source} for {silence:.0f} s")
         for (point, source), rate in self._rates.items():
             found.setdefault(point, Condition()).rates[source] = rate.look()
         return found
 
+    def _compare_stamps(self, apart_ns: Mapping[str, int], silences: Mapping[tuple[str, str], float]) -> None:
+        """Say where both signals come, but with stamps too far apart to be compared; a jump takes a look or two."""
+        before, self._apart = self._apart, set(apart_ns)
+        for point in before | self._apart:
+            both = all((point, source) in self._came and (point, source) not in silences for source in SOURCES)
+            if both and point in before & self._apart:
+                ahead = apart_ns[point]
+                away = f"{_span(abs(ahead) * 1e-9)} {'behind' if ahead > 0 else 'ahead of'} the model's"
+                self.fail(point, "stamps", f"stamps of the field are {away}, not compared: {_REMEDY}")
+            else:
+                self.settle(point, "stamps")
+
     def _compare(self, point: str, source: Any, name: str, counts: StreamCounters, text: str) -> None:
         count = getattr(counts, name)
         more = count - self._counted.get((point, source, name), 0)
         self._counted[point, source, name] = count
-        if more > 0:
+        if more > 0 and not (name == "late" and point in self._apart):  # of windows that are long over
             details = {"late": self._cause(point), "rate_changes": f"{counts.declared_hz:.0f} Hz now"}
             self.doubt(point, f"{source} {name}", text.format(more, source) + details.get(name, ""))
         else:
@@ -126,3 +155,11 @@ class StreamHealth:
         if clock_stands:  # nothing comes from a bag that pauses
             self._came = dict.fromkeys(self._came, now)
         return {key: now - came for key, came in self._came.items() if now - came > SILENCE_S}
+
+
+def _span(seconds: float) -> str:
+    """Length of time in the unit that suits it."""
+    for unit, length in (("d", 86400.0), ("h", 3600.0), ("min", 60.0)):
+        if seconds >= 2.0 * length:
+            return f"{seconds / length:.0f} {unit}"
+    return f"{seconds:.0f} s"

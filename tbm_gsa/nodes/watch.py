@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import signal
 import time
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from functools import partial
@@ -26,6 +26,8 @@ from tbm_msgs_py.blocks import BlockError
 from tbm_msgs_py.nodes import messages, qos
 from tbm_msgs_py.operating_point import OperatingPoint
 
+# The domain has other machines, and everybody may publish: what counts are statuses of ours, with what these hold.
+_OWN, _STUDY, _RESULT = map(topics.status_name, ("", "sensitivity analysis", "sensitivity of "))
 _ENDING = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 
 
@@ -167,20 +169,36 @@ class Watch:
             return
         samples = len(block.offsets)
         spacing = (block.offsets[-1] - block.offsets[0]) / max(1, samples - 1)
-        if spacing > 0.0:  # a single sample, or somebody's nonsense, has no length to count losses in
-            count.count(block.stamp_ns, round(samples * spacing * 1e9))
+        length_ns = round(samples * spacing * 1e9)
+        if length_ns > 0:  # a single sample, or somebody's nonsense, has no length to count losses in
+            count.count(block.stamp_ns, length_ns)
 
     def _on_gsa_status(self, message: Any) -> None:
-        for status in message.status:
-            self.seen.gsa = {pair.key: pair.value for pair in status.values}
-            self.seen.gsa_message = status.message
+        for status, values in _own(message):
+            if status.name == _STUDY and all(values.get(key, "").isdecimal() for key in ("done", "total")):
+                self.seen.gsa, self.seen.gsa_message = values, status.message
 
     def _on_gsa_result(self, message: Any) -> None:
-        for status in message.status:
-            name = status.name.rpartition(" ")[2]
-            self.seen.result[name] = {pair.key: pair.value for pair in status.values}
+        for status, values in _own(message):
+            if status.name.startswith(_RESULT) and _is_result(values):
+                self.seen.result[status.name.removeprefix(_RESULT)] = values
 
     def _on_diagnostics(self, message: Any) -> None:
-        for status in message.status:
-            values = {pair.key: pair.value for pair in status.values}
+        for status, values in _own(message):
             self.seen.diagnostics[status.name] = (int.from_bytes(status.level, "little"), status.message, values)
+
+
+def _own(message: Any) -> Iterator[tuple[Any, dict[str, str]]]:
+    """Statuses of this namespace, with their values."""
+    for status in message.status:
+        if status.name.startswith(_OWN):
+            yield status, {pair.key: pair.value for pair in status.values}
+
+
+def _is_result(values: Mapping[str, str]) -> bool:
+    """Whether these are the figures of a surrogate and its inputs."""
+    numbers = ["r2_test", "r2_cv", *(key for key in values if key.startswith("first_"))]
+    try:
+        return "surrogate" in values and all(isinstance(float(values[key]), float) for key in numbers)
+    except (KeyError, ValueError):
+        return False

@@ -50,7 +50,7 @@ class BagPlayer(ManagedNode):
 
     def __init__(self, **options: Any) -> None:
         super().__init__("bag_player", PARAMETERS, **options)
-        self._publishers_by_topic: dict[str, Publisher] = {}
+        self._played: dict[tuple[str, str], Publisher] = {}  # by topic and type
         self._latched: set[str] = set()
         self._clock_publisher: Publisher | None = None
         self._timer: Any = None
@@ -102,7 +102,7 @@ class BagPlayer(ManagedNode):
 
     def cleanup(self) -> None:
         """Forget the publishers."""
-        self._publishers_by_topic, self._clock_publisher = {}, None
+        self._played, self._clock_publisher = {}, None
         self._latched.clear()
 
     @property
@@ -136,23 +136,42 @@ class BagPlayer(ManagedNode):
         names = {topic.name for topic in recorded}
         if missing := sorted(set(chosen) - names):
             raise RecordingError(f"parameter topics: {missing[0]}, allowed: {', '.join(sorted(names))}")
-        for topic in recorded:
+        for topic in sorted(recorded, key=recorded.__getitem__, reverse=True):
             if topic.name not in chosen or (topic.name == topics.CLOCK and self.value("clock")):
                 continue
-            message_type = messages.message_class(topic.type)
-            if message_type is None:
-                self.get_logger().warning(f"{topic.name}: type {topic.type} is not installed, the topic is not played")
-                continue
-            quality = offered_quality(topic.qos) or topics.quality(topic.name)  # what the recording states goes first
-            if quality.latched:
-                self._latched.add(topic.name)
-            self._publishers_by_topic[topic.name] = self.create_publisher(
-                message_type, topic.name, qos.profile(quality)
-            )
-        if not self._publishers_by_topic:
+            if why := self._create_publisher(topic):
+                self.get_logger().warning(f"{topic.name}: {why}; not played")
+        if not self._played:
             raise RecordingError(f"{self._bag.path}: no topic can be played, allowed: one of an installed type")
 
+    def _create_publisher(self, topic: Topic) -> str:
+        """Create the publisher of a topic; why there is none, if there is none."""
+        if (topic.name, topic.type) in self._played:
+            return ""
+        if other := next((kind for name, kind in self._played if name == topic.name), ""):
+            return f"recorded as {topic.type}, too, most of it as {other}"
+        message_type = messages.message_class(topic.type)
+        if message_type is None:
+            return f"type {topic.type} is not installed"
+        quality = offered_quality(topic.qos) or topics.quality(topic.name)  # what the recording states goes first
+        try:
+            made = self.create_publisher(message_type, topic.name, qos.profile(quality))
+        except Exception as error:  # noqa: BLE001 - rclpy's own: a name that is none, a topic it has as another type
+            return " ".join(str(error).split())
+        self._played[topic.name, topic.type] = made
+        if quality.latched:
+            self._latched.add(topic.name)
+        return ""
+
     def _tick(self) -> None:
+        try:
+            self._go_on()
+        except (RecordingError, OSError) as error:
+            self.get_logger().error(f"{self._bag.path}: {error}; playing ends")
+            self._stop()
+            self.end(2)
+
+    def _go_on(self) -> None:
         if not self._playing and not self._ready():
             self._publish_clock(self._start_ns)
             return
@@ -175,7 +194,7 @@ class BagPlayer(ManagedNode):
 
     def _ready(self) -> bool:
         wanted = self.value("wait_for_subscribers")
-        matched = sum(publisher.get_subscription_count() for publisher in self._publishers_by_topic.values())
+        matched = sum(publisher.get_subscription_count() for publisher in self._played.values())
         if matched < wanted and time.monotonic() < self._waiting_until:
             return False
         if matched < wanted:
@@ -188,7 +207,7 @@ class BagPlayer(ManagedNode):
             self._advance()
 
     def _publish(self, message: RawMessage) -> None:
-        self._publishers_by_topic[message.topic.name].publish(message.data)
+        self._played[message.topic.name, message.topic.type].publish(message.data)
         self._count += 1
 
     def _publish_clock(self, now_ns: int) -> None:
@@ -202,8 +221,8 @@ class BagPlayer(ManagedNode):
             self._rewind()
             self._begin()
             return
-        for publisher in self._publishers_by_topic.values():
-            publisher.wait_for_all_acked(Duration(seconds=DELIVERY / len(self._publishers_by_topic)))
+        for publisher in self._played.values():
+            publisher.wait_for_all_acked(Duration(seconds=DELIVERY / len(self._played)))
         lost = f", {self.lost} lost" if self.lost else ""
         self.get_logger().info(f"end of {self._bag.path}: {self._count} messages played{lost}")
         self._stop()
@@ -212,14 +231,18 @@ class BagPlayer(ManagedNode):
             self.end()
 
     def _rewind(self) -> None:
-        self._recorded: Iterator[RawMessage] = self._bag.messages(set(self._publishers_by_topic), self._start_ns)
+        self._recorded = self._messages({name for name, _ in self._played}, self._start_ns)
         self._advance()
+
+    def _messages(self, names: set[str], start_ns: int = 0) -> Iterator[RawMessage]:
+        recorded = self._bag.messages(names, start_ns)
+        return (message for message in recorded if (message.topic.name, message.topic.type) in self._played)
 
     def _latched_before_start(self) -> list[RawMessage]:
         """Last message of each latched topic before the start: it still holds there, as the operating point does."""
         found: dict[str, RawMessage] = {}
         if self._latched and self.value("start"):
-            for message in self._bag.messages(self._latched):
+            for message in self._messages(self._latched):
                 if message.log_ns >= self._start_ns:
                     break
                 found[message.topic.name] = message

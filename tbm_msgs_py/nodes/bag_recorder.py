@@ -11,13 +11,14 @@ from typing import Any, NamedTuple
 from diagnostic_msgs.msg import DiagnosticStatus
 from rclpy.event_handler import SubscriptionEventCallbacks
 from rclpy.logging import get_logger
-from rclpy.subscription import Subscription
 
 from tbm_msgs_py import topics
 from tbm_msgs_py.bags import BagWriter, RecordingError
 from tbm_msgs_py.bags.quota import enforce, mark
 from tbm_msgs_py.bags.samples import typestore
 from tbm_msgs_py.nodes import messages, qos
+from tbm_msgs_py.nodes.faults import Faults
+from tbm_msgs_py.nodes.following import Offer, TopicFollower
 from tbm_msgs_py.nodes.managed import ManagedNode, Parameter, run_node
 from tbm_msgs_py.topics import Quality
 
@@ -61,14 +62,15 @@ class BagRecorder(ManagedNode):
     def __init__(self, **options: Any) -> None:
         super().__init__("bag_recorder", PARAMETERS, **options)
         self._writer: BagWriter | None = None
-        self._subscribed: dict[str, Subscription] = {}
+        self._topics = TopicFollower(self, self)
         self._asked: dict[str, Quality] = {}
+        self._types: dict[str, str] = {}  # of the topics of which a message has come
+        self._unrecorded: Faults[str] = Faults(lambda text: self.get_logger().error(text))
         self._arrived: list[Arrived] = []
         self._held = 0  # bytes of what has arrived
         self._lost = self._lost_shown = 0
         self._deleted: list[str] = []
         self._over_quota = False
-        self._unrecorded: list[str] = []  # of a type that cannot be written
         self._problem = ""
 
     def configure(self) -> None:
@@ -110,61 +112,69 @@ class BagRecorder(ManagedNode):
 
     def deactivate(self) -> None:
         """Stop recording."""
-        for subscription in self._subscribed.values():
-            self.destroy_subscription(subscription)
-        self._subscribed, self._asked = {}, {}
+        self._topics.close()
+        self._asked = {}
 
     def cleanup(self) -> None:
         """Finish the recording: index and metadata."""
         self._on_disk(lambda writer: writer.close())
-        self._writer = None
+        self._writer, self._types = None, {}
         if self.value("summary"):
             document = {"lost": self._lost + len(self._arrived), "deleted": self._deleted, "problem": self._problem}
             Path(self.value("summary")).write_text(json.dumps(document), encoding="utf-8")
 
     def _discover(self) -> None:
-        known = dict(self.get_topic_names_and_types())
-        for name in list(self._wanted):
-            publishers = self.get_publishers_info_by_topic(name) if name not in self._subscribed else []
-            if publishers and name in known:
-                self._subscribe(name, known[name][0], publishers)
+        for name in self._wanted:
+            if name not in self._topics:
+                self._topics.look(name)
 
     def _follow(self) -> None:
-        """Subscribe again where the publishers of now offer less than was asked of those before."""
-        for name, asked in list(self._asked.items()):
-            publishers = self.get_publishers_info_by_topic(name)
-            offered = qos.offered(publishers)
-            if asked.reliable > offered.reliable or asked.latched > offered.latched:
-                self._subscribe(name, publishers[0].topic_type, publishers)
+        for name in self._wanted:
+            self._topics.look(name)
 
-    def _subscribe(self, name: str, message_type: str, publishers: list[Any]) -> None:
-        message_class = messages.message_class(message_type)
-        if message_class is None or message_type not in typestore().types:
-            why = "is not installed" if message_class is None else "is none of ROS 2 Jazzy's common interfaces"
-            self.get_logger().error(f"{name}: type {message_type} {why}, the topic is not recorded")
-            self._unrecorded.append(name)
-            self._wanted.remove(name)
-            return
-        offered = self._asked[name] = qos.offered(publishers)
-        if before := self._subscribed.pop(name, None):
-            self.destroy_subscription(before)
-        profile = qos.profile(Quality(offered.reliable, offered.latched, DEPTH))
-        self._subscribed[name] = self.create_subscription(
-            message_class,
-            name,
-            self._recorder(name, message_type, offered),
-            profile,
+    def refuses(self, topic: str, kind: str) -> str:
+        """Refuse another type than what is recorded of a topic already, and what a reader may not know."""
+        recorded = self._types.get(topic, kind)
+        if kind != recorded:
+            return f"recorded as {recorded}"
+        if kind not in typestore().types:
+            return "none of ROS 2 Jazzy's common interfaces"
+        return "" if messages.message_class(kind) else "not installed"
+
+    def asks(self, topic: str, offered: Offer) -> Quality:
+        """Ask what was asked before; less where the publishers of now offer less."""
+        before, now = self._asked.get(topic, offered.quality), offered.quality
+        return now if before.reliable > now.reliable or before.latched > now.latched else before
+
+    def subscribe(self, topic: str, offer: Offer) -> Any:
+        """Record a topic."""
+        quality = offer.quality
+        made = self.create_subscription(
+            messages.message_class(offer.type),
+            topic,
+            self._recorder(topic, offer),
+            qos.profile(Quality(quality.reliable, quality.latched, DEPTH)),
             raw=True,
             event_callbacks=SubscriptionEventCallbacks(message_lost=self._on_lost),
         )
+        self._asked[topic] = quality
+        return made
 
-    def _recorder(self, name: str, message_type: str, offered: Quality) -> Callable[[bytes], None]:
+    def tell(self, topic: str, problem: str) -> None:
+        """Say what of a topic is not recorded."""
+        if problem:
+            self._unrecorded.report(topic, problem)
+        else:
+            self._unrecorded.clear(topic)
+
+    def _recorder(self, name: str, offer: Offer) -> Callable[[bytes], None]:
         def record(data: bytes) -> None:
             if self._held > MOST_HELD:
                 self._lost += 1
                 return
             self._held += len(data)
-            self._arrived.append(Arrived(name, message_type, offered, data))
+            self._types[name] = offer.type
+            self._arrived.append(Arrived(name, *offer, data))
             self._on_disk(self._write)
 
         return record
@@ -218,12 +228,13 @@ class BagRecorder(ManagedNode):
         if self._writer is None:
             return []
         lost, self._lost_shown = self._lost - self._lost_shown, self._lost
-        missing = [name for name in self._wanted if name not in self._subscribed]
+        refused = self._unrecorded.show()
+        missing = [name for name in self._wanted if name not in self._topics and name not in refused]
+        errors = [*([self._problem] if self._problem else []), *refused.values()]
         troubles = [
-            *([self._problem] if self._problem else []),
+            *errors,
             *([f"waiting for {', '.join(missing)}"] if missing else []),
             *([f"waiting for {topics.CLOCK}, nothing is written before it"] if self._arrived else []),
-            *([f"not recorded: {', '.join(self._unrecorded)}"] if self._unrecorded else []),
             *([f"{lost} messages lost on their way"] if lost else []),
             *(["over the quota"] if self._over_quota else []),
         ]
@@ -233,7 +244,7 @@ class BagRecorder(ManagedNode):
             "file": self._writer.current,
             "deleted": len(self._deleted),
         }
-        level: messages.Level = "error" if self._problem else "warn" if troubles else "ok"
+        level: messages.Level = "error" if errors else "warn" if troubles else "ok"
         return [self.status("recorder", level, "; ".join(troubles) or "recording", values, self.value("output"))]
 
 

@@ -30,13 +30,13 @@ class Faults(Generic[Key]):
         self._over: set[Key] = set()
         self._said: dict[tuple[Key, str], float] = {}
 
-    def report(self, key: Key, text: str) -> None:
-        """Take note that something is wrong."""
+    def report(self, key: Key, text: str, where: str = "") -> None:
+        """Take note that something is wrong, in the log with the place that `/diagnostics` names elsewhere."""
         self._standing[key] = text
         self._over.discard(key)
         gist, now = _NUMBER.sub("#", text), self._now()  # another count is no other fault
         if (key, gist) not in self._said or now - self._said[key, gist] > REPEAT_S:
-            self._warn(text)
+            self._warn(f"{where}{text}")
             self._said = {said: when for said, when in self._said.items() if now - when <= REPEAT_S}
             self._said[key, gist] = now
 

@@ -17,9 +17,10 @@ from rclpy.lifecycle import LifecycleNode, TransitionCallbackReturn
 from rclpy.task import Future
 
 from tbm_msgs_py.nodes import messages, qos
+from tbm_msgs_py.nodes.guarding import Guard
 from tbm_msgs_py.nodes.parameters import AUTOSTART, Parameter, ParameterError, ParameterValue
 from tbm_msgs_py.nodes.running import run_node
-from tbm_msgs_py.topics import DIAGNOSTICS, NAMESPACE
+from tbm_msgs_py.topics import DIAGNOSTICS, NAMESPACE, status_name
 
 __all__ = ["ManagedNode", "Parameter", "ParameterError", "ParameterValue", "run_node"]
 
@@ -34,6 +35,9 @@ class ManagedNode(LifecycleNode):  # type: ignore[misc]  # rclpy is untyped
     the deactivation, and either when its hook fails half way. A hook that raises ValueError or OSError fails its
     transition with that line in the log; after any other error the node is unconfigured again. `deactivate` and
     `cleanup` also run when the process ends, the context may be gone by then: they publish nothing.
+
+    Whatever state it is in, a node says so on `/diagnostics`, once a second. An error that a callback does not expect
+    is said there and in the log, and the node goes on.
 
     Parameters
     ----------
@@ -52,11 +56,13 @@ class ManagedNode(LifecycleNode):  # type: ignore[misc]  # rclpy is untyped
     def __init__(
         self, name: str, parameters: Sequence[Parameter] = (), *, namespace: str = NAMESPACE, **options: Any
     ) -> None:
+        self._guard = Guard(self)  # rclpy's own services are guarded, too
         super().__init__(name, namespace=namespace, **options)
         self._survive_bad_transitions()
         self.exit_code = 0
         self.ended = Future()
         self._stage = 0  # 0 unconfigured, 1 inactive, 2 active
+        self._trouble = ""  # why the last transition went another way than asked
         self._made: dict[int, list[Callable[[], object]]] = {1: [], 2: []}
         self._clock_seen = 0
         self.clock_stands = False  # at the last look, a second ago at most
@@ -65,6 +71,10 @@ class ManagedNode(LifecycleNode):  # type: ignore[misc]  # rclpy is untyped
         self.add_post_set_parameters_callback(self._after_set)
         for parameter in self._declared.values():
             self._declare(parameter)
+        self._diagnostics = self.create_publisher(
+            DiagnosticArray, DIAGNOSTICS, qos.DIAGNOSTICS, qos_overriding_options=qos.overridable()
+        )
+        self.create_status_timer(self.say)
 
     def configure(self) -> None:
         """Create what the node needs, publishers and subscriptions included."""
@@ -98,6 +108,11 @@ class ManagedNode(LifecycleNode):  # type: ignore[misc]  # rclpy is untyped
         """Between `activate` and `deactivate`."""
         return self._stage == 2
 
+    @property
+    def failed_callbacks(self) -> int:
+        """Callbacks that raised what nobody expected, since the start."""
+        return self._guard.failed
+
     def status(
         self, task: str, level: messages.Level, text: str, values: Mapping[str, Any] | None = None, hardware: str = ""
     ) -> DiagnosticStatus:
@@ -106,7 +121,7 @@ class ManagedNode(LifecycleNode):  # type: ignore[misc]  # rclpy is untyped
 
     def status_name(self, task: str) -> str:
         """Name on `/diagnostics` of a task of this machine."""
-        return f"{self.get_namespace().strip('/') or self.get_name()}: {task}"
+        return status_name(task, self.get_namespace().strip("/") or self.get_name())
 
     def create_publisher(self, kind: Any, topic: str, profile: Any, *args: Any, **kwargs: Any) -> Any:
         """Create a publisher as rclpy does; the profile given stays as it is."""
@@ -117,20 +132,18 @@ class ManagedNode(LifecycleNode):  # type: ignore[misc]  # rclpy is untyped
     def create_subscription(
         self, kind: Any, topic: str, callback: Callable[..., None], profile: Any, *args: Any, **kwargs: Any
     ) -> Any:
-        """Subscription as rclpy's; a callback that a shutdown cuts short ends without a trace."""
-        made = super().create_subscription(
-            kind, topic, self._until_shutdown(callback), copy.copy(profile), *args, **kwargs
-        )
+        """Subscription as rclpy's, with a guarded callback."""
+        made = super().create_subscription(kind, topic, self._guard(callback), copy.copy(profile), *args, **kwargs)
         return self._gather(made, self.destroy_subscription)
 
     def create_service(self, kind: Any, name: str, callback: Callable[..., Any], *args: Any, **kwargs: Any) -> Any:
-        """Service as rclpy's; a callback that a shutdown cuts short ends without a trace."""
-        made = super().create_service(kind, name, self._until_shutdown(callback), *args, **kwargs)
+        """Service as rclpy's, with a guarded callback."""
+        made = super().create_service(kind, name, self._guard(callback), *args, **kwargs)
         return self._gather(made, self.destroy_service)
 
     def create_timer(self, period: float, callback: Callable[..., None], *args: Any, **kwargs: Any) -> Any:
-        """Timer as rclpy's; a callback that a shutdown cuts short ends without a trace."""
-        made = super().create_timer(period, self._until_shutdown(callback), *args, **kwargs)
+        """Timer as rclpy's, with a guarded callback."""
+        made = super().create_timer(period, self._guard(callback), *args, **kwargs)
         return self._gather(made, self.destroy_timer)
 
     def create_steady_timer(self, period: float, callback: Callable[..., None]) -> Any:
@@ -161,12 +174,12 @@ class ManagedNode(LifecycleNode):  # type: ignore[misc]  # rclpy is untyped
 
     def on_configure(self, state: Any) -> TransitionCallbackReturn:  # noqa: ARG002
         """Lifecycle transition; the work is in `configure`."""
-        return self._go_up("configure", self._configure, 1)
+        return self._go_up("configure", self.configure, 1)
 
     def on_activate(self, state: Any) -> TransitionCallbackReturn:
         """Lifecycle transition; managed publishers first, so that `activate` can publish."""
         super().on_activate(state)
-        return self._go_up("activate", self._activate, 2)
+        return self._go_up("activate", self.activate, 2)
 
     def on_deactivate(self, state: Any) -> TransitionCallbackReturn:
         """Lifecycle transition; the work is in `deactivate`."""
@@ -180,7 +193,9 @@ class ManagedNode(LifecycleNode):  # type: ignore[misc]  # rclpy is untyped
 
     def on_error(self, state: Any) -> TransitionCallbackReturn:  # noqa: ARG002
         """Release everything after a hook that failed unexpectedly: the node is unconfigured again."""
+        trouble = self._trouble
         self.finish()
+        self._trouble = trouble
         return _SUCCESS
 
     def on_shutdown(self, state: Any) -> TransitionCallbackReturn:  # noqa: ARG002
@@ -188,22 +203,20 @@ class ManagedNode(LifecycleNode):  # type: ignore[misc]  # rclpy is untyped
         self.finish()
         return _SUCCESS
 
-    def _configure(self) -> None:
-        self._diagnostics = self.create_publisher(
-            DiagnosticArray, DIAGNOSTICS, qos.DIAGNOSTICS, qos_overriding_options=qos.overridable()
-        )
-        self.configure()
-
-    def _activate(self) -> None:
-        self.create_status_timer(self.say)
-        self.activate()
-
     def say(self) -> None:
         """Publish the statuses now."""
         now = self.get_clock().now().nanoseconds
         self.clock_stands, self._clock_seen = now == self._clock_seen, now
-        if statuses := self.statuses():
-            self._diagnostics.publish(messages.diagnostics(now, statuses))
+        statuses = (self._guard(self.statuses)() or []) if self.active else []
+        self._diagnostics.publish(messages.diagnostics(now, [*statuses, self._own_status()]))
+
+    def _own_status(self) -> DiagnosticStatus:
+        """Whether the node does its work."""
+        unexpected = self._guard.show()
+        _, state = self._state_machine.current_state
+        text = "; ".join([f"{state} after an error: {self._trouble}" if self._trouble else state, *unexpected])
+        level: messages.Level = "error" if self._trouble or unexpected else "ok" if self.active else "warn"
+        return self.status(self.get_name(), level, text, {"state": state, "failed_callbacks": self._guard.failed})
 
     def _go_up(self, name: str, hook: Callable[[], None], stage: int) -> TransitionCallbackReturn:
         self._gathered = self._made[stage]
@@ -223,6 +236,7 @@ class ManagedNode(LifecycleNode):  # type: ignore[misc]  # rclpy is untyped
         return _SUCCESS if result == TransitionCallbackReturn.FAILURE else result
 
     def _call(self, name: str, hook: Callable[[], None]) -> TransitionCallbackReturn:
+        self._trouble = ""
         try:
             hook()
         except (ValueError, OSError) as error:
@@ -235,7 +249,8 @@ class ManagedNode(LifecycleNode):  # type: ignore[misc]  # rclpy is untyped
 
     def _report(self, message: str) -> None:
         if self.context.ok():  # else the hook tripped over a shutdown that was asked for
-            self.get_logger().error(" ".join(message.split()))
+            self._trouble = " ".join(message.split())
+            self.get_logger().error(self._trouble)
             self.get_logger().debug(traceback.format_exc())
 
     def _gather(self, made: Any, destroy: Callable[[Any], object]) -> Any:
@@ -246,19 +261,6 @@ class ManagedNode(LifecycleNode):  # type: ignore[misc]  # rclpy is untyped
     def _release(self, stage: int) -> None:
         while self._made[stage]:
             self._made[stage].pop()()
-
-    def _until_shutdown(self, callback: Callable[..., Any]) -> Callable[..., Any]:
-        @functools.wraps(callback)
-        def guarded(*args: Any) -> Any:
-            try:
-                return callback(*args)
-            except Exception:
-                # After SIGINT publishing fails at any line: that is the shutdown, not a fault.
-                if self.context.ok():
-                    raise
-                return args[-1] if args else None  # the response, where a service is cut short
-
-        return guarded
 
     def _survive_bad_transitions(self) -> None:
         """Answer a transition that the state does not have with `success: false`; rclpy would end the process."""

@@ -6,9 +6,12 @@ Every float goes through `float()`: rclpy publishes garbage for numpy scalars an
 from __future__ import annotations
 
 import array
+import re
 from collections.abc import Iterable, Mapping, Sequence
 from functools import lru_cache
 from importlib import import_module
+from importlib.util import find_spec
+from pathlib import Path
 from typing import Any, Literal
 
 from builtin_interfaces.msg import Time
@@ -31,17 +34,27 @@ _LEVELS = {
     "stale": DiagnosticStatus.STALE,
 }
 
+_TYPE = re.compile("([a-z][a-z0-9_]*)/msg/([A-Z][A-Za-z0-9]*)")
+
 block_from = blocks.from_cloud
 stamp_to_ns = blocks.stamp_to_ns
 
 
+@lru_cache
 def message_class(name: str) -> Any:
-    """Message class of ``package/msg/Type``; None where it is not installed."""
-    package, _, kind = name.partition("/msg/")
-    try:
-        return getattr(import_module(f"{package}.msg"), kind)
-    except (ImportError, AttributeError, ValueError):
+    """Message class of ``package/msg/Type``; None where it is not installed.
+
+    The name comes from others: nothing is imported for one that is no package with messages.
+    """
+    parts = _TYPE.fullmatch(name)
+    if parts is None or not _has_messages(parts[1]):
         return None
+    return getattr(import_module(f"{parts[1]}.msg"), parts[2], None)
+
+
+def _has_messages(package: str) -> bool:
+    found = find_spec(package)
+    return found is not None and any(Path(folder, "msg").is_dir() for folder in found.submodule_search_locations or ())
 
 
 def time(stamp_ns: int) -> Time:

@@ -2,32 +2,31 @@
 
 from itertools import pairwise
 
-import numpy as np
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
-from tbm_dynamics.continuity import BELIEVED_S, Continuity, Samples
+from tbm_dynamics.continuity import BELIEVED_NS, MOST_RUNS, Continuity, Piece
 
 STEP, COUNT = 1_000_000, 50  # ns; samples of a block of 50 ms
 LENGTH = STEP * COUNT
-LONGEST = 2 * 10**9
+LONGEST, JUMP = 2 * 10**9, 5 * 10**8
 START = 1_700_000_000 * 10**9
 
 
 def block(stamp):
-    return Samples(stamp, np.zeros((COUNT, 6)))
+    return Piece(stamp, stamp + LENGTH, STEP / 2, COUNT, None)
 
 
 class Stream:
     """Where the admitted blocks end, and what they were."""
 
-    def __init__(self):
-        self.continuity, self.end, self.admitted = Continuity(STEP, LONGEST), None, []
+    def __init__(self, **options):
+        self.continuity, self.end, self.admitted = Continuity(LONGEST, **options), None, []
 
     def send(self, stamp):
         for taken in self.continuity.take(block(stamp), self.end):
-            self.admitted.append(taken.stamp_ns)
-            self.end = taken.stamp_ns + LENGTH
+            self.admitted.append(taken.begin_ns)
+            self.end = taken.end_ns
 
 
 def own(count, first=0):
@@ -65,22 +64,44 @@ def test_nothing_that_came_of_a_stream_with_losses_is_left_out(lost):
         assert stream.continuity.dropped == 0
 
 
-@given(st.one_of(far, near), st.integers(3, 10))
+@given(st.one_of(far, near), st.integers(10, 15))
 def test_a_stream_that_jumped_is_believed_as_a_whole(jump, count):
     stream = Stream()
     for stamp in own(2):
         stream.send(stamp)
     jumped = [START + jump + k * LENGTH for k in range(count)]
-    assume(all(2 * abs(stamp - stream.end) >= STEP for stamp in jumped[:3]))  # else it is the stream after all
+    assume(all(2 * abs(stamp - stream.end) >= STEP for stamp in jumped))  # else it is the stream after all
     for stamp in jumped:
         stream.send(stamp)
-    assert count * LENGTH >= BELIEVED_S * 1e9
+    assert count * LENGTH >= BELIEVED_NS
     assert stream.admitted == own(2) + jumped
 
 
 def test_what_does_not_belong_together_is_not_believed():
     stream = Stream()
-    for stamp in (START, START + 10**12, START - 10**12, START + 2 * 10**12, START):
+    others = [START + (-1) ** k * (k + 1) * 10**12 for k in range(2 * MOST_RUNS)]
+    for stamp in (START, *others):
         stream.send(stamp)
     assert stream.admitted == [START]
-    assert stream.continuity.dropped == 3
+    assert stream.continuity.dropped == MOST_RUNS  # no more than so many wait
+    stream.send(START + LENGTH)
+    assert stream.admitted == own(2)
+    assert (stream.continuity.dropped, stream.continuity.dropped_samples) == (2 * MOST_RUNS, 2 * MOST_RUNS * COUNT)
+
+
+away = st.one_of(st.integers(11 * LENGTH, 10**18), st.integers(11 * LENGTH, 3 * LONGEST))
+
+
+@given(st.integers(1, 7), st.integers(0, 20), away, st.sampled_from([-1, 1]), st.integers(1, 3))
+def test_a_loss_beside_other_publishers_is_got_over(lost, at, distance, side, others):
+    """The stream neither stands still nor goes on with another, however their blocks alternate."""
+    offset = side * distance
+    if abs(offset) <= LONGEST + 20 * LENGTH:
+        lost = 1  # what is as near as the stream after a loss is believed as soon
+    stream, gone = Stream(jump_ns=JUMP), range(at + 3, at + 3 + lost)
+    for k in range(40):
+        if k not in gone:
+            stream.send(START + k * LENGTH)
+        for other in range(others):
+            stream.send(START + k * LENGTH + offset + other * 10 * LONGEST)
+    assert stream.admitted == [START + k * LENGTH for k in range(40) if k not in gone]

@@ -201,21 +201,38 @@ def test_a_bag_loop_starts_afresh_and_goes_on():
     assert [comparison.counters["shield"][source].late for source in RATES] == [0, 0]
 
 
-@pytest.mark.parametrize("behind", [3.0, 60.0])
-def test_a_second_publisher_far_behind_does_not_restart_the_point(behind):
-    """A replay beside live sensors: what lies behind between blocks of the present is dropped, and counted."""
-    comparison = WindowedComparison(2.0)
-    stream = interleaved(8.0)
-    both = []
+@pytest.mark.parametrize("who", ["field", "model"])
+@pytest.mark.parametrize("away", [-1e9, -60.0, -3.0, -0.5, 0.5, 1.5, 3.0, 60.0, 1e8])
+def test_a_second_publisher_with_other_stamps_changes_nothing(away, who):
+    """A replay beside live sensors, a clock that was not set; beside losses, too."""
+    stream = [b for b in interleaved(10.0) if not 4.4 <= (b[1] - EPOCH) / SECOND < 4.5]
+    both, alone = WindowedComparison(2.0), WindowedComparison(2.0)
+    strays = []
     for block in stream:
-        both.append(block)
-        if block[0] == "field":
-            both.append(("field", block[1] - round(behind * SECOND), *block[2:]))
-    results = run(comparison, both)
-    assert starts(results) == starts(run(WindowedComparison(2.0), stream))
-    assert all(result.coverage == 1.0 for result in results)
-    counters = comparison.counters["shield"]["field"]
-    assert (counters.restarts, counters.late) == (0, 8000)
+        strays.append(block)
+        if block[0] == who:
+            strays.append((who, block[1] + round(away * SECOND), *block[2:]))
+    for found, expected in zip(run(both, strays), run(alone, stream), strict=True):
+        assert vars(found).keys() == vars(expected).keys()
+        for name, value in vars(expected).items():
+            np.testing.assert_array_equal(getattr(found, name), value, err_msg=name)
+    counters = both.counters["shield"][who]
+    length = round(0.05 * RATES[who])
+    assert counters.late == (len([b for b in stream if b[0] == who]) - 1) * length  # the last one still waits
+    assert (counters.restarts, counters.gaps, counters.rate_changes) == (0, 0, 0)
+
+
+def test_a_clock_that_was_set_is_followed():
+    """All that came since is compared, once it has gone on for a window."""
+    jumped = [(b[0], b[1] + (100 * SECOND if b[1] >= EPOCH + 6 * SECOND else 0), *b[2:]) for b in interleaved(16.0)]
+    comparison = WindowedComparison(2.0)
+    results = run(comparison, jumped)
+    # The filter settles in the first window after a gap.
+    assert [start for start, result in zip(starts(results), results, strict=True) if result.coverage == 1.0] == [
+        *(2.0, 4.0),
+        *(108.0, 110.0, 112.0, 114.0),
+    ]
+    assert [comparison.counters["shield"][source].late for source in RATES] == [0, 0]
 
 
 def test_values_that_are_not_finite_are_rejected_and_counted():
@@ -233,7 +250,7 @@ def test_samples_that_come_twice_are_counted_and_dropped():
     stream = interleaved(6.0)
     comparison = WindowedComparison(2.0)
     results = run(comparison, [block for block in stream for _ in range(2)])
-    assert comparison.counters["shield"]["field"].late == 6000
+    assert comparison.counters["shield"]["field"].late == 5950  # the last one still waits
     assert [result.coverage for result in results] == [1.0, 1.0]
 
 

@@ -53,7 +53,7 @@ class Run:
         both = [*blocks("model", model_hz), *field]
         for source, stamp, offsets, values in sorted(both, key=lambda block: block[1]):
             if stamp >= look:
-                found = health.look(self.comparison.counters, clock_stands=True)
+                found = health.look(self.comparison.counters, True, self.comparison.apart_ns())
                 self.doubts[look] = [text for condition in found.values() for text in condition.doubts]
                 look += 1.0
             self.results += self.comparison.feed("shield", source, EPOCH + round(stamp * SECOND), offsets, values)

@@ -1,5 +1,7 @@
 """Message objects: plain floats in every field, and arrays that survive the wire."""
 
+import sys
+
 import numpy as np
 import pytest
 
@@ -54,5 +56,15 @@ def test_diagnostics():
 
 
 def test_unknown_message_class_is_none():
-    assert messages.message_class("nowhere_msgs/msg/Thing") is None
+    for name in (
+        "nowhere_msgs/msg/Thing",
+        "sensor_msgs/msg/Thing",
+        "sensor_msgs/msg/__file__",
+        "antigravity/msg/Thing",  # a module of Python that opens a browser
+        "/msg/Thing",
+        "..msg/msg/Thing",
+        "",
+    ):
+        assert messages.message_class(name) is None, name
+    assert "antigravity" not in sys.modules
     assert messages.message_class("sensor_msgs/msg/Imu").__name__ == "Imu"

@@ -7,6 +7,7 @@ import time
 from collections.abc import Callable
 from pathlib import Path
 
+COMPLAINTS = ("Traceback", "unexpected error")
 DEADLINE = 300.0  # s; only what is stuck gets there, however busy the computer is
 
 
@@ -53,7 +54,8 @@ class NodeProcess:
             self.process.kill()
             self.process.wait()
             return f"did not end within {deadline} s of a signal:\n{self.output}"
-        return f"exit code {code}:\n{self.output}" if code or "Traceback" in self.output else ""
+        complains = any(complaint in self.output for complaint in COMPLAINTS)
+        return f"exit code {code}:\n{self.output}" if code or complains else ""
 
     def exit_code(self, deadline: float = DEADLINE) -> int:
         return self.process.wait(deadline)

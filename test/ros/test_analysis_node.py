@@ -317,6 +317,29 @@ def test_alarms_are_set_against_a_baseline_of_the_history(host_node, peer, tmp_p
     assert peer.set_parameters(NODE, baseline="") == []
 
 
+def test_stamps_of_another_time_are_called_that(host_node, peer):
+    """A recording that is played beside nodes on the computer's clock; then on theirs."""
+    node = host_node(AnalysisNode, window=0.5, history="none", **{"gsa.on_threshold": False})
+    model = peer.node.create_publisher(PointCloud2, "/tbm/model/shield/block", qos.BLOCK)
+    field = peer.node.create_publisher(PointCloud2, "/tbm/field/shield/block", qos.BLOCK)
+    away = {"blocks": 10 * 86400 * 20}
+
+    def far(k):
+        return block_message(k - away["blocks"], sine(MODEL, k))
+
+    feed = Feed(peer, node, {}, [(model, lambda k: block_message(k, sine(MODEL, k))), (field, far)])
+    status = "tbm: comparison shield"
+    remedy = "not compared: a recording needs its own clock (run --sim-time), a sensor one that is set"
+    feed(until=lambda: peer.text(status) == f"stamps of the field are 10 d behind the model's, {remedy}")
+    assert peer.diagnostics[status].level == 2
+    assert node.output == f"[WARNING] shield: {peer.text(status)}"
+    away["blocks"] = -3 * 60 * 20
+    feed(until=lambda: f"stamps of the field are 3 min ahead of the model's, {remedy}" in peer.text(status))
+    away["blocks"] = 0
+    feed(until=lambda: peer.text(status) == "compared")
+    assert all("shield" in line for line in node.output.splitlines())
+
+
 def test_a_standstill_is_no_alarm_and_blocks_go_before_samples(host_node, peer):
     """The PLC says that the machine stands; beside the blocks a driver sends single samples of the same sensor."""
     windows = listen_to(peer, "shield")

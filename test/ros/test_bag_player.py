@@ -3,6 +3,7 @@
 import json
 import shutil
 import signal
+from itertools import islice
 from types import SimpleNamespace
 
 import numpy as np
@@ -11,8 +12,10 @@ import pytest
 rclpy = pytest.importorskip("rclpy")
 
 from processes import wait_for  # noqa: E402
+from rclpy.serialization import serialize_message  # noqa: E402
 from rosgraph_msgs.msg import Clock  # noqa: E402
-from sensor_msgs.msg import JointState, PointCloud2  # noqa: E402
+from sensor_msgs.msg import Imu, JointState, PointCloud2  # noqa: E402
+from std_msgs.msg import String  # noqa: E402
 
 from tbm_msgs_py import ACCELERATION, Bag, BagWriter, OperatingPoint  # noqa: E402
 from tbm_msgs_py.nodes import bag_player, messages, qos  # noqa: E402
@@ -174,3 +177,42 @@ def test_what_is_not_played_is_not_lost(host_node, peer, tmp_path):
     peer.wait_for(lambda: player.ended)
     player.close()
     assert json.loads(summary.read_text()) == {"played": 13, "lost": 0, "loops": 0, "ended": True}
+
+
+def test_what_cannot_be_played_is_named_and_left_out(host_node, peer, heard, tmp_path):
+    """A topic of two types, one that the player itself has as another type, one whose name ROS does not have."""
+    text, imu = serialize_message(String(data="x")), serialize_message(Imu())
+    with BagWriter(tmp_path / "mixed") as writer:
+        for k in range(3):
+            writer.write(TOPIC, "sensor_msgs/msg/Imu", START_NS + k, imu)
+        for k in range(5):
+            writer.write_block(TOPIC, START_NS + k * PERIOD, ACCELERATION, [0.0], np.zeros((1, 3)))
+        writer.write("/diagnostics", "std_msgs/msg/String", START_NS, text)
+        writer.write("/a topic", "std_msgs/msg/String", START_NS, text)
+    player = host_node(BagPlayer, bag=tmp_path / "mixed")
+    peer.wait_for(lambda: player.ended)
+    peer.settle()
+    assert heard.stamps == [START_NS + k * PERIOD for k in range(5)]
+    warnings = sorted(line for line in player.output.splitlines() if "not played" in line)
+    assert [line.split(":")[0] for line in warnings] == [
+        "[WARNING] /a topic",
+        "[WARNING] /diagnostics",
+        f"[WARNING] {TOPIC}",
+    ]
+    assert "recorded as sensor_msgs/msg/Imu, too, most of it as sensor_msgs/msg/PointCloud2" in warnings[2]
+
+
+def test_a_disk_that_is_pulled_ends_the_player(host_node, peer, heard, bag, monkeypatch):
+    messages_of = Bag.messages
+
+    def broken(self, *given):
+        yield from islice(messages_of(self, *given), 10)
+        raise OSError("Input/output error")
+
+    monkeypatch.setattr(Bag, "messages", broken)
+    player = host_node(BagPlayer, bag=bag, wait_for_subscribers=2)
+    peer.wait_for(lambda: player.ended)
+    peer.settle()
+    assert len(heard.blocks) == 9  # and the operating point
+    assert player.node.exit_code == 2
+    assert player.output.splitlines()[-1] == f"[ERROR] {bag}: Input/output error; playing ends"

@@ -59,10 +59,15 @@ class Field:
         block = messages.block_from(message)
         self.spoilt.get(point, sound)(self._send[point], point, block.stamp_ns, block.offsets, 0.9 * block.values)
 
-    def second(self, node, point):
-        """Fault: another node sends the same."""
+    def second(self, node, point, ahead_ns=0):
+        """Fault: another node sends the same, with other stamps."""
         other = self._publisher(node, point)
-        return lambda send, *block: (sound(send, *block), sound(other, *block))
+
+        def both(send, name, stamp, *block):
+            sound(send, name, stamp, *block)
+            sound(other, name, stamp + ahead_ns, *block)
+
+        return both
 
 
 def sound(send, point, stamp, offsets, values, layout=ACCELERATION):
@@ -171,13 +176,25 @@ def test_sensors_that_err(system):
 
 def test_two_publishers_none_and_gaps_between_blocks(system):
     other = rclpy.create_node("other_rig")
-    spoilt = {"shield": system.field.second(other, "shield"), "girder": silent, "gripper": half_the_spacing}
+    spoilt = {
+        "shield": system.field.second(other, "shield"),
+        "cutterhead": system.field.second(other, "cutterhead", 3_600_000_000_000),
+        "walkway": system.field.second(other, "walkway", -700_000_000),
+        "girder": silent,
+        "gripper": half_the_spacing,
+    }
     faults = {
         comparison("shield"): (WARN, "2 publishers on field/shield/block, other_rig, peer"),
+        comparison("cutterhead"): (WARN, "2 publishers on field/cutterhead/block, other_rig, peer"),
+        comparison("walkway"): (WARN, "2 publishers on field/walkway/block, other_rig, peer"),
         comparison("girder"): (STALE, "no signal of the field for"),
         comparison("gripper"): (WARN, "gaps between the blocks of the field: 10000 Hz declared, 5000 Hz came"),
     }
+    counted = [system.peer.value(comparison(point), "field_restarts") for point in TEST_POINTS]
     system.has_fault_for(spoilt, faults)
+    assert [system.peer.value(comparison(point), "field_restarts") for point in TEST_POINTS] == counted
+    for point in ("shield", "cutterhead", "walkway"):  # 10 % less than the model, whatever the other said
+        assert float(system.peer.value(comparison(point), "relative_error_x")) == pytest.approx(1 / 9, abs=0.01)
     other.destroy_node()
 
 

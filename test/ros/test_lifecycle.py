@@ -7,6 +7,9 @@ import pytest
 rclpy = pytest.importorskip("rclpy")
 
 from peer import Peer  # noqa: E402
+from rcl_interfaces.msg import Parameter as ParameterMessage  # noqa: E402
+from rcl_interfaces.msg import ParameterValue  # noqa: E402
+from rcl_interfaces.srv import SetParameters  # noqa: E402
 from std_msgs.msg import Empty  # noqa: E402
 
 from tbm_gsa.nodes.analysis_node import AnalysisNode  # noqa: E402
@@ -18,6 +21,7 @@ from tbm_msgs_py.nodes.managed import ManagedNode, Parameter  # noqa: E402
 
 pytestmark = pytest.mark.ros
 
+OK, WARN, ERROR = range(3)
 ERRORS = {"refuses": ValueError, "breaks": KeyError}
 
 
@@ -82,6 +86,12 @@ def expect(peer, name, state, refused):
     assert peer.state(f"/tbm/{name}") == state
 
 
+def wait_until_told(peer, node, level, text):
+    """Wait for what the node says of itself on `/diagnostics`."""
+    name = f"tbm: {node.node.get_name()}"
+    node.wait_for(lambda: peer.text(name) == text and peer.diagnostics[name].level == level)
+
+
 def publishers(peer, topic):
     return {known.node_name for known in peer.node.get_publishers_info_by_topic(topic)}
 
@@ -94,25 +104,33 @@ def test_every_parameter_is_described(nodes, name):
 
 
 @pytest.mark.parametrize("name", ["analysis_node", "bag_player", "bag_recorder", "live_view"])
+def test_a_parameter_of_no_type_ends_no_node(nodes, name):
+    peer, hosted, _ = nodes
+    request = SetParameters.Request(parameters=[ParameterMessage(name="x", value=ParameterValue(type=99))])
+    assert peer.call(SetParameters, f"/tbm/{name}/set_parameters", request).results == []
+    expect(peer, name, "unconfigured", "deactivate")
+    hosted[name].forgive()
+
+
+@pytest.mark.parametrize("name", ["analysis_node", "bag_player", "bag_recorder", "live_view"])
 def test_there_and_back_and_there_again(nodes, name):
-    peer, _, folder = nodes
+    peer, hosted, folder = nodes
     if name == "live_view":
         pytest.importorskip("foxglove")
     expect(peer, name, "unconfigured", "deactivate")
     for transition, state, refused in ROUND:
         assert peer.transition(f"/tbm/{name}", transition), transition
         expect(peer, name, state, refused)
-    peer.wait_for(lambda: name not in publishers(peer, "/diagnostics"))
+        wait_until_told(peer, hosted[name], OK if state == "active" else WARN, state)
     if name == "bag_recorder":  # what it wrote is whole, and it overwrites nothing
         assert Bag(folder / "first").info().duration >= 0.0
         assert not peer.transition(f"/tbm/{name}", "configure")
         expect(peer, name, "unconfigured", "activate")
         assert not peer.set_parameters(f"/tbm/{name}", output=str(folder / "second"))
     assert peer.transition(f"/tbm/{name}", "configure")
-    peer.wait_for(lambda: name in publishers(peer, "/diagnostics"))
     assert peer.transition(f"/tbm/{name}", "shutdown")
     expect(peer, name, "finalized", "configure")
-    peer.wait_for(lambda: name not in publishers(peer, "/diagnostics"))
+    wait_until_told(peer, hosted[name], WARN, "finalized")
 
 
 @pytest.mark.parametrize(
@@ -137,11 +155,13 @@ def test_a_hook_that_fails(nodes, hook, how, answer, left):
     assert peer.state("/tbm/faulty") == left
     reason = f"{hook}: KeyError: '{hook}'" if how == "breaks" else f"{hook}: {hook}"
     assert hosted["faulty"].says(reason)
+    wait_until_told(peer, hosted["faulty"], ERROR, f"{left} after an error: {reason}")
     peer.wait_for(lambda: not publishers(peer, "/tbm/activated"))
     peer.wait_for(lambda: bool(publishers(peer, "/tbm/configured")) == (left == "inactive"))
     assert not peer.set_parameters("/tbm/faulty", fails="")
     for step in ("activate", "deactivate", "cleanup") if left == "inactive" else ("configure", "cleanup"):
         assert peer.transition("/tbm/faulty", step), "it goes on as before"
+    wait_until_told(peer, hosted["faulty"], WARN, "unconfigured")
 
 
 def test_a_shutdown_goes_through_whatever_a_hook_says(nodes):

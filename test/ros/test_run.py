@@ -18,11 +18,14 @@ from sensor_msgs.msg import PointCloud2  # noqa: E402
 
 from tbm_dynamics import load_machine  # noqa: E402
 from tbm_gsa.cli.processes import NodeCommand, NodeProcesses  # noqa: E402
+from tbm_gsa.cli.shipped import shipped_bag  # noqa: E402
 from tbm_msgs_py.nodes import qos  # noqa: E402
+from tbm_msgs_py.nodes.bag_player import BagPlayer  # noqa: E402
 
 pytestmark = pytest.mark.ros
 
 COMMAND = [sys.executable, "-m", "tbm_gsa.cli.main"]
+NODES = ("load_node", "dynamics_node", "analysis_node")
 NODES_YAML = Path(__file__).parents[2] / "config" / "nodes.yaml"
 
 
@@ -79,6 +82,33 @@ def test_signals_end_run_and_its_nodes(tmp_path, number):
     assert code == (-signal.SIGKILL if number == signal.SIGKILL else 0)
     if code == 0:
         assert json.loads((tmp_path / "out").read_text())["topics"]["/tbm/loads/block"]["blocks"] > 5
+
+
+def test_run_follows_a_recording_and_says_what_its_nodes_do(tmp_path, peer):
+    """Beside a recording on its own clock it compares; a node that somebody deactivates is a line, and its return."""
+    errors = tmp_path / "err"
+    (tmp_path / "site.yaml").write_text("/**:\n  ros__parameters: {gsa.on_threshold: false, history: none}\n")
+    command = [*COMMAND, "run", "--json", "--sim-time", "--params", "site.yaml"]
+    with (tmp_path / "out").open("wb") as out, errors.open("wb") as err:
+        process = subprocess.Popen(command, cwd=tmp_path, stdout=out, stderr=err)
+    try:
+        peer.wait_for(lambda: all(peer.text(f"tbm: {name}") == "active" for name in NODES))
+        peer.host(BagPlayer, bag=shipped_bag(), loop=True, rate=2.0)
+        compared = "tbm: comparison cutterhead"
+        peer.wait_for(lambda: float(peer.value(compared, "relative_error_x") or "nan") >= 0.0)
+        for name, change, text in (
+            ("dynamics_node", "deactivate", "dynamics_node: inactive"),
+            ("dynamics_node", "activate", "dynamics_node: active"),
+        ):
+            assert peer.transition(f"/tbm/{name}", change)
+            peer.wait_for(lambda text=text: text in errors.read_text().splitlines())
+        process.send_signal(signal.SIGTERM)
+        assert process.wait(DEADLINE) == 0
+    finally:
+        process.kill()
+        process.wait()
+    diagnostics = json.loads((tmp_path / "out").read_text())["diagnostics"]
+    assert diagnostics["tbm: dynamics_node"]["message"] == "active"
 
 
 @pytest.mark.verify  # 3 s are the promise of a quiet computer

@@ -1,0 +1,70 @@
+"""What the command line takes of what everybody may publish: nothing of other machines, and no nonsense."""
+
+import numpy as np
+import pytest
+
+pytest.importorskip("rclpy")
+
+from tbm_gsa.nodes.watch import BlockCount, Watch
+from tbm_msgs_py import ACCELERATION
+from tbm_msgs_py.nodes import messages
+
+OF_STUDY = {"state": "running", "done": 3, "total": 9}
+OF_RESULT = {"surrogate": "krg", "r2_test": 0.9, "r2_cv": 0.8, "first_x1": 0.5}
+
+
+def array(name, text="", values=None):
+    return messages.diagnostics(0, [messages.status(name, "warn", text, values)])
+
+
+@pytest.fixture
+def watch():
+    return Watch(["girder"])
+
+
+def test_statuses_of_other_machines_do_not_enter(watch):
+    for name in ("tbm: loads", "north: loads", "tbm_2: loads", "loads", ""):
+        watch._on_diagnostics(array(name, "streaming", {"blocks": 3}))
+    assert watch.seen.diagnostics == {"tbm: loads": (1, "streaming", {"blocks": "3"})}
+
+
+@pytest.mark.parametrize(
+    ("name", "values"),
+    [
+        ("north: sensitivity analysis", OF_STUDY),
+        ("tbm: sensitivity analysis", {}),
+        ("tbm: sensitivity analysis", {**OF_STUDY, "done": "many"}),
+        ("tbm: sensitivity analysis", {**OF_STUDY, "total": -1}),
+    ],
+)
+def test_no_study_is_taken_from_elsewhere(watch, name, values):
+    watch._on_gsa_status(array("tbm: sensitivity analysis", "by us", OF_STUDY))
+    watch._on_gsa_status(array(name, "by them", values))
+    assert watch.seen.gsa == {"state": "running", "done": "3", "total": "9"}
+    assert watch.seen.gsa_message == "by us"
+
+
+@pytest.mark.parametrize(
+    ("name", "values"),
+    [
+        ("north: sensitivity of RDef_A", OF_RESULT),
+        ("tbm: sensitivity of RDef_A", {}),
+        ("tbm: sensitivity of RDef_A", {**OF_RESULT, "r2_cv": "good"}),
+        ("tbm: sensitivity of RDef_A", {**OF_RESULT, "first_x2": ""}),
+    ],
+)
+def test_no_result_is_taken_from_elsewhere(watch, name, values):
+    watch._on_gsa_result(array("tbm: sensitivity of MF_M", "x1", OF_RESULT))
+    watch._on_gsa_result(array(name, "x1", values))
+    assert watch.seen.result == {"MF_M": {key: str(value) for key, value in OF_RESULT.items()}}
+
+
+@pytest.mark.parametrize(
+    ("offsets", "counted"),
+    [([0.0], 0), ([0.0, 0.0], 0), ([0.0, 1e-12], 0), ([1.0, 0.0], 0), ([np.nan, 1.0], 0), ([0.0, 80000.0], 5)],
+)
+def test_blocks_without_a_length_are_not_counted(offsets, counted):
+    count = BlockCount()
+    for stamp in (-(2**31) * 10**9, 0, 5, 3, (2**31 - 1) * 10**9):
+        Watch._on_block(count, messages.block(ACCELERATION, stamp, offsets, np.zeros((len(offsets), 3))))
+    assert count.received == counted
