@@ -43,7 +43,7 @@ from tbm_msgs_py.nodes import messages, qos
 from tbm_msgs_py.nodes.managed import ManagedNode, Parameter, run_node
 from tbm_msgs_py.operating_point import OperatingPointError
 
-CORES = os.cpu_count() or 1
+MOST_WORKERS = max(2, os.cpu_count() or 1)
 PARAMETERS = (
     Parameter("machine", "dz101", "machine: name of a shipped one, or path of a machine file"),
     Parameter(
@@ -97,9 +97,7 @@ PARAMETERS = (
     Parameter("gsa.duration", 3.0, "length of a simulation (s)", minimum=0.1, maximum=600.0, changes="running"),
     Parameter("gsa.outputs", [""], "outputs analysed; empty: the eight indicators of Table 3", changes="running"),
     Parameter("gsa.seed", 0, "seed of design and loads", minimum=0, maximum=2**31 - 1, changes="running"),
-    Parameter(
-        "gsa.workers", min(2, CORES), "processes, one a core at most", minimum=1, maximum=CORES, changes="running"
-    ),
+    Parameter("gsa.workers", 2, "processes, one a core at most", minimum=1, maximum=MOST_WORKERS, changes="running"),
     Parameter("gsa.folder", "tbm_gsa_studies", "folder that gets one folder a study", changes="running"),
 )
 _AXES = ("x", "y", "z")
