@@ -9,7 +9,7 @@ pytest.importorskip("rclpy")
 from tbm_gsa.comparison import StreamCounters
 from tbm_gsa.nodes import health
 from tbm_gsa.nodes.health import StreamHealth
-from tbm_msgs_py.nodes.faults import REPEAT_S, Faults
+from tbm_msgs_py.nodes.faults import MOST_LINES, REPEAT_S, Faults
 
 pytestmark = pytest.mark.ros
 
@@ -38,6 +38,20 @@ def test_two_faults_in_turn_are_two_lines_a_minute():
     faults.clear("loads")
     assert faults.show() == {"loads": text}
     assert faults.show() == {}
+
+
+def test_a_fault_that_is_never_the_same_is_no_flood():
+    clock, said = [0.0], []
+    faults = Faults(said.append, lambda: clock[0])
+    for k in range(1000):
+        faults.report("loads", "block fields: " + "".join(chr(97 + k // 26**place % 26) for place in range(3)))
+        clock[0] += 0.01
+    assert len(said) == MOST_LINES
+    faults.report("clock", "the clock jumped")
+    assert said[-1] == "the clock jumped"
+    clock[0] += REPEAT_S
+    faults.report("loads", "block fields: none")
+    assert said[-1] == "block fields: none"
 
 
 def test_every_line_about_a_signal_names_its_point():
