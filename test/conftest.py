@@ -86,6 +86,7 @@ LONGEST = (
     "test_analysis_node.py",
     "test_run.py",
     "test_killed_nodes.py",
+    "test_random_graph.py",
     "test_native.py",
     "test_bag_recorder.py",
     "test_time.py",

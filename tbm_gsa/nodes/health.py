@@ -12,7 +12,7 @@ from tbm_gsa.comparison.streams import SOURCES
 from tbm_msgs_py.nodes.faults import Faults
 from tbm_msgs_py.nodes.rate import Rate
 
-SILENCE_S = 2.0  # wall time after which a signal that came no longer comes
+SILENCE_S = 2.0  # wall time after which a signal that came no longer comes, and what was refused is over
 _COUNTED = {
     "rejected": "{} samples of the {} that are not finite or absurdly large",
     "late": "{} samples of the {} late or twice: ",
@@ -58,6 +58,7 @@ class StreamHealth:
     def __init__(self, warn: Callable[[str], object]) -> None:
         self._faults: Faults[tuple[str, str, str]] = Faults(warn)
         self._came: dict[tuple[str, str], float] = {}
+        self._refused: dict[tuple[str, str], float] = {}  # when last
         self._rates: dict[tuple[str, str], Rate] = {}
         self._counted: dict[tuple[str, Any, str], int] = {}
         self._publishers: dict[str, dict[str, list[str]]] = {}  # by point and topic
@@ -67,11 +68,16 @@ class StreamHealth:
         """Take note of samples that are used."""
         self._came[point, source] = time.monotonic()
         self._rates.setdefault((point, source), Rate()).count(samples)
-        self._faults.clear(("refused", point, source))
+        self._accept(point, source)
+
+    def _accept(self, point: str, source: str) -> None:
+        if self._refused.pop((point, source), None) is not None:
+            self._faults.clear(("refused", point, source))
 
     def refuse(self, point: str, source: str, reason: str) -> None:
-        """Take note of samples that cannot be used."""
+        """Take note of samples that cannot be used; over once others come, or none for a while."""
         self._came.pop((point, source), None)
+        self._refused[point, source] = time.monotonic()
         self._faults.report(("refused", point, source), f"{source} {point}: {reason}; not used")
 
     def doubt(self, point: str, key: str, text: str) -> None:
@@ -98,6 +104,9 @@ class StreamHealth:
         apart_ns: Mapping[str, int],
     ) -> dict[str, Condition]:
         """Give what was found since the last look, by test point; `apart_ns` is that of the `WindowedComparison`."""
+        for (point, source), last in list(self._refused.items()):
+            if time.monotonic() - last > SILENCE_S:
+                self._accept(point, source)
         silences = self._silences(clock_stands)
         self._compare_stamps(apart_ns, silences)
         for point, sources in counters.items():

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 import time
 from collections.abc import Callable, Hashable
@@ -11,6 +12,7 @@ Key = TypeVar("Key", bound=Hashable)
 
 _NUMBER = re.compile(r"[-+]?\d+(\.\d+)?(e[-+]?\d+)?")
 REPEAT_S = 60.0  # the same line is not said again before
+MOST_LINES = 5  # of one fault in that time
 
 
 class Faults(Generic[Key]):
@@ -35,10 +37,12 @@ class Faults(Generic[Key]):
         self._standing[key] = text
         self._over.discard(key)
         gist, now = _NUMBER.sub("#", text), self._now()  # another count is no other fault
-        if (key, gist) not in self._said or now - self._said[key, gist] > REPEAT_S:
-            self._warn(f"{where}{text}")
-            self._said = {said: when for said, when in self._said.items() if now - when <= REPEAT_S}
+        if now - self._said.get((key, gist), -math.inf) <= REPEAT_S:
+            return
+        self._said = {said: when for said, when in self._said.items() if now - when <= REPEAT_S}
+        if sum(said == key for said, _ in self._said) < MOST_LINES:  # texts hold what others send, all of it different
             self._said[key, gist] = now
+            self._warn(f"{where}{text}")
 
     def clear(self, key: Key) -> None:
         """Take note that it is over."""

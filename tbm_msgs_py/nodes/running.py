@@ -7,10 +7,11 @@ import sys
 import threading
 import traceback
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from typing import TYPE_CHECKING, Any
 
 import rclpy
-from rclpy.exceptions import ParameterException
+from rclpy.exceptions import InvalidHandle, ParameterException
 from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
 from rclpy.logging import get_logger
 
@@ -114,10 +115,11 @@ def _spin(node: ManagedNode) -> int:
 
 def _turn(executor: Any, node: ManagedNode) -> None:
     """Work for a while, until the node's end at most."""
-    if isinstance(executor, SingleThreadedExecutor):
-        executor.spin_once(timeout_sec=WAIT)  # the other leaves a callback at the future for each that it has run
-    else:
-        executor.spin_until_future_complete(node.ended, timeout_sec=WAIT)
+    with suppress(InvalidHandle):  # an event that waited for what a callback has destroyed: the events executor's own
+        if isinstance(executor, SingleThreadedExecutor):
+            executor.spin_once(timeout_sec=WAIT)  # the other leaves a callback at the future for each that it has run
+        else:
+            executor.spin_until_future_complete(node.ended, timeout_sec=WAIT)
 
 
 def fastest_executor() -> Any:

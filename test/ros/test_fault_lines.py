@@ -1,12 +1,15 @@
 """What is wrong is said once a minute, whatever numbers are in the line, and where."""
 
+from types import SimpleNamespace
+
 import pytest
 
 pytest.importorskip("rclpy")
 
 from tbm_gsa.comparison import StreamCounters
+from tbm_gsa.nodes import health
 from tbm_gsa.nodes.health import StreamHealth
-from tbm_msgs_py.nodes.faults import REPEAT_S, Faults
+from tbm_msgs_py.nodes.faults import MOST_LINES, REPEAT_S, Faults
 
 pytestmark = pytest.mark.ros
 
@@ -37,21 +40,35 @@ def test_two_faults_in_turn_are_two_lines_a_minute():
     assert faults.show() == {}
 
 
+def test_a_fault_that_is_never_the_same_is_no_flood():
+    clock, said = [0.0], []
+    faults = Faults(said.append, lambda: clock[0])
+    for k in range(1000):
+        faults.report("loads", "block fields: " + "".join(chr(97 + k // 26**place % 26) for place in range(3)))
+        clock[0] += 0.01
+    assert len(said) == MOST_LINES
+    faults.report("clock", "the clock jumped")
+    assert said[-1] == "the clock jumped"
+    clock[0] += REPEAT_S
+    faults.report("loads", "block fields: none")
+    assert said[-1] == "block fields: none"
+
+
 def test_every_line_about_a_signal_names_its_point():
     said = []
-    health = StreamHealth(said.append)
+    condition = StreamHealth(said.append)
     for source in ("model", "field"):
-        health.arrived("girder", source, 250)
+        condition.arrived("girder", source, 250)
     counters = {"girder": {"field": StreamCounters()}}
-    health.look(counters, False, {"girder": 10**18})
+    condition.look(counters, False, {"girder": 10**18})
     counters["girder"]["field"] = StreamCounters(
         rejected=1, late=2, gaps=3, restarts=4, rate_changes=5, declared_hz=100.0, came_hz=50.0, block_gaps=6
     )
-    health.fail("girder", "/rig/imu", "/rig/imu: type a, allowed: b; not used")
-    apart = health.look(counters, False, {"girder": 10**18})["girder"]
-    health.refuse("girder", "field", "block fields: none")
+    condition.fail("girder", "/rig/imu", "/rig/imu: type a, allowed: b; not used")
+    apart = condition.look(counters, False, {"girder": 10**18})["girder"]
+    condition.refuse("girder", "field", "block fields: none")
     counters["girder"]["field"].late += 1
-    beside = health.look(counters, False, {})["girder"]
+    beside = condition.look(counters, False, {})["girder"]
     told = {*apart.refused, *apart.doubts, *beside.refused, *beside.doubts}
     assert len(said) == len(told) == 8
     assert all("girder" in line for line in said), said
@@ -59,3 +76,18 @@ def test_every_line_about_a_signal_names_its_point():
     assert "stamps of the field are 11574 d behind the model's" in apart.refused[1]
     assert not [line for line in apart.doubts if "late or twice" in line]
     assert [line for line in beside.doubts if "late or twice" in line]
+
+
+def test_what_was_refused_is_over_when_nothing_of_the_kind_comes(monkeypatch):
+    clock = SimpleNamespace(monotonic=lambda: clock.now, now=0.0)
+    monkeypatch.setattr(health, "time", clock)
+    condition = StreamHealth(lambda _: None)
+
+    def refused():
+        return [found.refused for found in condition.look({}, False, {}).values()]
+
+    condition.refuse("girder", "field", "block fields: none")
+    assert refused() == refused() == [["field girder: block fields: none; not used"]]
+    clock.now = 1.1 * health.SILENCE_S
+    assert len(refused()) == 1  # once more, that none comes and goes unseen
+    assert refused() == []

@@ -1,5 +1,7 @@
 """Publishers of a topic that disagree about its type, or change it: said while it lasts, and no node ends of it."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 
@@ -7,6 +9,7 @@ rclpy = pytest.importorskip("rclpy")
 
 from geometry_msgs.msg import AccelStamped, Vector3Stamped  # noqa: E402
 from nav_msgs.msg import Goals  # noqa: E402
+from rclpy.qos import QoSProfile  # noqa: E402
 from rigs import Rig  # noqa: E402
 from sensor_msgs.msg import Imu, JointState, PointCloud2  # noqa: E402
 from std_msgs.msg import String  # noqa: E402
@@ -15,6 +18,7 @@ from tbm_gsa.nodes.live_view import LiveView  # noqa: E402
 from tbm_msgs_py import ACCELERATION, Bag  # noqa: E402
 from tbm_msgs_py.nodes import messages, qos  # noqa: E402
 from tbm_msgs_py.nodes.bag_recorder import BagRecorder  # noqa: E402
+from tbm_msgs_py.nodes.following import TopicFollower  # noqa: E402
 
 pytestmark = pytest.mark.ros
 
@@ -26,6 +30,60 @@ topics:
   {BLOCK}: {{point: shield, units: m/s2, gravity: removed, frame: fixed}}
   {HEAD}: {{point: cutterhead, units: m/s2, gravity: removed, frame: fixed}}
 """
+
+
+class Middleware:
+    """Node and reader of a follower: a subscription is refused until the executor has let the one before it go."""
+
+    def __init__(self):
+        self.kinds, self.held, self.said = [], "", []
+
+    def get_publishers_info_by_topic(self, topic):
+        offered = QoSProfile(depth=1)
+        return [SimpleNamespace(topic_type=kind, node_name=f"node_{kind}", qos_profile=offered) for kind in self.kinds]
+
+    def destroy_subscription(self, subscription):
+        assert subscription == self.held
+
+    def refuses(self, topic, kind):
+        return ""
+
+    def asks(self, topic, offered):
+        return offered.quality
+
+    def subscribe(self, topic, offer):
+        if self.held not in ("", offer.type):
+            raise RuntimeError(f"{topic} is held\nas {self.held}")
+        self.held = offer.type
+        return offer.type
+
+    def tell(self, topic, problem):
+        self.said.append(problem)
+
+
+def test_another_type_is_tried_until_the_middleware_takes_it():
+    given = Middleware()
+    follower = TopicFollower(given, given)
+
+    def look():
+        follower.look("t")
+        return given.said[-1], "t" in follower
+
+    given.kinds = ["A"]
+    assert look() == ("", True)
+    given.kinds = ["A", "B"]
+    assert look() == ("t: type B of node_B, allowed: A, which is in use; not used", True)
+    given.kinds = ["B"]
+    assert look() == ("", False)  # released, and nothing made yet
+    for _ in range(3):
+        assert look() == ("t: type B: t is held as A; not subscribed to", False)
+    given.held = ""  # let go
+    assert look() == look() == ("", True)
+    assert given.held == "B"
+    given.kinds = []
+    assert look() == ("", True)
+    follower.close()
+    assert len(follower) == 0
 
 
 class Clash:
