@@ -110,6 +110,13 @@ def test_run_follows_a_recording_and_says_what_its_nodes_do(tmp_path, peer):
     assert diagnostics["tbm: dynamics_node"]["message"] == "active"
 
 
+@pytest.mark.verify  # a busy computer may lose a block
+def test_run_loses_no_block(command):
+    code, out, err = command("run", "--duration", "3", "--json")
+    assert code == 0, err
+    assert {name: topic["lost"] for name, topic in json.loads(out)["topics"].items() if topic["lost"]} == {}
+
+
 @pytest.mark.verify  # 3 s are the promise of a quiet computer
 def test_run_and_its_nodes_end_within_three_seconds(tmp_path, peer):
     process = subprocess.Popen([*COMMAND, "run", "--json"], cwd=tmp_path, stdout=subprocess.DEVNULL)
