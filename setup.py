@@ -92,7 +92,7 @@ setup(
     package_data={
         "tbm_dynamics": ["machines/*.yaml", "machines/*.csv", "py.typed"],
         "tbm_msgs_py": ["nodes/loopback.xml", "py.typed"],
-        "tbm_gsa": ["report/*.html", "py.typed"],
+        "tbm_gsa": ["app/report/*.html", "py.typed"],
     },
     data_files=data_files(),
     zip_safe=False,
@@ -100,8 +100,8 @@ setup(
     extras_require={"cluster": CLUSTER, "import": IMPORT, "live": LIVE, "docs": DOCS, "test": TEST},
     entry_points={
         "console_scripts": [
-            "tbm-monitor = tbm_gsa.cli.start:main",
-            *(f"{node} = tbm_gsa.nodes.start:main" for node in NODES),
+            "tbm-monitor = tbm_gsa.app.cli.start:main",
+            *(f"{node} = tbm_gsa.app.nodes.start:main" for node in NODES),
         ]
     },
 )

@@ -15,12 +15,12 @@ from pathlib import Path
 import numpy as np
 
 from tbm_dynamics import Machine, load_machine, simulate
-from tbm_dynamics.sensors import SensorModel, SensorPacket, SensorParameters
-from tbm_gsa.comparison.conditioning import common_band, condition
+from tbm_dynamics.streaming.sensors import SensorModel, SensorPacket, SensorParameters
+from tbm_gsa.signals.conditioning import common_band, condition
 from tbm_msgs_py import blocks, topics
 from tbm_msgs_py.bags import BagWriter
 from tbm_msgs_py.bags.marks import SYNTHETIC
-from tbm_msgs_py.operating_point import OperatingPoint
+from tbm_msgs_py.base.operating_point import OperatingPoint
 
 FOLDER = Path(__file__).parent / "field_dz101"
 DURATION_S = 30.0

@@ -12,11 +12,11 @@ from pathlib import Path
 
 import numpy as np
 
-from tbm_gsa.study.campaign import run_campaign
-from tbm_gsa.study.evaluate import MachineEvaluation
-from tbm_gsa.study.inputs import PAPER_INPUTS
-from tbm_gsa.study.problem import Problem
-from tbm_gsa.study.store import Store
+from tbm_gsa.sensitivity.study.campaign import run_campaign
+from tbm_gsa.sensitivity.study.evaluate import MachineEvaluation
+from tbm_gsa.sensitivity.study.inputs import PAPER_INPUTS
+from tbm_gsa.sensitivity.study.problem import Problem
+from tbm_gsa.sensitivity.study.store import Store
 
 SAMPLES, WORKERS = 60, 2
 

@@ -15,12 +15,12 @@ from pathlib import Path
 
 import numpy as np
 
-from tbm_gsa.comparison.estimates import estimate, field_sample
 from tbm_gsa.comparison.field_side import FieldSide, reduce_field
-from tbm_gsa.comparison.settings import Settings
 from tbm_gsa.comparison.workflow import compare_recording
+from tbm_gsa.signals.estimates import estimate, field_sample
+from tbm_gsa.signals.settings import Settings
 from tbm_msgs_py import ACCELERATION, BagWriter
-from tbm_msgs_py.recording import AccelerationRecord, RecordingReader, open_recording
+from tbm_msgs_py.recordings.recording import AccelerationRecord, RecordingReader, open_recording
 
 POINTS = ("cutterhead", "shield", "walkway", "girder", "gripper")
 RATE, BLOCK, START_NS = 1000, 250, 1_700_000_000_000_000_000

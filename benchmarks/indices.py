@@ -19,8 +19,8 @@ from scipy.stats import qmc
 from sklearn.svm import SVR
 
 from tbm_gsa import fit_surrogate, sobol_closed_form, sobol_monte_carlo
-from tbm_gsa.surrogates import SURROGATES, Surrogate
-from tbm_gsa.surrogates.expansion import KernelExpansion
+from tbm_gsa.sensitivity.surrogates import SURROGATES, Surrogate
+from tbm_gsa.sensitivity.surrogates.expansion import KernelExpansion
 
 INPUTS, POINTS, SAMPLES, SEED = 25, 200, 2**17, 1
 Result = TypeVar("Result")

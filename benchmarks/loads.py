@@ -11,9 +11,9 @@ import time
 import numpy as np
 
 from tbm_dynamics import OperatingPoint, load_machine
-from tbm_dynamics.levels import LOAD_LEVELS
-from tbm_dynamics.schedule import Schedule
-from tbm_dynamics.streams import LoadStream
+from tbm_dynamics.loads.stepper import LOAD_LEVELS
+from tbm_dynamics.streaming.schedule import Schedule
+from tbm_dynamics.streaming.streams import LoadStream
 
 RATE, BLOCK, BLOCKS = 10_000.0, 500, 1200
 

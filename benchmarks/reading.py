@@ -20,8 +20,8 @@ from mcap_ros2.decoder import DecoderFactory
 from rosbags.highlevel import AnyReader
 
 from tbm_msgs_py import ACCELERATION, Bag, blocks, open_recording, topics
-from tbm_msgs_py.bags.decoding import decode_samples
 from tbm_msgs_py.bags.samples import BLOCK_TYPE, Samples, typestore
+from tbm_msgs_py.recordings.decoding import decode_samples
 
 ACCEL, IMU = "geometry_msgs/msg/AccelStamped", "sensor_msgs/msg/Imu"
 START = 1_700_000_000 * 10**9

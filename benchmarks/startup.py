@@ -29,8 +29,8 @@ from rclpy.signals import SignalHandlerOptions
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import PointCloud2
 
-from tbm_gsa.cli.processes import NodeCommand, NodeProcesses, ParameterValue, settle_ros_environment
-from tbm_gsa.nodes.start import NODES
+from tbm_gsa.app.cli.processes import NodeCommand, NodeProcesses, ParameterValue, settle_ros_environment
+from tbm_gsa.app.nodes.start import NODES
 from tbm_msgs_py import topics
 from tbm_msgs_py.nodes import qos
 from tbm_msgs_py.nodes.running import fastest_executor
@@ -38,7 +38,7 @@ from tbm_msgs_py.nodes.running import fastest_executor
 HELP_TARGET_S, NODE_TARGET_S = 0.5, 2.0
 LONGEST_S = 60.0
 ASKED_EVERY_S = 0.02
-HELP = [sys.executable, "-c", "from tbm_gsa.cli.start import main; main()", "--help"]
+HELP = [sys.executable, "-c", "from tbm_gsa.app.cli.start import main; main()", "--help"]
 RECORDING = Path(__file__).parents[1] / "bags" / "field_dz101"
 
 

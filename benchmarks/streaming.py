@@ -35,8 +35,8 @@ from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import JointState, PointCloud2
 
 from tbm_dynamics import load_machine, simulate
-from tbm_gsa.cli.processes import NodeCommand, NodeProcesses, settle_ros_environment
-from tbm_gsa.cli.ros import ANALYSIS_NODE, DYNAMICS_NODE, LOAD_NODE
+from tbm_gsa.app.cli.processes import NodeCommand, NodeProcesses, settle_ros_environment
+from tbm_gsa.app.cli.ros import ANALYSIS_NODE, DYNAMICS_NODE, LOAD_NODE
 from tbm_msgs_py import ACCELERATION, topics
 from tbm_msgs_py.nodes import messages, qos
 from tbm_msgs_py.nodes.running import fastest_executor

@@ -8,7 +8,7 @@ if TYPE_CHECKING:
     from tbm_dynamics.integration.simulator import Simulator
     from tbm_dynamics.machine import Machine, MachineError, OperatingPoint, load_machine, shipped_machines
     from tbm_dynamics.response import Response
-    from tbm_dynamics.simulation import simulate
+    from tbm_dynamics.streaming.simulation import simulate
 
 __all__ = [
     "Machine",
@@ -32,7 +32,7 @@ _HOME = {
     "Simulator": "tbm_dynamics.integration.simulator",
     "load_machine": "tbm_dynamics.machine",
     "shipped_machines": "tbm_dynamics.machine",
-    "simulate": "tbm_dynamics.simulation",
+    "simulate": "tbm_dynamics.streaming.simulation",
 }
 
 

@@ -6,11 +6,11 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from tbm_msgs_py.bags.bag import Bag, BagInfo
     from tbm_msgs_py.bags.errors import RecordingError
-    from tbm_msgs_py.bags.mapping import Mapping, SensorMapping, load_mapping
     from tbm_msgs_py.bags.writing import BagWriter
+    from tbm_msgs_py.base.operating_point import OperatingPoint
     from tbm_msgs_py.blocks import ACCELERATION, LOADS, Block, BlockError, BlockLayout, mesh_forces
-    from tbm_msgs_py.operating_point import OperatingPoint
-    from tbm_msgs_py.recording import (
+    from tbm_msgs_py.recordings.mapping import Mapping, SensorMapping, load_mapping
+    from tbm_msgs_py.recordings.recording import (
         AccelerationRecord,
         Recording,
         RecordingReader,
@@ -46,24 +46,24 @@ __all__ = [
 _HOME = {
     "ACCELERATION": "tbm_msgs_py.blocks",
     "LOADS": "tbm_msgs_py.blocks",
-    "AccelerationRecord": "tbm_msgs_py.recording",
+    "AccelerationRecord": "tbm_msgs_py.recordings.recording",
     "Bag": "tbm_msgs_py.bags.bag",
     "BagInfo": "tbm_msgs_py.bags.bag",
     "BagWriter": "tbm_msgs_py.bags.writing",
     "Block": "tbm_msgs_py.blocks",
     "BlockError": "tbm_msgs_py.blocks",
     "BlockLayout": "tbm_msgs_py.blocks",
-    "Mapping": "tbm_msgs_py.bags.mapping",
-    "OperatingPoint": "tbm_msgs_py.operating_point",
-    "Recording": "tbm_msgs_py.recording",
+    "Mapping": "tbm_msgs_py.recordings.mapping",
+    "OperatingPoint": "tbm_msgs_py.base.operating_point",
+    "Recording": "tbm_msgs_py.recordings.recording",
     "RecordingError": "tbm_msgs_py.bags.errors",
-    "RecordingReader": "tbm_msgs_py.recording",
-    "SensorMapping": "tbm_msgs_py.bags.mapping",
-    "load_mapping": "tbm_msgs_py.bags.mapping",
+    "RecordingReader": "tbm_msgs_py.recordings.recording",
+    "SensorMapping": "tbm_msgs_py.recordings.mapping",
+    "load_mapping": "tbm_msgs_py.recordings.mapping",
     "mesh_forces": "tbm_msgs_py.blocks",
-    "open_recording": "tbm_msgs_py.recording",
-    "read_acceleration": "tbm_msgs_py.recording",
-    "read_recording": "tbm_msgs_py.recording",
+    "open_recording": "tbm_msgs_py.recordings.recording",
+    "read_acceleration": "tbm_msgs_py.recordings.recording",
+    "read_recording": "tbm_msgs_py.recordings.recording",
 }
 
 

@@ -72,7 +72,7 @@ def command(tmp_path):
     """Run a command to its end in an empty folder: exit code, stdout, stderr."""
 
     def run(*arguments, deadline=300.0):
-        given = [sys.executable, "-m", "tbm_gsa.cli.main", *arguments]
+        given = [sys.executable, "-m", "tbm_gsa.app.cli.main", *arguments]
         done = subprocess.run(given, cwd=tmp_path, capture_output=True, text=True, timeout=deadline, check=False)
         assert "Traceback" not in done.stderr, done.stderr
         return done.returncode, done.stdout, done.stderr

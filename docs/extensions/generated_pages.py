@@ -11,15 +11,15 @@ import typer
 from sphinx.application import Sphinx
 from sphinx.ext.autodoc.mock import mock
 
-from tbm_gsa.cli.main import app as command_line
+from tbm_gsa.app.cli.main import app as command_line
 
 NODES = (
     "tbm_dynamics.nodes.load_node",
     "tbm_dynamics.nodes.dynamics_node",
-    "tbm_gsa.nodes.analysis_node",
+    "tbm_gsa.app.nodes.analysis_node",
     "tbm_msgs_py.nodes.bag_player",
     "tbm_msgs_py.nodes.bag_recorder",
-    "tbm_gsa.nodes.live_view",
+    "tbm_gsa.app.nodes.live_view",
 )
 # The node modules are read without ROS: only their declarations are wanted.
 ROS = (

@@ -18,7 +18,7 @@ from PIL import Image
 from rosbags.typesys import Stores, get_typestore
 
 from tbm_dynamics import load_machine
-from tbm_gsa.report.picture import write_picture
+from tbm_gsa.app.report.picture import write_picture
 from tbm_msgs_py import Bag, read_acceleration
 from tbm_msgs_py.blocks import from_cloud
 from tbm_msgs_py.topics import TEST_POINTS
@@ -29,7 +29,7 @@ BEGIN_NS = 2_000_000_000  # of the recording left out
 HIGHEST_HZ = 160.0
 MESH_FORCES = "/tbm/model/mesh_forces"
 COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#56B4E9")
-COMMAND = (sys.executable, "-m", "tbm_gsa.cli.main")
+COMMAND = (sys.executable, "-m", "tbm_gsa.app.cli.main")
 
 
 def record(folder: Path) -> Path:

@@ -7,7 +7,7 @@ import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from tbm_dynamics.errors import InputError
+from tbm_msgs_py.base.errors import InputError
 
 
 @dataclass(frozen=True)

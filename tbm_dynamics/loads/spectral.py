@@ -21,9 +21,9 @@ import numpy as np
 import scipy.fft
 from numpy.typing import ArrayLike, NDArray
 
-from tbm_dynamics.errors import InputError
 from tbm_dynamics.loads.description import COMPONENTS, LoadComponent, LoadDescription
 from tbm_dynamics.loads.noise import hashed_generator
+from tbm_msgs_py.base.errors import InputError
 
 FloatArray = NDArray[np.float64]
 

@@ -25,7 +25,7 @@ from tbm_dynamics.machine.entries import (
     SixPositiveOrZero,
     Vector3,
 )
-from tbm_dynamics.texts import Line, Source
+from tbm_msgs_py.base.texts import Line, Source
 
 
 class OperatingPointEntry(Entry):

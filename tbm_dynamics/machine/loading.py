@@ -9,9 +9,9 @@ from typing import Any, get_args
 import yaml
 from pydantic import ValidationError
 
-from tbm_dynamics.errors import InputError
 from tbm_dynamics.machine.description import MachineDescription
-from tbm_dynamics.machine.strict_yaml import strict_yaml, yaml_problem
+from tbm_msgs_py.base.errors import InputError
+from tbm_msgs_py.base.strict_yaml import strict_yaml, yaml_problem
 
 
 class MachineError(InputError):

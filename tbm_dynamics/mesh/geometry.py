@@ -13,7 +13,7 @@ from itertools import count
 
 import numpy as np
 
-from tbm_dynamics.errors import InputError
+from tbm_msgs_py.base.errors import InputError
 
 # Keeps a limit that is a whole number of teeth, 8 at 30°, from being missed by rounding.
 _ROUNDING = 1e-9

@@ -13,17 +13,18 @@ from diagnostic_msgs.msg import DiagnosticStatus
 from geometry_msgs.msg import WrenchStamped
 from sensor_msgs.msg import JointState, PointCloud2
 
-from tbm_dynamics.levels import LOAD_LEVELS
+from tbm_dynamics.loads.stepper import LOAD_LEVELS
 from tbm_dynamics.machine import Machine, MachineError, OperatingPoint, load_machine
-from tbm_dynamics.schedule import COLUMNS, Schedule, pairs, read_schedule
-from tbm_dynamics.streams import LoadBlock, LoadStream, step_ns
-from tbm_msgs_py import blocks, operating_point, topics
+from tbm_dynamics.streaming.schedule import COLUMNS, Schedule, pairs, read_schedule
+from tbm_dynamics.streaming.streams import LoadBlock, LoadStream, step_ns
+from tbm_msgs_py import blocks, topics
+from tbm_msgs_py.base import operating_point
+from tbm_msgs_py.base.operating_point import OperatingPointError
 from tbm_msgs_py.blocks import NANOSECONDS
 from tbm_msgs_py.nodes import messages, qos
 from tbm_msgs_py.nodes.faults import Faults
 from tbm_msgs_py.nodes.managed import ManagedNode, Parameter, run_node
 from tbm_msgs_py.nodes.rate import Rate
-from tbm_msgs_py.operating_point import OperatingPointError
 
 # A clock that leaps further than this (a bag that loops, a suspended computer), or than readers have room for, starts
 # the stream afresh.

@@ -4,8 +4,8 @@ from tbm_gsa.comparison.alarm import DEAD_SHARE, AlarmRule, UsualError, dead_axe
 from tbm_gsa.comparison.live import WindowedComparison, WindowResult
 from tbm_gsa.comparison.offline import Comparison, Record, compare_records
 from tbm_gsa.comparison.operation import Operation
-from tbm_gsa.comparison.settings import Settings
 from tbm_gsa.comparison.streams import StreamCounters
+from tbm_gsa.signals.settings import Settings
 
 __all__ = [
     "DEAD_SHARE",

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from tbm_gsa.comparison.live import WindowResult
-from tbm_gsa.errors import InputError
+from tbm_msgs_py.base.errors import InputError
 
 SCATTERS = 3.0
 DEAD_SHARE = 0.01  # of what is usual; a sensor that measures less is dead, and its error as large as you like

@@ -8,17 +8,17 @@ from typing import Any
 import numpy as np
 
 from tbm_dynamics import Machine
-from tbm_gsa.arrays import Array
-from tbm_gsa.comparison.estimates import SignalStatistics
 from tbm_gsa.comparison.expected import ExpectedLine
 from tbm_gsa.comparison.field_side import FieldSide
-from tbm_gsa.comparison.intervals import CONFIDENCE, Interval
 from tbm_gsa.comparison.levels import Course
 from tbm_gsa.comparison.offline import AxisComparison, Comparison, G, PointComparison, Windows
 from tbm_gsa.provenance import machine_sha256, package_versions
+from tbm_gsa.signals.estimates import SignalStatistics
+from tbm_gsa.signals.intervals import CONFIDENCE, Interval
 from tbm_msgs_py.bags.marks import is_synthetic
-from tbm_msgs_py.health import PointHealth
-from tbm_msgs_py.recording import RecordingReader
+from tbm_msgs_py.base.arrays import Array
+from tbm_msgs_py.recordings.health import PointHealth
+from tbm_msgs_py.recordings.recording import RecordingReader
 
 STATISTICS = ("rms", "peak", "crest_factor", "kurtosis", "velocity_rms")
 _DIGITS = 8  # significant ones of what is written by the thousand

@@ -7,7 +7,7 @@ from typing import Literal
 import numpy as np
 
 from tbm_dynamics import Machine
-from tbm_gsa.comparison.conditioning import LOW_PASS_LIMIT_HZ
+from tbm_gsa.signals.conditioning import LOW_PASS_LIMIT_HZ
 
 Kind = Literal["load", "mesh", "axial"]
 

@@ -5,16 +5,16 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from tbm_gsa.comparison.clock import sampling_rate
-from tbm_gsa.comparison.conditioning import Frame
 from tbm_gsa.comparison.levels import Course
 from tbm_gsa.comparison.model_run import MODEL_RATE_HZ
 from tbm_gsa.comparison.offline import compared_band
-from tbm_gsa.comparison.reduction import ReducedSignal, SignalReducer, one_level
-from tbm_gsa.comparison.settings import Settings
-from tbm_gsa.errors import InputError
-from tbm_msgs_py.health import PointHealth, Tally
-from tbm_msgs_py.recording import AccelerationRecord, RecordingReader
+from tbm_gsa.signals.clock import sampling_rate
+from tbm_gsa.signals.conditioning import Frame
+from tbm_gsa.signals.reduction import ReducedSignal, SignalReducer, one_level
+from tbm_gsa.signals.settings import Settings
+from tbm_msgs_py.base.errors import InputError
+from tbm_msgs_py.recordings.health import PointHealth, Tally
+from tbm_msgs_py.recordings.recording import AccelerationRecord, RecordingReader
 
 LEAST_SAMPLES = 1000  # that a sampling rate is taken from, if there are as many
 

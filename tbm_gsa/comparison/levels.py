@@ -15,10 +15,10 @@ from typing import Literal
 import numpy as np
 
 from tbm_dynamics import Machine
-from tbm_gsa.arrays import Array, Integers
-from tbm_gsa.comparison.spectrum import LevelOf
-from tbm_gsa.errors import InputError
-from tbm_msgs_py.bags.operating import OperatingRecord
+from tbm_gsa.signals.spectrum import LevelOf
+from tbm_msgs_py.base.arrays import Array, Integers
+from tbm_msgs_py.base.errors import InputError
+from tbm_msgs_py.recordings.operating import OperatingRecord
 
 TOLERANCE = 0.05
 SHORTEST_DWELL_S = 10.0

@@ -6,7 +6,7 @@ import numpy as np
 
 from tbm_dynamics import Machine, Simulator
 from tbm_dynamics.integration.simulator import DEFAULT_STEP
-from tbm_gsa.comparison.reduction import ReducedSignal, SignalReducer
+from tbm_gsa.signals.reduction import ReducedSignal, SignalReducer
 
 MODEL_RATE_HZ = 1.0 / DEFAULT_STEP
 _CHUNK_STEPS = 8192

@@ -8,15 +8,15 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import ArrayLike
 
-from tbm_gsa.arrays import Array, Integers
-from tbm_gsa.comparison.clock import sampling_rate
-from tbm_gsa.comparison.conditioning import Band, Frame, common_band, ordered
-from tbm_gsa.comparison.estimates import SignalStatistics, estimate, field_sample, level_shares, model_sample
-from tbm_gsa.comparison.intervals import Interval, error_interval
-from tbm_gsa.comparison.reduction import ReducedSignal, SignalReducer
-from tbm_gsa.comparison.settings import Settings, band_name
-from tbm_gsa.comparison.statistics import coverage, kurtosis, ratio, relative_error, rms
-from tbm_gsa.errors import InputError
+from tbm_gsa.signals.clock import sampling_rate
+from tbm_gsa.signals.conditioning import Band, Frame, common_band, ordered
+from tbm_gsa.signals.estimates import SignalStatistics, estimate, field_sample, level_shares, model_sample
+from tbm_gsa.signals.intervals import Interval, error_interval
+from tbm_gsa.signals.reduction import ReducedSignal, SignalReducer
+from tbm_gsa.signals.settings import Settings, band_name
+from tbm_gsa.signals.statistics import coverage, kurtosis, ratio, relative_error, rms
+from tbm_msgs_py.base.arrays import Array, Integers
+from tbm_msgs_py.base.errors import InputError
 
 G = 9.80665  # m/s²
 

@@ -9,8 +9,8 @@ from bisect import bisect_right
 import numpy as np
 from numpy.typing import ArrayLike
 
-from tbm_gsa.arrays import Array
 from tbm_gsa.comparison.levels import Kind, alike
+from tbm_msgs_py.base.arrays import Array
 
 KEPT_NS = 7_200_000_000_000  # two windows of the greatest length
 

@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from tbm_gsa.arrays import Integers
-from tbm_gsa.comparison.clock import GAP_PERIODS, RATE_TOLERANCE, sampling_rate
+from tbm_gsa.signals.clock import GAP_PERIODS, RATE_TOLERANCE, sampling_rate
+from tbm_msgs_py.base.arrays import Integers
 
 NANOSECONDS = 1_000_000_000
 EVIDENCE = 256  # samples; single ones whose stamps jitter by 40 % of a period (σ) say their rate within 15 %

@@ -14,12 +14,12 @@ from tbm_gsa.comparison.field_side import FieldSide, reduce_field
 from tbm_gsa.comparison.levels import Course, NeverDrivenError, machine_course, recorded_course
 from tbm_gsa.comparison.model_run import MODEL_RATE_HZ, run_model
 from tbm_gsa.comparison.offline import Comparison, PointComparison, compare_signals
-from tbm_gsa.comparison.reduction import ReducedSignal, SignalReducer
-from tbm_gsa.comparison.settings import Settings
-from tbm_gsa.errors import InputError
+from tbm_gsa.signals.reduction import ReducedSignal, SignalReducer
+from tbm_gsa.signals.settings import Settings
 from tbm_msgs_py.bags.errors import RecordingError
-from tbm_msgs_py.bags.mapping import Mapping as TopicMapping
-from tbm_msgs_py.recording import RecordingReader, open_recording
+from tbm_msgs_py.base.errors import InputError
+from tbm_msgs_py.recordings.mapping import Mapping as TopicMapping
+from tbm_msgs_py.recordings.recording import RecordingReader, open_recording
 
 LONGEST_MODEL_S = 3600.0
 SHORTEST_MODEL_S = 1.0

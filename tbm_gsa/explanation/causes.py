@@ -15,7 +15,7 @@ from typing import Final
 import numpy as np
 import scipy.linalg
 
-from tbm_gsa.arrays import Array
+from tbm_msgs_py.base.arrays import Array
 
 GRID: Final = 401
 """Places over the range of an input."""

@@ -8,14 +8,14 @@ from typing import Any
 
 import numpy as np
 
-from tbm_gsa.arrays import Array
 from tbm_gsa.explanation.causes import Cause, Misfit
 from tbm_gsa.explanation.joint import JointPosterior
 from tbm_gsa.explanation.observed import Observed
 from tbm_gsa.explanation.shifts import Shifts
 from tbm_gsa.explanation.verdict import explains
 from tbm_gsa.provenance import package_versions
-from tbm_gsa.study.inputs import InputSet
+from tbm_gsa.sensitivity.study.inputs import InputSet
+from tbm_msgs_py.base.arrays import Array
 
 
 @dataclass(frozen=True, eq=False)

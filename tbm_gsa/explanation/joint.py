@@ -13,8 +13,8 @@ from typing import Final
 import emcee
 import numpy as np
 
-from tbm_gsa.arrays import Array
 from tbm_gsa.explanation.causes import Misfit
+from tbm_msgs_py.base.arrays import Array
 
 WALKERS_AN_INPUT: Final = 3
 STEPS: Final = 900

@@ -7,12 +7,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from tbm_gsa.arrays import Array
 from tbm_gsa.explanation.causes import Cause, Misfit, rank_causes
 from tbm_gsa.explanation.observed import Observed
 from tbm_gsa.explanation.shifts import Lengths, Shifts, chance
-from tbm_gsa.study.evaluate import MachineEvaluation
-from tbm_gsa.study.inputs import InputSet
+from tbm_gsa.sensitivity.study.evaluate import MachineEvaluation
+from tbm_gsa.sensitivity.study.inputs import InputSet
+from tbm_msgs_py.base.arrays import Array
 
 
 def first_input(causes: Sequence[Cause]) -> Cause:

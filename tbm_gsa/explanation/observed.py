@@ -9,7 +9,7 @@ from typing import Any, Final
 
 from scipy.stats import norm
 
-from tbm_gsa.study.errors import StudyError
+from tbm_gsa.sensitivity.study.errors import StudyError
 
 FEWEST: Final = 2
 

@@ -7,8 +7,8 @@ from typing import Final
 
 from tbm_dynamics import Machine
 from tbm_dynamics.machine.inputs import input_values
-from tbm_gsa.study.distributions import LogUniform, Uniform
-from tbm_gsa.study.inputs import PAPER_INPUTS, Input, InputSet
+from tbm_gsa.sensitivity.study.distributions import LogUniform, Uniform
+from tbm_gsa.sensitivity.study.inputs import PAPER_INPUTS, Input, InputSet
 
 OPERATING: Final = ("x1", "x2", "x3")
 """Known from the recording, or the machine's own: no explanation."""

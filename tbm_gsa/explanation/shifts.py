@@ -8,8 +8,8 @@ from typing import Final
 import numpy as np
 from sklearn.covariance import OAS
 
-from tbm_gsa.arrays import Array
-from tbm_gsa.surrogates import Surrogate, fit_surrogate
+from tbm_gsa.sensitivity.surrogates import Surrogate, fit_surrogate
+from tbm_msgs_py.base.arrays import Array
 
 METHOD: Final = "krg"
 FOLDS: Final = 5

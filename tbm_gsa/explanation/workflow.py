@@ -9,21 +9,21 @@ from pathlib import Path
 from typing import Any, Final
 
 from tbm_dynamics import Machine, load_machine
-from tbm_gsa.arrays import Array
 from tbm_gsa.explanation.document import Explained, explanation_document
 from tbm_gsa.explanation.joint import joint_posterior
 from tbm_gsa.explanation.judgement import Judge, first_input, statistics_of
 from tbm_gsa.explanation.observed import observed
 from tbm_gsa.explanation.ranges import explaining_inputs
 from tbm_gsa.explanation.shifts import Lengths, Shifts
-from tbm_gsa.files import write_json
 from tbm_gsa.provenance import machine_sha256
-from tbm_gsa.study.campaign import Progress, run_campaign
-from tbm_gsa.study.errors import StudyError
-from tbm_gsa.study.evaluate import MachineEvaluation
-from tbm_gsa.study.inputs import InputSet
-from tbm_gsa.study.problem import Problem
-from tbm_gsa.study.store import Store
+from tbm_gsa.sensitivity.study.campaign import Progress, run_campaign
+from tbm_gsa.sensitivity.study.errors import StudyError
+from tbm_gsa.sensitivity.study.evaluate import MachineEvaluation
+from tbm_gsa.sensitivity.study.inputs import InputSet
+from tbm_gsa.sensitivity.study.problem import Problem
+from tbm_gsa.sensitivity.study.store import Store
+from tbm_msgs_py.base.arrays import Array
+from tbm_msgs_py.base.files import write_json
 
 STORE_NAME: Final = "explanation.sqlite"
 RESULT_NAME: Final = "explanation.json"

@@ -7,8 +7,8 @@ from typing import Final, cast
 import numpy as np
 
 from tbm_gsa.comparison import UsualError
-from tbm_gsa.errors import InputError
 from tbm_gsa.history.entries import Group, Kind
+from tbm_msgs_py.base.errors import InputError
 
 LEAST_WINDOWS: Final = 5  # a scatter of fewer means nothing
 BY_ORIGIN: Final = ("point", "axis", "machine", "machine_sha256", "kind")

@@ -8,8 +8,8 @@ from typing import Any, Final, Literal, get_args
 import numpy as np
 from numpy.typing import NDArray
 
-from tbm_gsa.arrays import Array
 from tbm_gsa.comparison import DEAD_SHARE, WindowResult
+from tbm_msgs_py.base.arrays import Array
 
 Kind = Literal["live", "replay", "offline", "synthetic"]
 KINDS: Final[tuple[Kind, ...]] = get_args(Kind)

@@ -47,6 +47,3 @@ FIGURE_OF: Final = {
     "MF_Se": "Figure 14",
 }
 CURVES_OF: Final = {"RDef_A": "Figure 12", "PAcc_L": "Figure 12", "MF_M": "Figure 15", "MF_Se": "Figure 15"}
-
-SAMPLE_SIZES: Final = (20_000, 40_000, 60_000, 80_000, 100_000)
-"""Section 4.2: evaluations, more and more; at the last the indices have converged."""

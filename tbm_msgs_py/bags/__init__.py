@@ -5,8 +5,8 @@ from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from tbm_msgs_py.bags.bag import Bag, BagInfo
+    from tbm_msgs_py.bags.batch import RawMessage, Topic
     from tbm_msgs_py.bags.errors import RecordingError
-    from tbm_msgs_py.bags.stretch import RawMessage, Topic
     from tbm_msgs_py.bags.writing import BagWriter
 
 __all__ = ["Bag", "BagInfo", "BagWriter", "RawMessage", "RecordingError", "Topic"]
@@ -16,9 +16,9 @@ _HOME = {
     "Bag": "tbm_msgs_py.bags.bag",
     "BagInfo": "tbm_msgs_py.bags.bag",
     "BagWriter": "tbm_msgs_py.bags.writing",
-    "RawMessage": "tbm_msgs_py.bags.stretch",
+    "RawMessage": "tbm_msgs_py.bags.batch",
     "RecordingError": "tbm_msgs_py.bags.errors",
-    "Topic": "tbm_msgs_py.bags.stretch",
+    "Topic": "tbm_msgs_py.bags.batch",
 }
 
 

@@ -22,10 +22,10 @@ from mcap.opcode import Opcode
 from mcap.records import Channel, Schema, Statistics
 from numpy.typing import NDArray
 
+from tbm_msgs_py.bags.batch import BATCH, POOL, Stretch, Topic, joined
 from tbm_msgs_py.bags.chunks import ChunkError, chunk_records
 from tbm_msgs_py.bags.errors import RecordingError
 from tbm_msgs_py.bags.records import CHUNK_HEAD, CUT, FOOTER, HEAD, LONGEST, MORE, Bytes, Walk, walk
-from tbm_msgs_py.bags.stretch import BATCH, POOL, Stretch, Topic, joined
 
 MAGIC = b"\x89MCAP0\r\n"
 WINDOW = 4 << 20  # bytes read at a time

@@ -11,11 +11,11 @@ from rosbags.typesys import get_types_from_idl, get_types_from_msg
 from rosbags.typesys.store import Typestore
 
 from tbm_msgs_py.bags.bag import Bag
+from tbm_msgs_py.bags.batch import Topic
 from tbm_msgs_py.bags.errors import RecordingError
 from tbm_msgs_py.bags.marks import SYNTHETIC, is_synthetic
-from tbm_msgs_py.bags.quality import offered_quality
+from tbm_msgs_py.bags.qos import offered_quality
 from tbm_msgs_py.bags.samples import typestore
-from tbm_msgs_py.bags.stretch import Topic
 from tbm_msgs_py.bags.writing import BagWriter
 
 UNKNOWN_HASH = "RIHS01_" + 64 * "0"  # of a definition that the library cannot parse

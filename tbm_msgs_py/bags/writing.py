@@ -20,8 +20,8 @@ from tbm_msgs_py.bags.locking import lock
 from tbm_msgs_py.bags.metadata import TopicEntry
 from tbm_msgs_py.bags.part import Compression, Part
 from tbm_msgs_py.bags.samples import BLOCK_TYPE, JOINT_STATE_TYPE, typestore
+from tbm_msgs_py.base.operating_point import OperatingPoint
 from tbm_msgs_py.blocks import NANOSECONDS, BlockLayout
-from tbm_msgs_py.operating_point import OperatingPoint
 from tbm_msgs_py.topics import Quality
 
 

@@ -13,10 +13,9 @@ import yaml
 from numpy.typing import NDArray
 
 from tbm_msgs_py import topics
-from tbm_msgs_py.bags import mapping
 from tbm_msgs_py.bags.errors import RecordingError
-from tbm_msgs_py.bags.mapping import contract_sensor
 from tbm_msgs_py.bags.writing import BagWriter
+from tbm_msgs_py.base.operating_point import OperatingPoint
 from tbm_msgs_py.blocks import ACCELERATION, NANOSECONDS
 from tbm_msgs_py.importing.description import Description, OperatingColumns, PointColumns, TimeColumn
 from tbm_msgs_py.importing.extra import complaints
@@ -24,7 +23,8 @@ from tbm_msgs_py.importing.formats import open_source
 from tbm_msgs_py.importing.source import Source
 from tbm_msgs_py.importing.timing import RowTimes
 from tbm_msgs_py.importing.units import same_unit
-from tbm_msgs_py.operating_point import OperatingPoint
+from tbm_msgs_py.recordings import mapping
+from tbm_msgs_py.recordings.mapping import contract_sensor
 
 BLOCK_SAMPLES = topics.MODEL_BLOCK_SAMPLES
 

@@ -13,7 +13,7 @@ from pydantic import AwareDatetime, BaseModel, ConfigDict, Field, ValidationErro
 
 from tbm_msgs_py import topics
 from tbm_msgs_py.bags.errors import RecordingError
-from tbm_msgs_py.bags.mapping import SensorMapping, entry_problem, read_yaml
+from tbm_msgs_py.recordings.mapping import SensorMapping, entry_problem, read_yaml
 
 Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
 Column = Annotated[str, Field(min_length=1)]

@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tbm_msgs_py.bags.errors import RecordingError
-from tbm_msgs_py.bags.faults import GAP_FACTOR
 from tbm_msgs_py.blocks import NANOSECONDS
+from tbm_msgs_py.recordings.faults import GAP_FACTOR
 
 
 @dataclass

@@ -23,8 +23,8 @@ from sensor_msgs.msg import JointState, PointCloud2, PointField
 from std_msgs.msg import Header
 
 from tbm_msgs_py import blocks
+from tbm_msgs_py.base.operating_point import OperatingPoint
 from tbm_msgs_py.blocks import BlockLayout
-from tbm_msgs_py.operating_point import OperatingPoint
 
 Level = Literal["ok", "warn", "error", "stale"]
 _LEVELS = {

@@ -9,7 +9,7 @@ import pytest
 import yaml
 
 from tbm_dynamics import Machine
-from tbm_gsa.cli.main import main
+from tbm_gsa.app.cli.main import main
 from tbm_msgs_py import ACCELERATION, BagWriter
 from tbm_msgs_py.topics import TEST_POINTS
 

@@ -4,9 +4,9 @@ import pytest
 
 from tbm_dynamics import load_machine
 from tbm_dynamics.machine import MachineError
-from tbm_dynamics.schedule import read_schedule
-from tbm_gsa.study.definition import read_definition
-from tbm_gsa.study.errors import StudyError
+from tbm_dynamics.streaming.schedule import read_schedule
+from tbm_gsa.sensitivity.study.definition import read_definition
+from tbm_gsa.sensitivity.study.errors import StudyError
 from tbm_msgs_py import RecordingError, load_mapping
 from tbm_msgs_py.importing.description import describe
 

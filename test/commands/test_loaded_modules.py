@@ -9,8 +9,8 @@ import sys
 
 import pytest
 
-from tbm_gsa.cli.commands import LINES
-from tbm_gsa.nodes.start import NODES
+from tbm_gsa.app.cli.commands import LINES
+from tbm_gsa.app.nodes.start import NODES
 
 # They take up to a second to import.
 FITTED_AND_DRAWN = {"matplotlib", "PIL", "jinja2", "sklearn", "SALib", "pandas", "emcee", "distributed"}
@@ -20,7 +20,7 @@ FILTERING = {"dynamics_node", "analysis_node"}
 
 
 TOLD = "import atexit, sys; atexit.register(lambda: print(*sys.modules, file=sys.stderr))\n"
-HELP = TOLD + "from tbm_gsa.cli.main import main; main()"
+HELP = TOLD + "from tbm_gsa.app.cli.main import main; main()"
 
 
 def loaded(program, *arguments):
@@ -33,9 +33,9 @@ def loaded(program, *arguments):
 
 def test_the_help_loads_no_command():
     modules, text = loaded(HELP, "--help")
-    assert "tbm_gsa.cli.commands" in modules
+    assert "tbm_gsa.app.cli.commands" in modules
     assert not {"numpy", "yaml", "pydantic", "tbm_dynamics", "tbm_msgs_py"} & modules
-    assert not {f"tbm_gsa.cli.{name}" for name in LINES} & modules
+    assert not {f"tbm_gsa.app.cli.{name}" for name in LINES} & modules
     for name, line in LINES.items():
         assert re.search(rf"\b{name} +{re.escape(line)}", text)
 
@@ -43,7 +43,7 @@ def test_the_help_loads_no_command():
 @pytest.mark.parametrize("command", LINES)
 def test_the_help_of_a_command_waits_for_no_library(command):
     modules, _ = loaded(HELP, command, "--help")
-    assert f"tbm_gsa.cli.{command}" in modules
+    assert f"tbm_gsa.app.cli.{command}" in modules
     assert not (FITTED_AND_DRAWN | FILTERED | {"rclpy"}) & modules
 
 
@@ -61,7 +61,7 @@ def test_a_node_loads_nothing_that_it_does_not_need(node):
 FIRST_BLOCKS = {
     "loads": """
 from tbm_dynamics.machine import load_machine
-from tbm_dynamics.streams import LoadStream
+from tbm_dynamics.streaming.streams import LoadStream
 
 stream = LoadStream(load_machine("dz101"), 0, 1e-4, 500)
 stream.next_block()
@@ -70,10 +70,10 @@ def work():
     stream.next_block()
 """,
     "dynamics": """
-from tbm_dynamics.live import LiveFilter
+from tbm_dynamics.streaming.live import LiveFilter
 from tbm_dynamics.machine import load_machine
-from tbm_dynamics.sensors import SensorModel, SensorParameters
-from tbm_dynamics.streams import DynamicsStream
+from tbm_dynamics.streaming.sensors import SensorModel, SensorParameters
+from tbm_dynamics.streaming.streams import DynamicsStream
 
 stream = DynamicsStream(load_machine("dz101"), 1e4)
 sensor = SensorModel(SensorParameters(packet_samples=50), 10000, 0, "girder")
@@ -86,7 +86,7 @@ def work():
         assert slow.process(chunk.first_step, chunk.mesh_force)
 """,
     "analysis": """
-from tbm_gsa.nodes.analysis_node import WindowedComparison
+from tbm_gsa.app.nodes.analysis_node import WindowedComparison
 
 comparison = WindowedComparison(0.5)
 

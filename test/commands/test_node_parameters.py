@@ -12,7 +12,7 @@ pytest.importorskip("rclpy")
 
 from tbm_dynamics.nodes.dynamics_node import DynamicsNode
 from tbm_dynamics.nodes.load_node import LoadNode
-from tbm_gsa.nodes.analysis_node import AnalysisNode
+from tbm_gsa.app.nodes.analysis_node import AnalysisNode
 from tbm_msgs_py import ACCELERATION, BagWriter
 from tbm_msgs_py.nodes.bag_player import BagPlayer
 from tbm_msgs_py.nodes.bag_recorder import BagRecorder
@@ -85,7 +85,7 @@ def test_bad_parameters_are_one_line(node, parameters, named, process, tmp_path)
 
 
 def test_a_process_with_bad_parameters_ends_with_2():
-    command = [sys.executable, "-m", "tbm_gsa.nodes.start", "tbm_msgs_py.nodes.bag_player"]
+    command = [sys.executable, "-m", "tbm_gsa.app.nodes.start", "tbm_msgs_py.nodes.bag_player"]
     done = subprocess.run(command, capture_output=True, text=True, check=False)
     assert (done.returncode, done.stdout, len(done.stderr.splitlines())) == (2, "", 1), done
     assert "parameter bag" in done.stderr

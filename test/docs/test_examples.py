@@ -10,7 +10,7 @@ from types import SimpleNamespace
 import pytest
 from pages import PAGES, ROOT, agrees, examples
 
-from tbm_gsa.cli.main import main
+from tbm_gsa.app.cli.main import main
 from tbm_msgs_py import ACCELERATION
 from tbm_msgs_py.blocks import encode
 

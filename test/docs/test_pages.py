@@ -8,7 +8,7 @@ import pytest
 import typer
 from pages import PAGES, ROOT, agrees, named_commands
 
-from tbm_gsa.cli.main import app, main
+from tbm_gsa.app.cli.main import app, main
 from tbm_gsa.history import default_history
 
 COMMAND_LINE = typer.main.get_command(app)

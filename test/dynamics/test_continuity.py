@@ -5,7 +5,7 @@ from itertools import pairwise
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
-from tbm_dynamics.continuity import BELIEVED_NS, MOST_RUNS, Continuity, Piece
+from tbm_dynamics.streaming.continuity import BELIEVED_NS, MOST_RUNS, Continuity, Piece
 
 STEP, COUNT = 1_000_000, 50  # ns; samples of a block of 50 ms
 LENGTH = STEP * COUNT

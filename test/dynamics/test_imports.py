@@ -18,7 +18,7 @@ print(",".join(name for name in loaded if sys.modules[name] is not None))
 """
 
 
-@pytest.mark.parametrize("code", ["import tbm_dynamics, tbm_gsa", "import tbm_dynamics.streams, tbm_dynamics.live"])
+@pytest.mark.parametrize("code", ["import tbm_dynamics, tbm_gsa", "from tbm_dynamics.streaming import live, streams"])
 def test_no_ros_is_loaded(code):
     program = PROGRAM.format(code=code)
     done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=False, timeout=60)
@@ -27,6 +27,8 @@ def test_no_ros_is_loaded(code):
 
 
 def test_the_dynamics_never_load_the_analysis():
-    program = "import sys, tbm_dynamics.streams; print([n for n in sys.modules if n.split('.')[0] == 'tbm_gsa'])"
+    program = (
+        "import sys, tbm_dynamics.streaming.streams; print([n for n in sys.modules if n.split('.')[0] == 'tbm_gsa'])"
+    )
     done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True, timeout=60)
     assert done.stdout.strip() == "[]"

@@ -15,7 +15,7 @@ from machine_files import TEXT, all_connections, built, plain, without
 
 from tbm_dynamics import MachineError, load_machine, shipped_machines
 from tbm_dynamics.machine.inputs import INPUT_CODES
-from tbm_dynamics.texts import SOURCES
+from tbm_msgs_py.base.texts import SOURCES
 
 
 def refused(path, text):

@@ -13,9 +13,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from tbm_dynamics import MachineError, OperatingPoint, load_machine, simulate
-from tbm_dynamics.levels import operated_loads
-from tbm_dynamics.schedule import Schedule, pairs, read_schedule
-from tbm_dynamics.streams import LoadStream
+from tbm_dynamics.loads.stepper import operated_loads
+from tbm_dynamics.streaming.schedule import Schedule, pairs, read_schedule
+from tbm_dynamics.streaming.streams import LoadStream
 from tbm_dynamics.structure.drive import gear_pair
 
 COLUMNS = {"time": "t_s", "speed": "rpm", "torque": "torque_kNm", "thrust": "thrust_kN"}

@@ -5,7 +5,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from pydantic import ValidationError
 
-from tbm_dynamics.sensors import GRAVITY, SensorModel, SensorPacket, SensorParameters
+from tbm_dynamics.streaming.sensors import GRAVITY, SensorModel, SensorPacket, SensorParameters
 
 INPUT = 10_000
 WIRELESS = SensorParameters(

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from tbm_dynamics import SimulationError, Simulator, load_machine, simulate
-from tbm_dynamics.streams import DynamicsStream, LoadStream, step_ns
+from tbm_dynamics.streaming.streams import DynamicsStream, LoadStream, step_ns
 
 RATE, TIME_STEP, SAMPLES = 10_000.0, 1e-4, 200
 EPOCH = 1_700_000_000_123_456_789

@@ -2,8 +2,8 @@
 
 from evaluations import OUTPUTS
 
-from tbm_gsa.study.inputs import PAPER_INPUTS, InputSet
-from tbm_gsa.study.problem import Problem
+from tbm_gsa.sensitivity.study.inputs import PAPER_INPUTS, InputSet
+from tbm_gsa.sensitivity.study.problem import Problem
 
 THREE = InputSet(tuple(PAPER_INPUTS[code] for code in ("x2", "x4", "x16")))
 PROBLEM = Problem(THREE, OUTPUTS, 30, 6, 0)

@@ -8,7 +8,7 @@ import pytest
 from sobol_functions import FUNCTIONS
 
 from tbm_gsa import fit_surrogate
-from tbm_gsa.cli.main import main
+from tbm_gsa.app.cli.main import main
 
 
 @cache

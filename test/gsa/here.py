@@ -6,8 +6,8 @@ from functools import partial
 
 import pytest
 
-from tbm_gsa.study import analysis, campaign
-from tbm_gsa.study.workers import Workers
+from tbm_gsa.sensitivity.study import analysis, campaign
+from tbm_gsa.sensitivity.study.workers import Workers
 
 
 class _Here(Executor):

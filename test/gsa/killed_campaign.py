@@ -11,8 +11,8 @@ if __name__ == "__main__":
     from campaign_problem import PROBLEM
     from evaluations import Held
 
-    from tbm_gsa.study.campaign import run_campaign
-    from tbm_gsa.study.store import Store
+    from tbm_gsa.sensitivity.study.campaign import run_campaign
+    from tbm_gsa.sensitivity.study.store import Store
 
     folder, free = sys.argv[1:]
     with Store.create_or_open(Path(folder) / "store.sqlite", PROBLEM) as store:

@@ -10,8 +10,8 @@ import pytest
 
 from tbm_dynamics import Simulator, load_machine
 from tbm_dynamics.indicators import indicators
-from tbm_gsa.study.design import make_design
-from tbm_gsa.study.inputs import PAPER_INPUTS
+from tbm_gsa.sensitivity.study.design import make_design
+from tbm_gsa.sensitivity.study.inputs import PAPER_INPUTS
 
 MACHINES = 12
 ALWAYS = 3

@@ -7,14 +7,14 @@ import numpy as np
 import pytest
 from evaluations import OUTPUTS, Traced, analytic, fails_above, threads
 
-from tbm_gsa.study.campaign import run_campaign
-from tbm_gsa.study.design import make_design
-from tbm_gsa.study.distributions import Uniform
-from tbm_gsa.study.errors import StudyCancelled, StudyError
-from tbm_gsa.study.inputs import PAPER_INPUTS, InputSet
-from tbm_gsa.study.problem import Problem
-from tbm_gsa.study.store import Counts, PlannedDesign, Store
-from tbm_gsa.study.worker import Outcome
+from tbm_gsa.sensitivity.study.campaign import run_campaign
+from tbm_gsa.sensitivity.study.design import make_design
+from tbm_gsa.sensitivity.study.distributions import Uniform
+from tbm_gsa.sensitivity.study.errors import StudyCancelled, StudyError
+from tbm_gsa.sensitivity.study.inputs import PAPER_INPUTS, InputSet
+from tbm_gsa.sensitivity.study.problem import Problem
+from tbm_gsa.sensitivity.study.store import Counts, PlannedDesign, Store
+from tbm_gsa.sensitivity.study.worker import Outcome
 
 THREE = InputSet(tuple(PAPER_INPUTS[code] for code in ("x2", "x4", "x16")))
 PROBLEM = Problem(THREE, OUTPUTS, train=12, test=3, seed=0, settings={"machine": "none", "duration": 3.0})

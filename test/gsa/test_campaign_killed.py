@@ -24,9 +24,9 @@ from evaluations import (
     kills_its_process,
 )
 
-from tbm_gsa.study.campaign import run_campaign
-from tbm_gsa.study.errors import StudyError
-from tbm_gsa.study.store import Counts, Store
+from tbm_gsa.sensitivity.study.campaign import run_campaign
+from tbm_gsa.sensitivity.study.errors import StudyError
+from tbm_gsa.sensitivity.study.store import Counts, Store
 
 
 @pytest.fixture

@@ -8,12 +8,12 @@ from campaign_problem import PROBLEM, THREE
 from dask_cluster import dask_cluster
 from evaluations import LONG_S, Traced, analytic, fails_above
 
-from tbm_gsa.study import cluster as cluster_module
-from tbm_gsa.study.campaign import run_campaign
-from tbm_gsa.study.errors import StudyCancelled, StudyError
-from tbm_gsa.study.evaluate import MachineEvaluation
-from tbm_gsa.study.problem import Problem
-from tbm_gsa.study.store import Counts, Store
+from tbm_gsa.sensitivity.study import cluster as cluster_module
+from tbm_gsa.sensitivity.study.campaign import run_campaign
+from tbm_gsa.sensitivity.study.errors import StudyCancelled, StudyError
+from tbm_gsa.sensitivity.study.evaluate import MachineEvaluation
+from tbm_gsa.sensitivity.study.problem import Problem
+from tbm_gsa.sensitivity.study.store import Counts, Store
 
 
 @pytest.fixture(scope="module")

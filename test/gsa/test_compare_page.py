@@ -11,11 +11,11 @@ from compare_bags import noise, write_bag
 from typer.testing import CliRunner
 
 from tbm_dynamics import MachineError
-from tbm_gsa.cli.compare import compare
+from tbm_gsa.app.cli.compare import compare
+from tbm_gsa.app.report import compare_page as module
+from tbm_gsa.app.report.compare_page import compare_page, write_page
 from tbm_gsa.comparison import Settings
 from tbm_gsa.comparison.workflow import compare_recording
-from tbm_gsa.report import compare_page as module
-from tbm_gsa.report.compare_page import compare_page, write_page
 from tbm_msgs_py import RecordingError
 
 HOSTILE = "<b>x$y_{"

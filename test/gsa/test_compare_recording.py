@@ -7,14 +7,14 @@ import pytest
 from compare_bags import RATE, START_NS, G, model_values, noise, write_bag
 
 from tbm_dynamics import MachineError, load_machine
-from tbm_gsa.cli.bag.info import info
+from tbm_gsa.app.cli.bag.info import info
 from tbm_gsa.comparison import Settings
 from tbm_gsa.comparison.document import axial_rows
 from tbm_gsa.comparison.workflow import compare_recording
 from tbm_msgs_py import ACCELERATION, OperatingPoint, RecordingError
 from tbm_msgs_py.bags import BagWriter
 from tbm_msgs_py.bags.marks import SYNTHETIC
-from tbm_msgs_py.health import COUNTS
+from tbm_msgs_py.recordings.health import COUNTS
 
 SHORT = {"model_duration": 2.0}
 

@@ -11,9 +11,9 @@ import numpy as np
 import pytest
 import scipy.signal
 
-from tbm_gsa.comparison.conditioning import Band, Stretch
-from tbm_gsa.comparison.estimates import Sample, estimate
-from tbm_gsa.comparison.intervals import (
+from tbm_gsa.signals.conditioning import Band, Stretch
+from tbm_gsa.signals.estimates import Sample, estimate
+from tbm_gsa.signals.intervals import (
     UNKNOWN,
     around,
     density_factors,
@@ -23,10 +23,10 @@ from tbm_gsa.comparison.intervals import (
     peak_range,
     quotient_range,
 )
-from tbm_gsa.comparison.reduction import SignalReducer
-from tbm_gsa.comparison.settings import Settings
-from tbm_gsa.comparison.spectrum import WelchCollector
-from tbm_gsa.comparison.windows import WindowCollector
+from tbm_gsa.signals.reduction import SignalReducer
+from tbm_gsa.signals.settings import Settings
+from tbm_gsa.signals.spectrum import WelchCollector
+from tbm_gsa.signals.windows import WindowCollector
 
 RATE, DRAWS = 100.0, 300
 BAND = Band(0.5, 40.0)

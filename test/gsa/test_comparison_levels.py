@@ -8,7 +8,7 @@ from tbm_dynamics import load_machine
 from tbm_gsa.comparison.levels import MOST_LEVELS, R_MIN, NeverDrivenError, machine_course, recorded_course
 from tbm_gsa.comparison.workflow import compare_recording
 from tbm_msgs_py import OperatingPoint
-from tbm_msgs_py.bags.operating import OperatingRecord
+from tbm_msgs_py.recordings.operating import OperatingRecord
 
 SECOND = 1_000_000_000
 

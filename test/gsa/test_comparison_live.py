@@ -16,8 +16,8 @@ from tbm_gsa.comparison import (
     compare_records,
     dead_axes,
 )
-from tbm_gsa.comparison.conditioning import common_band, condition
 from tbm_gsa.comparison.streams import WindowSum
+from tbm_gsa.signals.conditioning import common_band, condition
 
 SECOND = 1_000_000_000
 EPOCH = 1_700_000_000 * SECOND  # a multiple of the window

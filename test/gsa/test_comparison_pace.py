@@ -5,8 +5,8 @@ from collections.abc import Iterator
 import numpy as np
 import pytest
 
+from tbm_gsa.app.nodes.health import StreamHealth
 from tbm_gsa.comparison import WindowedComparison, WindowResult
-from tbm_gsa.nodes.health import StreamHealth
 
 SECOND = 1_000_000_000
 WINDOW = 2.0

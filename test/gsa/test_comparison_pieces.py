@@ -7,11 +7,11 @@ import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
-from tbm_gsa.comparison.estimates import estimate, field_sample
 from tbm_gsa.comparison.field_side import reduce_field
-from tbm_gsa.comparison.settings import Settings
-from tbm_msgs_py.bags.faults import Faults, find_gaps, stuck_axes
-from tbm_msgs_py.recording import AccelerationRecord
+from tbm_gsa.signals.estimates import estimate, field_sample
+from tbm_gsa.signals.settings import Settings
+from tbm_msgs_py.recordings.faults import Faults, find_gaps, stuck_axes
+from tbm_msgs_py.recordings.recording import AccelerationRecord
 
 RATE, START_NS = 1000.0, 1_700_000_000_000_000_000
 CHOSEN = Settings()

@@ -4,8 +4,8 @@ import scipy.signal
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
-from tbm_gsa.comparison.clock import sampling_rate
-from tbm_gsa.comparison.conditioning import (
+from tbm_gsa.signals.clock import sampling_rate
+from tbm_gsa.signals.conditioning import (
     Band,
     CausalConditioner,
     Stretch,

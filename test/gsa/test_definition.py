@@ -2,10 +2,10 @@
 
 import pytest
 
-from tbm_gsa.study.definition import read_definition
-from tbm_gsa.study.distributions import LogUniform, Normal, Triangular, Uniform
-from tbm_gsa.study.errors import StudyError
-from tbm_gsa.study.inputs import PAPER_INPUTS, InputSet
+from tbm_gsa.sensitivity.study.definition import read_definition
+from tbm_gsa.sensitivity.study.distributions import LogUniform, Normal, Triangular, Uniform
+from tbm_gsa.sensitivity.study.errors import StudyError
+from tbm_gsa.sensitivity.study.inputs import PAPER_INPUTS, InputSet
 
 TEXT = """
 inputs:

@@ -8,9 +8,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from tbm_gsa.study.distributions import LogUniform, Normal, Triangular, Uniform, distribution_from
-from tbm_gsa.study.errors import StudyError
-from tbm_gsa.study.inputs import PAPER_INPUTS, Input, InputSet
+from tbm_gsa.sensitivity.study.distributions import LogUniform, Normal, Triangular, Uniform, distribution_from
+from tbm_gsa.sensitivity.study.errors import StudyError
+from tbm_gsa.sensitivity.study.inputs import PAPER_INPUTS, Input, InputSet
 
 LAWS = (
     Uniform(-2.0, 3.0),

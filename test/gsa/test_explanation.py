@@ -23,8 +23,8 @@ from scipy.stats import multivariate_normal, truncnorm
 from tbm_dynamics import MachineError, load_machine, simulate
 from tbm_dynamics.machine.inputs import input_values
 from tbm_dynamics.machine.writing import machine_text, write_machine
-from tbm_gsa.cli.main import main
-from tbm_gsa.comparison.settings import Settings
+from tbm_gsa.app.cli.main import main
+from tbm_gsa.app.report.explanation_page import joint_intervals
 from tbm_gsa.comparison.workflow import compare_recording
 from tbm_gsa.explanation import workflow
 from tbm_gsa.explanation.causes import Misfit, rank_causes
@@ -32,8 +32,8 @@ from tbm_gsa.explanation.joint import joint_posterior
 from tbm_gsa.explanation.observed import observed
 from tbm_gsa.explanation.shifts import Lengths, chance, shrunk_covariance
 from tbm_gsa.explanation.workflow import ExplainOptions, explain
-from tbm_gsa.report.explanation_page import joint_intervals
-from tbm_gsa.study.errors import StudyError
+from tbm_gsa.sensitivity.study.errors import StudyError
+from tbm_gsa.signals.settings import Settings
 
 SLOPES = np.array([[1.0, 0.2, 0.0], [0.5, -1.0, 0.3]])  # of two statistics along three inputs
 NOMINAL = np.array([0.5, 0.5, 0.5])

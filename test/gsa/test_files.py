@@ -10,10 +10,10 @@ from pathlib import Path
 import pytest
 from matplotlib.figure import Figure
 
-from tbm_gsa.files import write_json
-from tbm_gsa.report import explanation_page
-from tbm_gsa.report.picture import write_picture
-from tbm_gsa.surrogates.files import save_surrogate
+from tbm_gsa.app.report import explanation_page
+from tbm_gsa.app.report.picture import write_picture
+from tbm_gsa.sensitivity.surrogates.files import save_surrogate
+from tbm_msgs_py.base.files import write_json
 
 WRITERS = {
     "document": lambda path, _: write_json(path, {"a": 1}),

@@ -14,17 +14,17 @@ import pytest
 from here import simulations_here, small_samplings
 from rich.console import Console
 
-from tbm_gsa.cli.output import progress_bar
-from tbm_gsa.cli.workers import analysis_progress, campaign_progress
-from tbm_gsa.study import analysis
-from tbm_gsa.study.store import Store
+from tbm_gsa.app.cli.output import progress_bar
+from tbm_gsa.app.cli.workers import analysis_progress, campaign_progress
+from tbm_gsa.sensitivity.study import analysis
+from tbm_gsa.sensitivity.study.store import Store
 
 QUICK = ("--samples", "12", "--test", "2", "--duration", "0.02", "--method", "prs")
 LONG_S = 300.0  # until which a busy computer does anything
 
 
 def _start(*arguments):
-    command = [sys.executable, "-m", "tbm_gsa.cli.main", "gsa", *arguments]
+    command = [sys.executable, "-m", "tbm_gsa.app.cli.main", "gsa", *arguments]
     environment = {**os.environ, "PYTHONPATH": os.pathsep.join(filter(None, sys.path))}
     return subprocess.Popen(command, env=environment, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
 

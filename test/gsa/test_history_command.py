@@ -12,12 +12,12 @@ import pytest
 from compare_bags import START_NS, noise, write_bag
 from matplotlib.image import imread
 
-from tbm_gsa.cli import history as history_command
-from tbm_gsa.cli.main import main
+from tbm_gsa.app.cli import history as history_command
+from tbm_gsa.app.cli.main import main
+from tbm_gsa.app.report.history_figures import by_trend, trends
+from tbm_gsa.app.report.history_page import history_page
 from tbm_gsa.history import Baseline, Entry, History, Source, Window
 from tbm_gsa.history.baseline import Usual
-from tbm_gsa.report.history_figures import by_trend, trends
-from tbm_gsa.report.history_page import history_page
 from tbm_msgs_py import OperatingPoint
 
 

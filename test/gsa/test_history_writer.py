@@ -10,11 +10,11 @@ from contextlib import contextmanager
 import numpy as np
 import pytest
 
+from tbm_gsa.app.nodes import history_writer
+from tbm_gsa.app.nodes.history_writer import HistoryWriter, kind_of, live_now
 from tbm_gsa.comparison import WindowResult
 from tbm_gsa.history import Baseline, History, HistoryError, Source
 from tbm_gsa.history.baseline import Usual
-from tbm_gsa.nodes import history_writer
-from tbm_gsa.nodes.history_writer import HistoryWriter, kind_of, live_now
 
 SECOND = 1_000_000_000
 SOURCE = Source("live", "/tbm/analysis_node", "", "dz101", "sum")

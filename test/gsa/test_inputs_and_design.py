@@ -7,11 +7,11 @@ from hypothesis import strategies as st
 from scipy.spatial.distance import cdist, pdist
 from scipy.stats import qmc
 
-from tbm_gsa.study import hypercube
-from tbm_gsa.study.design import KINDS, add_points, make_design
-from tbm_gsa.study.distributions import LogUniform, Normal, Triangular, Uniform
-from tbm_gsa.study.errors import StudyError
-from tbm_gsa.study.inputs import PAPER_INPUTS, Input, InputSet
+from tbm_gsa.sensitivity.study import hypercube
+from tbm_gsa.sensitivity.study.design import KINDS, add_points, make_design
+from tbm_gsa.sensitivity.study.distributions import LogUniform, Normal, Triangular, Uniform
+from tbm_gsa.sensitivity.study.errors import StudyError
+from tbm_gsa.sensitivity.study.inputs import PAPER_INPUTS, Input, InputSet
 
 HYPERCUBES = [kind for kind in KINDS if kind != "sobol"]
 

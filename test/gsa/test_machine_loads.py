@@ -16,9 +16,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from tbm_dynamics import load_machine
-from tbm_gsa.cli.main import main
+from tbm_gsa.app.cli.main import main
 from tbm_gsa.paper import TABLE_1
-from tbm_gsa.report.load_summary import RATE_HZ, component, found_line, load_run
+from tbm_gsa.paper.load_summary import RATE_HZ, component, found_line, load_run
 
 
 @pytest.fixture(scope="module")

@@ -19,8 +19,8 @@ import yaml
 from matplotlib.image import imread
 
 from tbm_dynamics import load_machine
-from tbm_gsa.cli.main import main
-from tbm_gsa.report.machine_summary import motion_parts
+from tbm_dynamics.machine.summary import motion_parts
+from tbm_gsa.app.cli.main import main
 
 TEXT = {path.name: path.read_text("utf-8") for path in (resources.files("tbm_dynamics") / "machines").iterdir()}
 STRUCTURES = ("cutterhead_bearing_gear", "carrier_girder")

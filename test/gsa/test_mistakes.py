@@ -7,9 +7,9 @@ from pathlib import Path
 
 import pytest
 
-from tbm_gsa.cli.demo import print_tables
-from tbm_gsa.cli.main import main
-from tbm_gsa.cli.shipped import recording_path, shipped_bag
+from tbm_gsa.app.cli.demo import print_tables
+from tbm_gsa.app.cli.main import main
+from tbm_gsa.app.cli.shipped import recording_path, shipped_bag
 from tbm_msgs_py.bags.marks import is_synthetic
 
 SENSOR = "topics:\n  /rig: {point: girder, gravity: removed, frame: fixed, %s}\n"
@@ -106,6 +106,6 @@ def test_the_demo_calls_the_shipped_recording_synthetic_and_no_other(folder, cap
 
 
 def test_a_reader_that_has_seen_enough_is_no_error(folder):
-    line = f"{sys.executable} -m tbm_gsa.cli.main bag info field_dz101 | true; echo ${{PIPESTATUS[0]}}"
+    line = f"{sys.executable} -m tbm_gsa.app.cli.main bag info field_dz101 | true; echo ${{PIPESTATUS[0]}}"
     done = subprocess.run(["bash", "-c", line], capture_output=True, text=True, check=True)
     assert (done.stdout, done.stderr) == ("0\n", "")

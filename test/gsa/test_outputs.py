@@ -5,10 +5,10 @@ import pytest
 from tbm_dynamics import load_machine, simulate
 from tbm_dynamics.indicators import INDICATORS
 from tbm_gsa.comparison.offline import compare_records
-from tbm_gsa.comparison.settings import Settings
-from tbm_gsa.study.errors import StudyError
-from tbm_gsa.study.evaluate import MachineEvaluation
-from tbm_gsa.study.outputs import parse_outputs
+from tbm_gsa.sensitivity.study.errors import StudyError
+from tbm_gsa.sensitivity.study.evaluate import MachineEvaluation
+from tbm_gsa.sensitivity.study.outputs import parse_outputs
+from tbm_gsa.signals.settings import Settings
 
 DURATION, HIGH_HZ = 1.5, 600.0
 SAMPLE = {"x2": 1800.0, "x16": 1.4}

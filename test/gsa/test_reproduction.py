@@ -12,22 +12,22 @@ import pytest
 from here import simulations_here, small_samplings
 
 from tbm_dynamics.indicators import INDICATORS
-from tbm_gsa.cli import output
-from tbm_gsa.cli.shipped import shipped_bag
+from tbm_gsa.app.cli import output
+from tbm_gsa.app.cli.shipped import shipped_bag
+from tbm_gsa.paper.reproduction import studies, workflow
+from tbm_gsa.paper.reproduction.loads import gather_loads, load_rows
+from tbm_gsa.paper.reproduction.model import mesh_curves, model_rows
+from tbm_gsa.paper.reproduction.response import gather_response
+from tbm_gsa.paper.reproduction.response_rows import response_rows
+from tbm_gsa.paper.reproduction.row import SOURCES
+from tbm_gsa.paper.reproduction.sensitivity import gather_sensitivity, sensitivity_rows
+from tbm_gsa.paper.reproduction.surrogates import surrogate_rows
+from tbm_gsa.paper.reproduction.verdict import VERDICTS
+from tbm_gsa.paper.reproduction.workflow import Sizes, reproduce
 from tbm_gsa.paper.sensitivity import TRENDS
-from tbm_gsa.reproduction import studies, workflow
-from tbm_gsa.reproduction.loads import gather_loads, load_rows
-from tbm_gsa.reproduction.model import mesh_curves, model_rows
-from tbm_gsa.reproduction.response import gather_response
-from tbm_gsa.reproduction.response_rows import response_rows
-from tbm_gsa.reproduction.row import SOURCES
-from tbm_gsa.reproduction.sensitivity import gather_sensitivity, sensitivity_rows
-from tbm_gsa.reproduction.surrogates import surrogate_rows
-from tbm_gsa.reproduction.verdict import VERDICTS
-from tbm_gsa.reproduction.workflow import Sizes, reproduce
-from tbm_gsa.study.inputs import PAPER_INPUTS
-from tbm_gsa.study.problem import Problem
-from tbm_gsa.study.store import Store
+from tbm_gsa.sensitivity.study.inputs import PAPER_INPUTS
+from tbm_gsa.sensitivity.study.problem import Problem
+from tbm_gsa.sensitivity.study.store import Store
 
 TINY = Sizes(
     train=12, test=2, other_train=11, simulation_s=0.02, run_s=2.0, model_s=2.0, loads_s=20.0, whole_study=False

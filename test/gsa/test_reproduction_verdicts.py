@@ -5,10 +5,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tbm_gsa.reproduction import verdict
-from tbm_gsa.reproduction.row import Row, count_verdicts
-from tbm_gsa.reproduction.sensitivity import spearman
-from tbm_gsa.study.curves import Curve
+from tbm_gsa.paper.reproduction import verdict
+from tbm_gsa.paper.reproduction.row import Row, count_verdicts
+from tbm_gsa.paper.reproduction.sensitivity import spearman
+from tbm_gsa.sensitivity.study.curves import Curve
 
 
 def _means(agrees):

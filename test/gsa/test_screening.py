@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from sobol_functions import FUNCTIONS
 
-from tbm_gsa.screening import fast_indices, morris_effects
+from tbm_gsa.sensitivity.screening import fast_indices, morris_effects
 
 BOUNDS = np.array([[0.0, 2.0], [-1.0, 1.0], [5.0, 6.0]])
 

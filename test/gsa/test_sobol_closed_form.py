@@ -7,8 +7,8 @@ from hypothesis import strategies as st
 from sobol_functions import FUNCTIONS
 
 from tbm_gsa import fit_surrogate, sobol_closed_form, sobol_monte_carlo
-from tbm_gsa.sobol.closed_form import expansion_indices
-from tbm_gsa.surrogates.expansion import KernelExpansion, PolynomialExpansion, legendre_basis
+from tbm_gsa.sensitivity.sobol.closed_form import expansion_indices
+from tbm_gsa.sensitivity.surrogates.expansion import KernelExpansion, PolynomialExpansion, legendre_basis
 
 METHODS = ("krg", "rbf", "svr", "prs")
 

@@ -10,10 +10,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from tbm_gsa.comparison.conditioning import Stretch
-from tbm_gsa.comparison.reduction import one_level
-from tbm_gsa.comparison.spectrum import WelchCollector, mixed_spectrum
-from tbm_gsa.comparison.statistics import (
+from tbm_gsa.signals.conditioning import Stretch
+from tbm_gsa.signals.reduction import one_level
+from tbm_gsa.signals.spectrum import WelchCollector, mixed_spectrum
+from tbm_gsa.signals.statistics import (
     Line,
     Spectrum,
     coverage,
@@ -24,7 +24,7 @@ from tbm_gsa.comparison.statistics import (
     rms,
     strongest_lines,
 )
-from tbm_gsa.comparison.windows import WindowCollector
+from tbm_gsa.signals.windows import WindowCollector
 
 RATE = 1000.0
 TIME = np.arange(20_000) / RATE

@@ -12,8 +12,8 @@ from hypothesis import strategies as st
 from sobol_functions import FUNCTIONS
 
 from tbm_gsa import fit_surrogate
-from tbm_gsa.surrogates import load_surrogate
-from tbm_gsa.surrogates.files import save_surrogate
+from tbm_gsa.sensitivity.surrogates import load_surrogate
+from tbm_gsa.sensitivity.surrogates.files import save_surrogate
 
 
 @pytest.mark.parametrize("method", ["krg", "rbf", "svr", "prs"])

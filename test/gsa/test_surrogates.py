@@ -12,9 +12,9 @@ from sklearn.svm import SVR
 from sobol_functions import FUNCTIONS
 
 from tbm_gsa import fit_surrogate
-from tbm_gsa.surrogates import r_squared
-from tbm_gsa.surrogates.likelihood import NUGGET_BOUNDS, THETA_BOUNDS, _Likelihood, maximum_likelihood
-from tbm_gsa.surrogates.prs import matching_pursuit
+from tbm_gsa.sensitivity.surrogates import r_squared
+from tbm_gsa.sensitivity.surrogates.likelihood import NUGGET_BOUNDS, THETA_BOUNDS, _Likelihood, maximum_likelihood
+from tbm_gsa.sensitivity.surrogates.prs import matching_pursuit
 
 METHODS = ("krg", "rbf", "svr", "prs")
 

@@ -10,7 +10,7 @@ from smt.surrogate_models import KRG
 from sobol_functions import FUNCTIONS
 
 from tbm_gsa import fit_surrogate
-from tbm_gsa.surrogates import r_squared
+from tbm_gsa.sensitivity.surrogates import r_squared
 
 
 def fitted(name):

@@ -5,8 +5,8 @@ from mcap.writer import CompressionType
 from mcap.writer import Writer as McapWriter
 
 from tbm_msgs_py import Bag
+from tbm_msgs_py.bags.batch import Stretch
 from tbm_msgs_py.bags.samples import typestore
-from tbm_msgs_py.bags.stretch import Stretch
 from tbm_msgs_py.blocks import split_ns
 
 VALUES = (0, 1, 2**16, 2**28, 2**31 - 1, 2**32 - 1, 2**40, 2**63 - 1, 2**64 - 1)

@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 import scipy.io
 
-from tbm_gsa.cli.main import main
+from tbm_gsa.app.cli.main import main
 from tbm_msgs_py import RecordingError, read_recording
-from tbm_msgs_py.bags.mapping import STANDARD_GRAVITY
 from tbm_msgs_py.importing import apart, describe, import_recording
 from tbm_msgs_py.importing.apart import _import as import_apart_as_it_is
+from tbm_msgs_py.recordings.mapping import STANDARD_GRAVITY
 
 START = "2026-03-01T08:00:00+01:00"
 POINT = {"columns": ["a", "b", "c"], "units": "g", "gravity": "removed", "frame": "fixed"}

@@ -6,7 +6,7 @@ from bag_files import write_accel
 from sample_bag import START_NS
 
 from tbm_msgs_py import BagWriter, RecordingError, SensorMapping, load_mapping, read_acceleration, read_recording
-from tbm_msgs_py.bags.mapping import contract_mapping
+from tbm_msgs_py.recordings.mapping import contract_mapping
 
 STATED = {"point": "girder", "units": "m/s2", "gravity": "removed", "frame": "fixed"}
 

@@ -10,9 +10,9 @@ pytest.importorskip("rclpy")
 from diagnostic_msgs.msg import DiagnosticStatus
 from rclpy.serialization import deserialize_message, serialize_message
 
+from tbm_msgs_py.base.operating_point import OperatingPoint, from_joint_state
 from tbm_msgs_py.blocks import LOADS, mesh_forces
 from tbm_msgs_py.nodes import messages
-from tbm_msgs_py.operating_point import OperatingPoint, from_joint_state
 
 STAMP_NS = 1_700_000_000_123_456_789
 

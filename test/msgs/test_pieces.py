@@ -10,9 +10,9 @@ from hypothesis import strategies as st
 from sample_bag import BLOCKS, RATE, SAMPLES, START_NS
 
 from tbm_msgs_py import ACCELERATION, BagWriter, OperatingPoint, open_recording, read_recording
-from tbm_msgs_py.bags.cutting import Cutter
 from tbm_msgs_py.bags.samples import Samples
-from tbm_msgs_py.bags.timeline import LATENESS_NS, Timeline
+from tbm_msgs_py.recordings.cutting import Cutter
+from tbm_msgs_py.recordings.timeline import LATENESS_NS, Timeline
 
 S = 10**9
 

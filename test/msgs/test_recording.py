@@ -17,10 +17,10 @@ from tbm_msgs_py import (
     read_acceleration,
     read_recording,
 )
-from tbm_msgs_py.bags.faults import find_gaps
 from tbm_msgs_py.bags.mcap_file import MAGIC
-from tbm_msgs_py.bags.quality import offered_quality
+from tbm_msgs_py.bags.qos import offered_quality
 from tbm_msgs_py.bags.samples import typestore
+from tbm_msgs_py.recordings.faults import find_gaps
 from tbm_msgs_py.topics import BLOCK_QUALITY, OPERATING_POINT_QUALITY
 
 BLOCK_TOPIC = "/tbm/field/cutterhead/block"

@@ -17,10 +17,10 @@ from rosbags.highlevel import AnyReader
 from rosbags.rosbag2 import Reader
 from sample_bag import BLOCKS, START_NS
 
-from tbm_gsa.cli.bag.info import info
-from tbm_gsa.cli.bag.recover import recover as recover_command
+from tbm_gsa.app.cli.bag.info import info
+from tbm_gsa.app.cli.bag.recover import recover as recover_command
 from tbm_msgs_py import Bag, RecordingError, read_recording
-from tbm_msgs_py.bags.quality import offered_quality
+from tbm_msgs_py.bags.qos import offered_quality
 from tbm_msgs_py.bags.recovery import recover
 from tbm_msgs_py.bags.samples import typestore
 
@@ -42,7 +42,7 @@ os.kill(os.getpid(), signal.SIGKILL)
 
 def command(*arguments):
     return subprocess.run(
-        [sys.executable, "-m", "tbm_gsa.cli.main", "bag", *map(str, arguments)],
+        [sys.executable, "-m", "tbm_gsa.app.cli.main", "bag", *map(str, arguments)],
         check=False,
         capture_output=True,
         text=True,

@@ -8,8 +8,8 @@ from hypothesis import strategies as st
 from sample_bag import START_NS
 
 from tbm_msgs_py import BagWriter, Mapping, SensorMapping, read_acceleration, read_recording
-from tbm_msgs_py.bags.faults import clock_of, other_clocks, stuck_axes
-from tbm_msgs_py.health import check_recording
+from tbm_msgs_py.recordings.faults import clock_of, other_clocks, stuck_axes
+from tbm_msgs_py.recordings.health import check_recording
 
 TOPIC = "/tbm/field/shield/accel"
 MS = 10**6

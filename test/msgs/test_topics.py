@@ -7,7 +7,7 @@ from types import SimpleNamespace
 import pytest
 
 from tbm_msgs_py import topics
-from tbm_msgs_py.operating_point import OperatingPoint, OperatingPointError, from_joint_state
+from tbm_msgs_py.base.operating_point import OperatingPoint, OperatingPointError, from_joint_state
 
 
 def test_names_of_the_contract():

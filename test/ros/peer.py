@@ -23,7 +23,7 @@ from rclpy.executors import SingleThreadedExecutor, TimeoutException
 from rclpy.parameter import Parameter
 from rosgraph_msgs.msg import Clock
 
-from tbm_gsa.nodes.start import NODES
+from tbm_gsa.app.nodes.start import NODES
 from tbm_msgs_py.nodes import messages, qos
 from tbm_msgs_py.nodes.parameters import AUTOSTART
 

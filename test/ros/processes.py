@@ -31,7 +31,7 @@ class NodeProcess:
         self.log = log
         with log.open("wb") as output:
             self.process = subprocess.Popen(
-                [sys.executable, "-m", "tbm_gsa.nodes.start", module, *arguments],
+                [sys.executable, "-m", "tbm_gsa.app.nodes.start", module, *arguments],
                 stdout=output,
                 stderr=subprocess.STDOUT,
             )

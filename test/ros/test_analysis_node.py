@@ -16,9 +16,9 @@ from processes import wait_for  # noqa: E402
 from sensor_msgs.msg import Imu, JointState, PointCloud2  # noqa: E402
 from std_srvs.srv import Trigger  # noqa: E402
 
+from tbm_gsa.app.nodes.analysis_node import AnalysisNode  # noqa: E402
 from tbm_gsa.history import Baseline, History  # noqa: E402
 from tbm_gsa.history.baseline import Usual  # noqa: E402
-from tbm_gsa.nodes.analysis_node import AnalysisNode  # noqa: E402
 from tbm_msgs_py import ACCELERATION, OperatingPoint  # noqa: E402
 from tbm_msgs_py.nodes import messages, qos  # noqa: E402
 from tbm_msgs_py.topics import ANALYSIS_QUANTITIES  # noqa: E402

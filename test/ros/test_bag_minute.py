@@ -17,7 +17,7 @@ from tbm_msgs_py.bags.samples import typestore
 
 SECONDS = 60
 START_S = 4  # what a busy computer may need until DDS has matched the recorder and a topic
-COMMAND = [sys.executable, "-m", "tbm_gsa.cli.main"]
+COMMAND = [sys.executable, "-m", "tbm_gsa.app.cli.main"]
 BLOCKS = [topics.LOADS_BLOCK, topics.MODEL_MESH_FORCES, *map(topics.model_block, topics.TEST_POINTS)]
 LIVE = [topics.LOADS_WRENCH, topics.MODEL_DRIVES, *(f"model/{point}/accel" for point in topics.TEST_POINTS)]
 PERIOD_NS = {**dict.fromkeys(BLOCKS, 50_000_000), **dict.fromkeys(LIVE, 10_000_000)}

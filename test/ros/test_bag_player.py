@@ -18,9 +18,9 @@ from sensor_msgs.msg import Imu, JointState, PointCloud2  # noqa: E402
 from std_msgs.msg import String  # noqa: E402
 
 from tbm_msgs_py import ACCELERATION, Bag, BagWriter, OperatingPoint  # noqa: E402
+from tbm_msgs_py.base.operating_point import from_joint_state  # noqa: E402
 from tbm_msgs_py.nodes import bag_player, messages, qos  # noqa: E402
 from tbm_msgs_py.nodes.bag_player import BagPlayer  # noqa: E402
-from tbm_msgs_py.operating_point import from_joint_state  # noqa: E402
 
 pytestmark = pytest.mark.ros
 

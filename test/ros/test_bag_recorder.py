@@ -20,7 +20,7 @@ from processes import DEADLINE, wait_for  # noqa: E402
 from rosgraph_msgs.msg import Clock  # noqa: E402
 from sensor_msgs.msg import JointState, PointCloud2  # noqa: E402
 
-from tbm_gsa.cli.bag.info import info_document  # noqa: E402
+from tbm_gsa.app.cli.bag.info import info_document  # noqa: E402
 from tbm_msgs_py import ACCELERATION, Bag, BagWriter, OperatingPoint, read_recording  # noqa: E402
 from tbm_msgs_py.bags.samples import typestore  # noqa: E402
 from tbm_msgs_py.blocks import from_cloud  # noqa: E402
@@ -30,7 +30,7 @@ from tbm_msgs_py.nodes.bag_recorder import BagRecorder  # noqa: E402
 pytestmark = pytest.mark.ros
 
 RECORDER = "tbm_msgs_py.nodes.bag_recorder"
-COMMAND = [sys.executable, "-m", "tbm_gsa.cli.main", "bag"]
+COMMAND = [sys.executable, "-m", "tbm_gsa.app.cli.main", "bag"]
 TOPIC = "/tbm/field/cutterhead/block"
 START_NS = 1_700_000_000_000_000_000
 PERIOD = 50_000_000  # ns, 250 samples at 5 kHz

@@ -14,7 +14,7 @@ rclpy = pytest.importorskip("rclpy")
 
 from peer import alive, children  # noqa: E402
 
-from tbm_gsa.cli.shipped import shipped_bag  # noqa: E402
+from tbm_gsa.app.cli.shipped import shipped_bag  # noqa: E402
 from tbm_msgs_py import Bag, BagWriter  # noqa: E402
 from tbm_msgs_py.topics import TEST_POINTS  # noqa: E402
 
@@ -37,7 +37,7 @@ def bag(tmp_path):
 
 
 def test_demo(bag, tmp_path):
-    command = [sys.executable, "-m", "tbm_gsa.cli.main", "demo", "--bag", bag]
+    command = [sys.executable, "-m", "tbm_gsa.app.cli.main", "demo", "--bag", bag]
     command += ["--samples", "15", "--test", "3", "--outputs", "RDef_A,MF_M", "--json"]
     process = subprocess.Popen(command, cwd=tmp_path, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
     seen: set[int] = set()

@@ -6,9 +6,9 @@ import pytest
 
 pytest.importorskip("rclpy")
 
+from tbm_gsa.app.nodes import health
+from tbm_gsa.app.nodes.health import StreamHealth
 from tbm_gsa.comparison import StreamCounters
-from tbm_gsa.nodes import health
-from tbm_gsa.nodes.health import StreamHealth
 from tbm_msgs_py.nodes.faults import MOST_LINES, REPEAT_S, Faults
 
 pytestmark = pytest.mark.ros

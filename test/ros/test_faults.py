@@ -18,8 +18,8 @@ from tbm_dynamics import load_machine, simulate  # noqa: E402
 from tbm_dynamics.nodes import pace  # noqa: E402
 from tbm_dynamics.nodes.dynamics_node import DynamicsNode  # noqa: E402
 from tbm_dynamics.nodes.load_node import LoadNode  # noqa: E402
-from tbm_gsa.nodes import health  # noqa: E402
-from tbm_gsa.nodes.analysis_node import AnalysisNode  # noqa: E402
+from tbm_gsa.app.nodes import health  # noqa: E402
+from tbm_gsa.app.nodes.analysis_node import AnalysisNode  # noqa: E402
 from tbm_msgs_py import ACCELERATION, LOADS  # noqa: E402
 from tbm_msgs_py.nodes import messages, qos, rate  # noqa: E402
 from tbm_msgs_py.topics import TEST_POINTS, WINDOW  # noqa: E402

@@ -14,7 +14,7 @@ from rigs import Rig  # noqa: E402
 from sensor_msgs.msg import Imu, JointState, PointCloud2  # noqa: E402
 from std_msgs.msg import String  # noqa: E402
 
-from tbm_gsa.nodes.live_view import LiveView  # noqa: E402
+from tbm_gsa.app.nodes.live_view import LiveView  # noqa: E402
 from tbm_msgs_py import ACCELERATION, Bag  # noqa: E402
 from tbm_msgs_py.nodes import messages, qos  # noqa: E402
 from tbm_msgs_py.nodes.bag_recorder import BagRecorder  # noqa: E402
@@ -106,7 +106,7 @@ class Clash:
 
 def test_types_that_clash_do_not_end_the_analysis(run_node, peer, tmp_path):
     (tmp_path / "mapping.yaml").write_text(MAPPING)
-    node = run_node("tbm_gsa.nodes.analysis_node", history="none", mapping=tmp_path / "mapping.yaml")
+    node = run_node("tbm_gsa.app.nodes.analysis_node", history="none", mapping=tmp_path / "mapping.yaml")
     girder, shield = (Clash(peer, f"tbm: comparison {point}") for point in ("girder", "shield"))
     girder.is_over()
     accel, imu = "geometry_msgs/msg/AccelStamped", "sensor_msgs/msg/Imu"

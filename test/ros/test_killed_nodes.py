@@ -11,7 +11,7 @@ from processes import wait_for  # noqa: E402
 from sensor_msgs.msg import PointCloud2  # noqa: E402
 from std_srvs.srv import Trigger  # noqa: E402
 
-from tbm_gsa.nodes.start import NODES  # noqa: E402
+from tbm_gsa.app.nodes.start import NODES  # noqa: E402
 from tbm_msgs_py import ACCELERATION  # noqa: E402
 from tbm_msgs_py.nodes import messages, qos  # noqa: E402
 from tbm_msgs_py.topics import TEST_POINTS  # noqa: E402

@@ -12,8 +12,8 @@ from rcl_interfaces.msg import ParameterValue  # noqa: E402
 from rcl_interfaces.srv import SetParameters  # noqa: E402
 from std_msgs.msg import Empty  # noqa: E402
 
-from tbm_gsa.nodes.analysis_node import AnalysisNode  # noqa: E402
-from tbm_gsa.nodes.live_view import LiveView  # noqa: E402
+from tbm_gsa.app.nodes.analysis_node import AnalysisNode  # noqa: E402
+from tbm_gsa.app.nodes.live_view import LiveView  # noqa: E402
 from tbm_msgs_py import Bag  # noqa: E402
 from tbm_msgs_py.nodes.bag_player import BagPlayer  # noqa: E402
 from tbm_msgs_py.nodes.bag_recorder import BagRecorder  # noqa: E402

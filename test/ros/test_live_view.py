@@ -16,8 +16,8 @@ from rclpy.serialization import deserialize_message  # noqa: E402
 from sensor_msgs.msg import JointState  # noqa: E402
 
 from tbm_msgs_py import OperatingPoint  # noqa: E402
+from tbm_msgs_py.base.operating_point import from_joint_state  # noqa: E402
 from tbm_msgs_py.nodes import messages, qos  # noqa: E402
-from tbm_msgs_py.operating_point import from_joint_state  # noqa: E402
 
 pytestmark = pytest.mark.ros
 
@@ -30,7 +30,7 @@ def test_clients_get_what_is_published_and_what_was_latched(run_node):
     with Peer() as peer:
         sent = peer.node.create_publisher(JointState, TOPIC, qos.OPERATING_POINT)
         sent.publish(messages.operating_point_message(5, POINT))
-        view = run_node("tbm_gsa.nodes.live_view", port=0)
+        view = run_node("tbm_gsa.app.nodes.live_view", port=0)
         peer.wait_for(lambda: sent.get_subscription_count() == 1)
         port = re.search(r"ws://127\.0\.0\.1:(\d+)", view.output).group(1)
         for latched in (POINT, OTHER):

@@ -15,11 +15,11 @@ from sensor_msgs.msg import JointState, PointCloud2  # noqa: E402
 import tbm_dynamics.machine  # noqa: E402
 from tbm_dynamics import load_machine  # noqa: E402
 from tbm_dynamics.nodes.load_node import LoadNode  # noqa: E402
-from tbm_dynamics.schedule import read_schedule  # noqa: E402
-from tbm_dynamics.streams import LoadStream  # noqa: E402
+from tbm_dynamics.streaming.schedule import read_schedule  # noqa: E402
+from tbm_dynamics.streaming.streams import LoadStream  # noqa: E402
 from tbm_msgs_py import LOADS, OperatingPoint  # noqa: E402
+from tbm_msgs_py.base.operating_point import from_joint_state  # noqa: E402
 from tbm_msgs_py.nodes import messages, qos  # noqa: E402
-from tbm_msgs_py.operating_point import from_joint_state  # noqa: E402
 
 pytestmark = pytest.mark.ros
 

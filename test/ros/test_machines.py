@@ -18,9 +18,9 @@ from sensor_msgs.msg import JointState, PointCloud2  # noqa: E402
 from tbm_dynamics import load_machine, simulate  # noqa: E402
 from tbm_dynamics.nodes.dynamics_node import DynamicsNode  # noqa: E402
 from tbm_dynamics.nodes.load_node import LoadNode  # noqa: E402
-from tbm_gsa.nodes.analysis_node import AnalysisNode  # noqa: E402
+from tbm_gsa.app.nodes.analysis_node import AnalysisNode  # noqa: E402
+from tbm_msgs_py.base.operating_point import from_joint_state  # noqa: E402
 from tbm_msgs_py.nodes import messages, qos  # noqa: E402
-from tbm_msgs_py.operating_point import from_joint_state  # noqa: E402
 
 pytestmark = pytest.mark.ros
 

@@ -21,8 +21,8 @@ rclpy = pytest.importorskip("rclpy")
 from processes import DEADLINE, wait_for  # noqa: E402
 from sensor_msgs.msg import JointState  # noqa: E402
 
-from tbm_gsa.cli.commands import load  # noqa: E402
-from tbm_gsa.nodes.start import NODES  # noqa: E402
+from tbm_gsa.app.cli.commands import load  # noqa: E402
+from tbm_gsa.app.nodes.start import NODES  # noqa: E402
 from tbm_msgs_py import OperatingPoint, topics  # noqa: E402
 from tbm_msgs_py.nodes import messages  # noqa: E402
 from tbm_msgs_py.nodes.parameters import AUTOSTART  # noqa: E402

@@ -17,7 +17,7 @@ from rigs import Rig  # noqa: E402
 from sensor_msgs.msg import Imu, JointState, PointCloud2  # noqa: E402
 from std_msgs.msg import String  # noqa: E402
 
-from tbm_gsa.nodes.start import NODES  # noqa: E402
+from tbm_gsa.app.nodes.start import NODES  # noqa: E402
 from tbm_msgs_py import ACCELERATION, LOADS  # noqa: E402
 from tbm_msgs_py.nodes import messages, qos  # noqa: E402
 

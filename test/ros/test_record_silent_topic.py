@@ -10,7 +10,7 @@ import pytest
 @pytest.mark.ros
 def test_a_silent_topic_is_named(tmp_path):
     pytest.importorskip("rclpy")
-    command = [sys.executable, "-m", "tbm_gsa.cli.main", "bag", "record"]
+    command = [sys.executable, "-m", "tbm_gsa.app.cli.main", "bag", "record"]
     done = subprocess.run(
         [*command, "--out", "new", "--topics", "nobody/here,/other", "--duration", "0.5", "--json"],
         cwd=tmp_path,

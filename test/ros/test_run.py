@@ -17,14 +17,14 @@ from processes import DEADLINE, wait_for  # noqa: E402
 from sensor_msgs.msg import PointCloud2  # noqa: E402
 
 from tbm_dynamics import load_machine  # noqa: E402
-from tbm_gsa.cli.processes import NodeCommand, NodeProcesses  # noqa: E402
-from tbm_gsa.cli.shipped import shipped_bag  # noqa: E402
+from tbm_gsa.app.cli.processes import NodeCommand, NodeProcesses  # noqa: E402
+from tbm_gsa.app.cli.shipped import shipped_bag  # noqa: E402
 from tbm_msgs_py.nodes import qos  # noqa: E402
 from tbm_msgs_py.nodes.bag_player import BagPlayer  # noqa: E402
 
 pytestmark = pytest.mark.ros
 
-COMMAND = [sys.executable, "-m", "tbm_gsa.cli.main"]
+COMMAND = [sys.executable, "-m", "tbm_gsa.app.cli.main"]
 NODES = ("load_node", "dynamics_node", "analysis_node")
 NODES_YAML = Path(__file__).parents[2] / "config" / "nodes.yaml"
 

@@ -30,7 +30,7 @@ def test_a_signal_in_executed_text_ends_a_node_well(tmp_path):
     (tmp_path / "importing.py").write_text(IMPORTING)
     paths = os.pathsep.join([str(tmp_path), *filter(None, [os.environ.get("PYTHONPATH")])])
     done = subprocess.run(
-        [sys.executable, "-m", "tbm_gsa.nodes.start", "importing"],
+        [sys.executable, "-m", "tbm_gsa.app.nodes.start", "importing"],
         env={**os.environ, "PYTHONPATH": paths},
         capture_output=True,
         text=True,

@@ -13,8 +13,8 @@ pytest.importorskip("rclpy")
 from processes import DEADLINE, NodeProcess, wait_for
 from rclpy.executors import SingleThreadedExecutor
 
-from tbm_gsa.nodes import start
-from tbm_gsa.nodes.watch import Watch
+from tbm_gsa.app.nodes import start
+from tbm_gsa.app.nodes.watch import Watch
 
 pytestmark = pytest.mark.ros
 
@@ -125,7 +125,7 @@ def test_ctrl_c_while_the_command_line_is_imported(arguments, code):
 
 INTERRUPTED_IMPORT = """
 import signal
-from tbm_gsa.cli import commands, main
+from tbm_gsa.app.cli import commands, main
 commands.load = lambda name: signal.raise_signal(signal.SIGTERM)
 main.main()
 """

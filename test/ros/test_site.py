@@ -2,8 +2,8 @@
 
 import pytest
 
-from tbm_gsa.cli.site import Site
-from tbm_gsa.study.errors import StudyError
+from tbm_gsa.app.cli.site import Site
+from tbm_gsa.sensitivity.study.errors import StudyError
 
 FILES = {
     "any namespace": "/**/load_node: {ros__parameters: {machine: a}}",

@@ -9,9 +9,9 @@ pytest.importorskip("diagnostic_msgs")
 
 from diagnostic_msgs.msg import DiagnosticStatus
 
+from tbm_gsa.app.nodes.health import Condition
+from tbm_gsa.app.nodes.statuses import comparison_status
 from tbm_gsa.comparison import WindowResult
-from tbm_gsa.nodes.health import Condition
-from tbm_gsa.nodes.statuses import comparison_status
 
 
 def window(model=1.0, field=1.0, rms=1.0):

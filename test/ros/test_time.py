@@ -17,7 +17,7 @@ from sensor_msgs.msg import PointCloud2  # noqa: E402
 from tbm_dynamics import load_machine, simulate  # noqa: E402
 from tbm_dynamics.nodes.dynamics_node import DynamicsNode  # noqa: E402
 from tbm_dynamics.nodes.load_node import LoadNode  # noqa: E402
-from tbm_gsa.nodes.analysis_node import AnalysisNode  # noqa: E402
+from tbm_gsa.app.nodes.analysis_node import AnalysisNode  # noqa: E402
 from tbm_msgs_py import ACCELERATION, BagWriter  # noqa: E402
 from tbm_msgs_py.nodes import bag_player, messages, qos  # noqa: E402
 from tbm_msgs_py.nodes.bag_player import BagPlayer  # noqa: E402
@@ -26,7 +26,7 @@ from tbm_msgs_py.topics import Quality  # noqa: E402
 pytestmark = pytest.mark.ros
 
 LOAD_NODE, DYNAMICS_NODE = "tbm_dynamics.nodes.load_node", "tbm_dynamics.nodes.dynamics_node"
-ANALYSIS_NODE, PLAYER = "tbm_gsa.nodes.analysis_node", "tbm_msgs_py.nodes.bag_player"
+ANALYSIS_NODE, PLAYER = "tbm_gsa.app.nodes.analysis_node", "tbm_msgs_py.nodes.bag_player"
 START_NS = 1_700_000_000_000_000_000
 BLOCK_NS, SEED = 50_000_000, 3
 STEP_NS = 200_000  # of the blocks of the model

@@ -5,7 +5,7 @@ import pytest
 
 pytest.importorskip("rclpy")
 
-from tbm_gsa.nodes.watch import BlockCount, Watch
+from tbm_gsa.app.nodes.watch import BlockCount, Watch
 from tbm_msgs_py import ACCELERATION
 from tbm_msgs_py.nodes import messages
 

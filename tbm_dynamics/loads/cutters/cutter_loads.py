@@ -13,7 +13,6 @@ import scipy  # its parts load on first use
 from numba import njit
 from numpy.typing import ArrayLike
 
-from tbm_dynamics.errors import InputError
 from tbm_dynamics.loads.cutters.csm import Disc, Rock, cutting_forces
 from tbm_dynamics.loads.cutters.errors import CutterError
 from tbm_dynamics.loads.cutters.face import Face, strength
@@ -21,6 +20,7 @@ from tbm_dynamics.loads.cutters.fracture import Fracture, Teeth, fluctuation, te
 from tbm_dynamics.loads.cutters.head import turned, wrench_rows
 from tbm_dynamics.loads.cutters.layout import CutterLayout, FloatArray
 from tbm_dynamics.loads.noise import hashed_generator
+from tbm_msgs_py.base.errors import InputError
 
 _DEEPEST = 0.05
 """Penetration in a turn up to which a thrust is met, m."""

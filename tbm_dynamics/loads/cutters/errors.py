@@ -1,6 +1,6 @@
 """What is wrong with cutters, in one line."""
 
-from tbm_dynamics.errors import InputError
+from tbm_msgs_py.base.errors import InputError
 
 
 class CutterError(InputError):

@@ -1,0 +1,1 @@
+"""What people and ROS use: command line, nodes, pages."""

@@ -1,0 +1,146 @@
+"""`tbm-monitor bag info`: what a recording holds, and with `--scan` what is wrong with it."""
+
+from __future__ import annotations
+
+from dataclasses import asdict
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+from rich.table import Table
+from rich.text import Text
+
+from tbm_gsa.app.cli.output import JSON_OPTION, notes, print_json, progress_bar, results
+from tbm_gsa.app.cli.shipped import RECORDING_ARGUMENT, recording_path
+from tbm_msgs_py.bags import Bag, BagInfo, RecordingError
+from tbm_msgs_py.recordings.health import COUNTS, PointHealth, check_recording
+
+APART_S = 1.0  # clocks that differ by more get a line of their own
+
+
+def info(
+    bag: Annotated[Path, RECORDING_ARGUMENT],
+    scan: Annotated[bool, typer.Option("--scan", help="Read it through for damage and faults of the sensors.")] = False,
+    mapping: Annotated[
+        Path | None, typer.Option(help="Mapping of topics to test points; default: mapping.yaml in or beside the bag.")
+    ] = None,
+    json: Annotated[bool, JSON_OPTION] = False,
+) -> None:
+    """List the topics of a recording, its length, and what is missing."""
+    bag = recording_path(bag)
+    recording = Bag(bag)
+    with progress_bar("reading") as progress:
+        if scan:
+            progress.add_task("", total=None)
+        document = info_document(bag, recording.info(scan=scan))
+        if recording.problem:
+            notes.print(Text(recording.problem))
+        if scan:
+            document |= _scanned(bag, mapping)
+    if json:
+        print_json(document)
+    else:
+        _print_tables(document)
+
+
+def info_document(path: Path, found: BagInfo) -> dict[str, Any]:
+    """Gather what `bag info --json` prints.
+
+    Returns
+    -------
+    dict
+        ``path``, ``messages``, ``lost``, ``truncated``, ``damaged``, ``start_ns``, ``duration`` (s) and
+        ``topics{name: {type, messages}}``; with ``--scan`` ``points{point: {…}}``, the sums of `PointHealth`,
+        and ``problems{point: reason}`` for those without samples.
+    """
+    topics: dict[str, dict[str, Any]] = {}
+    for topic, count in found.topics.items():
+        entry = topics.setdefault(topic.name, {"type": topic.type, "messages": 0})
+        entry["messages"] += count
+    return {
+        "path": str(path),
+        "messages": found.messages,
+        "lost": found.lost,
+        "truncated": found.truncated,
+        "damaged": found.damaged,
+        "start_ns": found.start_ns,
+        "duration": found.duration,
+        "topics": dict(sorted(topics.items())),
+    }
+
+
+def _scanned(bag: Path, mapping: Path | None) -> dict[str, Any]:
+    try:
+        found = check_recording(bag, mapping)
+    except RecordingError as error:
+        if mapping is not None:
+            raise
+        return {"points": {}, "problems": {"": str(error)}}
+    return {
+        "points": {point: _health(health) for point, health in found.points.items()},
+        "problems": found.problems,
+    }
+
+
+def _health(health: PointHealth) -> dict[str, Any]:
+    return {
+        "topic": health.topic,
+        "samples": health.samples,
+        "rate_hz": health.rate_hz,
+        "gaps": len(health.gaps),
+        "missing_s": health.missing_s,
+        "clipped": health.clipped,
+        "stuck_s": health.stuck_s,
+        "clock_offset": health.clock_offset,
+        "clock_drift": health.clock_drift,
+        **asdict(health.faults),
+    }
+
+
+def _print_tables(document: dict[str, Any]) -> None:
+    truncated = ", truncated" if document["truncated"] else ""
+    damaged = f", {document['damaged']} damaged places" if document["damaged"] else ""
+    results.print(Text(document["path"]))
+    results.print(
+        f"{document['messages']} messages over {document['duration']:.3f} s, "
+        f"{document['lost']} lost{damaged}{truncated}",
+        highlight=False,
+    )
+    table = Table()
+    for heading in ("topic", "type", "messages"):
+        table.add_column(heading, justify="right" if heading == "messages" else "left")
+    for name, topic in document["topics"].items():
+        table.add_row(Text(name), Text(topic["type"]), str(topic["messages"]))
+    results.print(table)
+    if "points" in document:
+        _print_points(document)
+
+
+def _print_points(document: dict[str, Any]) -> None:
+    points = document["points"]
+    columns = ("samples", "rate (Hz)", "gaps", "(s)", "clock (s)", "(ppm)")
+    table = Table()
+    for heading in ("test point", *columns):
+        table.add_column(heading, justify="right" if heading in columns else "left")
+    for name, point in points.items():
+        table.add_row(
+            Text(name),
+            str(point["samples"]),
+            f"{point['rate_hz']:.3f}",
+            str(point["gaps"]),
+            f"{point['missing_s']:.3f}",
+            f"{point['clock_offset']:+.3f}",
+            f"{point['clock_drift']:+.0f}",
+        )
+    results.print(table)
+    for name, point in points.items():
+        faults = [f"{point[key]} {key}" for key in COUNTS if point[key]]
+        faults += [f"{axis} stuck for {seconds:.1f} s" for axis, seconds in point["stuck_s"].items()]
+        if faults:
+            results.print(Text(f"{name}: {', '.join(faults)}"))
+    offsets = {name: point["clock_offset"] for name, point in points.items()}
+    if offsets and max(offsets.values()) - min(offsets.values()) > APART_S:
+        early, late = min(offsets, key=offsets.__getitem__), max(offsets, key=offsets.__getitem__)
+        results.print(Text(f"the clocks of {early} and {late} are {offsets[late] - offsets[early]:.3f} s apart"))
+    for name, problem in document["problems"].items():
+        results.print(Text(f"{name}: {problem}" if name else problem))

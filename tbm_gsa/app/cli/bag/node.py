@@ -1,0 +1,69 @@
+"""A bag node as a command: it runs until it ends or a signal comes, its log goes to stderr."""
+
+from __future__ import annotations
+
+import json
+import re
+import tempfile
+import time
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+from tbm_gsa.app.cli.output import notes
+from tbm_gsa.app.cli.processes import NodeCommand, NodeProcesses, settle_ros_environment, until_told
+from tbm_msgs_py.base.errors import RunError
+
+_LOOK_S = 0.1
+_LOG_HEAD = re.compile(r"\[\w+\] \[[\d.]+\] \[[\w.]+\]: ")  # level, time and node of a line
+_FAULTS = ("[ERROR]", "[FATAL]")  # said once, by the error that ends the command
+
+
+def run_to_end(command: NodeCommand) -> dict[str, Any] | None:
+    """Run a node to its end, or until Ctrl-C or SIGTERM ends it in order.
+
+    Returns
+    -------
+    dict, optional
+        What the node writes to the file of its parameter `summary`; None when it ended before it had begun.
+
+    Raises
+    ------
+    RunError
+        It ended with an error; the message is its last line.
+    """
+    settle_ros_environment()
+    told = until_told()
+    with tempfile.TemporaryDirectory(prefix="tbm_monitor.") as name:
+        folder = Path(name)
+        summary, log = folder / "summary.json", folder / f"{command.name}.log"
+        try:
+            _follow(replace(command, parameters={**command.parameters, "summary": str(summary)}), log, told)
+        except RunError as error:
+            raise RunError(_LOG_HEAD.sub("", str(error))) from error
+        if summary.exists():
+            return dict(json.loads(summary.read_text(encoding="utf-8")))
+    notes.print("stopped before it had begun", highlight=False)
+    return None
+
+
+def _follow(command: NodeCommand, log: Path, told: Callable[[], bool]) -> None:
+    said = 0
+    with NodeProcesses(log.parent) as nodes:
+        nodes.start(command)
+        while nodes.running(command.name) and not told():
+            said = _say(log, said)
+            time.sleep(_LOOK_S)
+    nodes.running(command.name)  # raises when its end, too, went wrong
+    _say(log, said)
+
+
+def _say(log: Path, said: int) -> int:
+    """Pass on the whole lines of a log after the first `said` characters; characters passed on or left out."""
+    text = log.read_text(encoding="utf-8", errors="replace")
+    end = text.rfind("\n") + 1
+    for line in text[said:end].splitlines():
+        if not line.startswith(_FAULTS):
+            notes.print(line, highlight=False, markup=False)
+    return max(said, end)

@@ -1,0 +1,59 @@
+"""`tbm-monitor bag play`: a recording onto its topics."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from tbm_gsa.app.cli.bag.node import run_to_end
+from tbm_gsa.app.cli.output import JSON_OPTION, print_json, results
+from tbm_gsa.app.cli.processes import NodeCommand
+from tbm_gsa.app.cli.ros import BAG_PLAYER
+from tbm_gsa.app.cli.shipped import RECORDING_ARGUMENT, recording_path
+from tbm_msgs_py.bags import Bag
+
+
+def play(
+    bag: Annotated[Path, RECORDING_ARGUMENT],
+    rate: Annotated[float, typer.Option(min=0.1, max=10.0, help="Speed, times real time.")] = 1.0,
+    loop: Annotated[bool, typer.Option("--loop", help="Start again at the end, until Ctrl-C.")] = False,
+    clock: Annotated[bool, typer.Option(help="Publish the recorded time on /clock.")] = True,
+    start: Annotated[float, typer.Option(min=0.0, help="Recorded time left out at the beginning (s).")] = 0.0,
+    duration: Annotated[float, typer.Option(min=0.0, help="Recorded time played (s); 0: all.")] = 0.0,
+    topics: Annotated[
+        list[str] | None, typer.Option(help="Absolute topics: repeated, or with commas; else all.")
+    ] = None,
+    subscribers: Annotated[
+        int, typer.Option(min=0, max=1000, help="Subscriptions to wait for, 5 s at most, before the first message.")
+    ] = 1,
+    json: Annotated[bool, JSON_OPTION] = False,
+) -> None:
+    """Play a recording as it was recorded: raw messages, their topics, their quality of service, and its clock."""
+    bag = recording_path(bag)
+    Bag(bag).info()  # what is no recording is said before a node starts
+    command = NodeCommand(
+        "bag_player",
+        BAG_PLAYER,
+        {
+            "bag": str(bag),
+            "rate": rate,
+            "loop": loop,
+            "clock": clock,
+            "start": start,
+            "duration": duration,
+            "topics": [name.strip() for given in topics or [] for name in given.split(",") if name.strip()] or [""],
+            "wait_for_subscribers": subscribers,
+        },
+    )
+    summary = run_to_end(command)
+    if summary is None:
+        return
+    document = {"path": str(bag), "rate": rate, **summary}
+    if json:
+        print_json(document)
+    else:
+        lost = f", {document['lost']} lost" if document["lost"] else ""
+        how = "" if document["ended"] else ", stopped before its end"
+        results.print(f"{bag}: {document['played']} messages played{lost}{how}", highlight=False, markup=False)

@@ -1,0 +1,164 @@
+"""`tbm-monitor compare`: a recording against the model."""
+
+from __future__ import annotations
+
+import sqlite3
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+from rich.table import Table
+from rich.text import Text
+
+from tbm_gsa.app.cli.output import JSON_OPTION, MACHINE_OPTION, SEED_OPTION, notes, print_json, progress_bar, results
+from tbm_gsa.app.cli.selection import HISTORY_HELP
+from tbm_gsa.app.cli.shipped import RECORDING_ARGUMENT, recording_path
+from tbm_gsa.comparison.document import axial_rows, stuck_texts
+from tbm_gsa.comparison.workflow import ComparisonResult, compare_recording
+from tbm_gsa.history import History, HistoryError, Kind, Source, default_history, recording_entries
+from tbm_gsa.signals.settings import Settings
+from tbm_msgs_py.bags.marks import is_synthetic
+from tbm_msgs_py.base.files import check_folder
+from tbm_msgs_py.recordings.health import COUNTS
+
+
+def compare(
+    bag: Annotated[Path, RECORDING_ARGUMENT],
+    machine: Annotated[str, MACHINE_OPTION] = "dz101",
+    mapping: Annotated[
+        Path | None, typer.Option(help="Mapping of topics to test points; default: mapping.yaml in or beside the bag.")
+    ] = None,
+    html: Annotated[Path | None, typer.Option(help="Write a page with figures to this file.", dir_okay=False)] = None,
+    model_duration: Annotated[float, typer.Option(help="Length of the model run (s).")] = 60.0,
+    window: Annotated[float, typer.Option(help="Length of a window (s).")] = 2.0,
+    seed: Annotated[int, SEED_OPTION] = 0,
+    history: Annotated[Path | None, typer.Option(help=HISTORY_HELP, dir_okay=False)] = None,
+    keep: Annotated[
+        bool | None,
+        typer.Option("--keep/--no-keep", help="Put the windows into the history; default: unless synthetic."),
+    ] = None,
+    json: Annotated[bool, JSON_OPTION] = False,
+) -> None:
+    """Compare a recording with the model at every test point."""
+    bag = recording_path(bag)
+    check_folder(html)
+    synthetic = is_synthetic(bag)
+    kept = not synthetic if keep is None else keep
+    if kept and history is not None:
+        History(history).close()  # a bad one is refused before the work
+    with progress_bar("comparing") as bar:
+        task = bar.add_task("", total=None)
+        result = compare_recording(
+            bag,
+            machine,
+            mapping,
+            model_duration,
+            seed,
+            Settings(window_s=window),
+            progress=lambda stage, share: bar.update(
+                task, description=stage, total=None if share is None else 1.0, completed=share or 0.0
+            ),
+        )
+    if html is not None:
+        from tbm_gsa.app.report.compare_page import write_page  # noqa: PLC0415 - matplotlib takes its time
+
+        write_page(result, html)
+    if kept:
+        _keep(result, "synthetic" if synthetic else "offline", history)
+    elif keep is None:
+        notes.print("not put into the history: the recording is synthetic, --keep puts it there", highlight=False)
+    if json:
+        print_json(result.document)
+    else:
+        print_tables(result.document)
+    for point, reason in result.document["skipped"].items():
+        notes.print(f"test point {point!r} not compared: {reason}", markup=False, highlight=False)
+    if html is not None:
+        notes.print(f"page: {html}", markup=False, highlight=False)
+
+
+def _keep(result: ComparisonResult, kind: Kind, path: Path | None) -> None:
+    """Put the windows into the history; a default one that cannot be used spoils no comparison."""
+    document = result.document
+    source = Source(
+        kind,
+        document["recording"]["path"],
+        document["recording"]["sha256"],
+        document["machine"],
+        document["machine_file"]["sha256"],
+    )
+    try:
+        with History(path or default_history()) as history:
+            history.add(source, recording_entries(document, result.starts_ns))
+    except (HistoryError, sqlite3.Error) as error:
+        if path is not None:
+            raise
+        notes.print(f"not put into the history: {error}", markup=False, highlight=False)
+
+
+def print_tables(document: dict[str, Any]) -> None:
+    """Print the axial accelerations as the paper's Table 2 has them, the levels, and the state of the recording."""
+    results.print(_axial_table(document))
+    if len(document["dwells"]) > 1:
+        results.print(_level_table(document))
+    faulty = _fault_table(document)
+    if faulty.row_count:
+        results.print(faulty)
+    recording = document["recording"]
+    truncated = ", truncated" if recording["truncated"] else ""
+    results.print(
+        f"{recording['messages']} messages over {recording['duration']:.1f} s, {recording['lost']} lost{truncated}; "
+        f"model {document['model_duration']:g} s a level, seed {document['seed']}",
+        highlight=False,
+    )
+
+
+def _axial_table(document: dict[str, Any]) -> Table:
+    synthetic = " (synthetic)" if document.get("synthetic") else ""
+    path = document["recording"]["path"]
+    table = Table(title=Text(f"axial acceleration, RMS: {path}{synthetic} against {document['machine']}"))
+    for heading in ("test point", "node", "predicted, g", "measured, g", "error", "95 %", "coverage"):
+        table.add_column(heading, justify="left" if heading == "test point" else "right")
+    for row in axial_rows(document):
+        axis = document["points"][row.point]["x"]
+        error = "–" if row.relative_error is None else f"{row.relative_error:.0%}"
+        interval = axis["intervals"]["relative_error"]
+        reach = "–" if interval is None else f"{interval[0]:.0%}–{interval[1]:.0%}"
+        cells = (
+            str(row.node),
+            f"{row.predicted_g:.3f}",
+            f"{row.measured_g:.3f}",
+            error,
+            reach,
+            f"{axis['coverage']:.1%}",
+        )
+        table.add_row(Text(row.point), *cells)
+    return table
+
+
+def _level_table(document: dict[str, Any]) -> Table:
+    table = Table(title="levels of operation")
+    for heading in ("level", "r/min", "kN·m", "kN", "held, s", "found"):
+        table.add_column(heading, justify="left" if heading == "found" else "right")
+    for number, level in enumerate(document["levels"], start=1):
+        values = (level["speed_r_min"], level["torque_kn_m"], level["thrust_kn"], level["seconds"])
+        table.add_row(str(number), *(f"{value:.5g}" for value in values), level["note"])
+    left_out = [dwell["end"] - dwell["begin"] for dwell in document["dwells"] if dwell["level"] is None]
+    if left_out:
+        table.add_row("–", "", "", "", f"{sum(left_out):.5g}", "between levels or at a standstill: left out")
+    return table
+
+
+def _fault_table(document: dict[str, Any]) -> Table:
+    """Points whose data have a fault, and which."""
+    table = Table(title="faults of the data")
+    for heading in ("test point", "faults"):
+        table.add_column(heading)
+    for point, record in document["recording"]["points"].items():
+        gaps = [end - begin for begin, end in record["gaps"]]
+        texts = [f"gaps: {len(gaps)}, longest {max(gaps):.3g} s"] if gaps else []
+        texts += [f"stuck along {text}" for text in stuck_texts(record)]
+        texts += [f"{record[name]} {name.replace('_', ' ')}" for name in COUNTS if record[name]]
+        if texts:
+            table.add_row(Text(point), Text(", ".join(texts)))
+    return table

@@ -1,0 +1,217 @@
+"""`tbm-monitor demo`: the whole job on the shipped recording, ending by itself."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+from rich.table import Table
+
+from tbm_dynamics import Machine, load_machine
+from tbm_gsa.app.cli.output import (
+    JSON_OPTION,
+    MACHINE_OPTION,
+    OUTPUTS_OPTION,
+    SEED_OPTION,
+    notes,
+    print_json,
+    progress_bar,
+    results,
+    split_names,
+)
+from tbm_gsa.app.cli.processes import NodeCommand, NodeProcesses, ParameterValue, settle_ros_environment
+from tbm_gsa.app.cli.ros import ANALYSIS_NODE, BAG_PLAYER, DYNAMICS_NODE, LOAD_NODE, SAID, watch
+from tbm_gsa.app.cli.shipped import shipped_bag
+from tbm_gsa.sensitivity.study.outputs import parse_outputs
+from tbm_msgs_py.bags.marks import is_synthetic
+from tbm_msgs_py.base.errors import RunError
+from tbm_msgs_py.recordings.mapping import default_mapping_file
+from tbm_msgs_py.recordings.recording import Recording, read_recording
+
+if TYPE_CHECKING:
+    from tbm_gsa.app.nodes.watch import Seen, Watch
+
+G = 9.80665
+_LOOK_S = 0.2
+_ASKED_S = 10.0
+"""Longest wait for a study to start after it was asked for, and for its result."""
+_START_S = 300.0
+"""Longest start of the nodes, with everything to compile."""
+_STRONGEST = 5
+
+
+def demo(
+    bag: Annotated[Path | None, typer.Option(help="Recording to play; default: the shipped synthetic one.")] = None,
+    machine: Annotated[str, MACHINE_OPTION] = "dz101",
+    out: Annotated[Path, typer.Option(help="Folder for logs and the study.")] = Path("tbm_demo"),
+    samples: Annotated[int, typer.Option(min=10, help="Training simulations of the sensitivity analysis.")] = 200,
+    test: Annotated[int, typer.Option(min=2, help="Test simulations.")] = 20,
+    outputs: Annotated[str | None, OUTPUTS_OPTION] = None,
+    seed: Annotated[int, SEED_OPTION] = 0,
+    json: Annotated[bool, JSON_OPTION] = False,
+) -> None:
+    """Play a recording, run the three nodes, compare, let the comparison trigger the sensitivity analysis, report."""
+    settle_ros_environment()
+    recording = read_recording(bag or shipped_bag())
+    length = max(record.duration for record in recording.points.values())
+    described = load_machine(machine)
+    described.assemble()
+    names = split_names(outputs)
+    parse_outputs(names, described.description.test_points)  # refused before anything starts
+    start = time.monotonic()
+    with watch(described.description.test_points) as watching, NodeProcesses(out / "logs") as nodes:
+        for command in node_commands(recording, machine, seed, out, samples, test, names):
+            nodes.start(command)
+        _wait_until_active(watching, nodes)
+        nodes.start(player_command(recording))
+        notes.print(
+            f"playing {recording.path} ({length:.0f} s) to three nodes; logs in {out / 'logs'}", highlight=False
+        )
+        _play(watching, nodes, length)
+        _finish_study(watching, nodes)
+    document = demo_document(described, watching.seen, time.monotonic() - start)
+    if json:
+        print_json(document)
+    else:
+        print_tables(document, synthetic=is_synthetic(recording.path))
+
+
+def node_commands(
+    recording: Recording, machine: str, seed: int, out: Path, samples: int, test: int, outputs: Sequence[str]
+) -> list[NodeCommand]:
+    """Name the three nodes, which follow the recording's clock."""
+    common: dict[str, ParameterValue] = {"machine": machine, "use_sim_time": True}
+    study: dict[str, ParameterValue] = {
+        "gsa.samples": samples,
+        "gsa.test": test,
+        "gsa.outputs": list(outputs) or [""],  # empty: all of them
+        "gsa.seed": seed,
+        "gsa.folder": str(out / "studies"),
+        "history": str(out / "history.sqlite"),  # not among the windows of a real machine
+    }
+    mapping = default_mapping_file(recording.path)
+    stated: dict[str, ParameterValue] = {"mapping": str(mapping)} if mapping else {}
+    return [
+        NodeCommand("analysis_node", ANALYSIS_NODE, {**common, **study, **stated}),
+        NodeCommand("dynamics_node", DYNAMICS_NODE, {**common, "seed": seed}),
+        # Dynamics and this process: both see the stream from its first block.
+        NodeCommand("load_node", LOAD_NODE, {**common, "seed": seed, "wait_for_subscribers": 2}),
+    ]
+
+
+def player_command(recording: Recording) -> NodeCommand:
+    """Name the player; the comparison sees every topic from its first message."""
+    play: dict[str, ParameterValue] = {"wait_for_subscribers": max(2, len(recording.points)), "wait_timeout": 30.0}
+    return NodeCommand("bag_player", BAG_PLAYER, {"bag": str(recording.path), **play})
+
+
+def _wait_until_active(watching: Watch, nodes: NodeProcesses) -> None:
+    """Wait until every node says how it is: on a computer that still compiles the recording would be over before."""
+    _wait_while(watching, nodes, lambda: not watching.seen.diagnostics.keys() >= SAID, _START_S)
+    if missing := sorted(SAID - watching.seen.diagnostics.keys()):
+        raise RunError(f"{missing[0]}: nothing on /diagnostics for {_START_S:g} s; see the logs")
+
+
+def _play(watching: Watch, nodes: NodeProcesses, length: float) -> None:
+    """Follow the playback to its end, saying once when the comparison starts a study."""
+    announced = False
+    progress = watching.seen.blocks
+    with progress_bar("playing") as bar:
+        task = bar.add_task("", total=length)
+        while nodes.running("bag_player"):
+            watching.spin(_LOOK_S)
+            nodes.check(ending="bag_player")
+            bar.update(task, completed=min(count.stream_time for count in progress.values()))
+            if not announced and watching.seen.gsa.get("state") == "running":
+                notes.print(f"sensitivity analysis {watching.seen.gsa_message}", highlight=False, markup=False)
+                announced = True
+
+
+def _finish_study(watching: Watch, nodes: NodeProcesses) -> None:
+    """Wait for the study; one that the comparison did not start is asked for."""
+    seen = watching.seen
+    if seen.gsa.get("state", "idle") == "idle":
+        notes.print("the comparison stayed under its threshold: asking for a sensitivity analysis", highlight=False)
+        watching.run_gsa()
+        _wait_while(watching, nodes, lambda: seen.gsa.get("state", "idle") == "idle", _ASKED_S)
+    with progress_bar("simulations") as bar:
+        task = bar.add_task("", total=int(seen.gsa.get("total", 0)))
+        while seen.gsa.get("state") == "running":
+            watching.spin(_LOOK_S)
+            nodes.check(ending="bag_player")
+            bar.update(task, completed=int(seen.gsa["done"]))
+    if seen.gsa.get("state") != "finished":
+        raise RunError(f"sensitivity analysis: {seen.gsa_message}")
+    _wait_while(watching, nodes, lambda: not seen.result, _ASKED_S)
+    if not seen.result:
+        raise RunError("sensitivity analysis: finished, but no result came")
+
+
+def _wait_while(watching: Watch, nodes: NodeProcesses, condition: Callable[[], bool], seconds: float) -> None:
+    until = time.monotonic() + seconds
+    while condition() and time.monotonic() < until:
+        watching.spin(_LOOK_S)
+        nodes.check(ending="bag_player")
+
+
+def demo_document(machine: Machine, seen: Seen, seconds: float) -> dict[str, Any]:
+    """Gather what `demo --json` prints.
+
+    Returns
+    -------
+    dict
+        ``points{point: {node, predicted_g, measured_g, relative_error, windows}}`` (axial, as the paper's Table 2),
+        ``outputs{name: {surrogate, r2_test, r2_cv, strongest{code: first index}}}``, ``blocks``, ``report``,
+        ``seconds``.
+    """
+    points = {}
+    for point, node in machine.description.test_points.items():
+        predicted, measured = seen.rms(point, "model_rms")[0], seen.rms(point, "field_rms")[0]
+        points[point] = {
+            "node": node,
+            "predicted_g": float(predicted / G),
+            "measured_g": float(measured / G),
+            "relative_error": float(abs(measured - predicted) / measured) if measured > 0.0 else float("nan"),
+            "windows": seen.windows[point]["relative_error"].count,
+        }
+    outputs = {}
+    for name, values in seen.result.items():
+        first = {key.removeprefix("first_"): float(value) for key, value in values.items() if key.startswith("first_")}
+        outputs[name] = {
+            "surrogate": values["surrogate"],
+            "r2_test": float(values["r2_test"]),
+            "r2_cv": float(values["r2_cv"]),
+            "strongest": first,
+        }
+    return {
+        "points": points,
+        "outputs": outputs,
+        "blocks": {name: {"received": count.received, "lost": count.lost} for name, count in seen.blocks.items()},
+        "trigger": seen.gsa_message,
+        "report": seen.gsa.get("report"),
+        "seconds": seconds,
+    }
+
+
+def print_tables(document: dict[str, Any], *, synthetic: bool) -> None:
+    """Print what was predicted and measured, and what the sensitivity analysis found."""
+    table = Table(title="Axial acceleration, RMS" + (" (synthetic recording)" if synthetic else ""))
+    for heading in ("test point", "node", "predicted (g)", "measured (g)", "relative error"):
+        table.add_column(heading, justify="left" if heading == "test point" else "right")
+    for point, row in document["points"].items():
+        error = f"{100.0 * row['relative_error']:.0f} %"
+        table.add_row(point, str(row["node"]), f"{row['predicted_g']:.2f}", f"{row['measured_g']:.2f}", error)
+    results.print(table)
+    table = Table(title=f"Strongest {_STRONGEST} inputs of each output, first Sobol index")
+    for heading in ("output", "surrogate", "R² test", "R² 10-fold", "inputs"):
+        table.add_column(heading)
+    for name, row in document["outputs"].items():
+        ranked = "  ".join(f"{code} {share:.2f}" for code, share in list(row["strongest"].items())[:_STRONGEST])
+        table.add_row(name, row["surrogate"], f"{row['r2_test']:.3f}", f"{row['r2_cv']:.3f}", ranked)
+    results.print(table)
+    lost = sum(count["lost"] for count in document["blocks"].values())
+    results.print(f"{document['seconds']:.0f} s, {lost} blocks lost", highlight=False)
+    results.print(f"report: {document['report']}", highlight=False, markup=False)

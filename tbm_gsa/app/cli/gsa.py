@@ -1,0 +1,185 @@
+"""`tbm-monitor gsa`: the surrogate-based global sensitivity analysis."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+from rich.table import Table
+
+from tbm_dynamics import load_machine
+from tbm_dynamics.indicators import INDICATORS
+from tbm_gsa.app.cli.explain import explain
+from tbm_gsa.app.cli.output import (
+    JSON_OPTION,
+    MACHINE_OPTION,
+    OUTPUTS_OPTION,
+    SEED_OPTION,
+    notes,
+    print_json,
+    progress_bar,
+    results,
+    split_names,
+)
+from tbm_gsa.app.cli.workers import Scheduler, Workers, analysis_progress, anonymous_main, campaign_progress
+from tbm_gsa.sensitivity.study.definition import Definition, read_definition
+from tbm_gsa.sensitivity.study.design import KINDS
+from tbm_gsa.sensitivity.study.evaluate import MachineEvaluation
+from tbm_gsa.sensitivity.study.inputs import PAPER_INPUTS
+from tbm_gsa.sensitivity.study.problem import Problem
+
+if TYPE_CHECKING:
+    from tbm_gsa.sensitivity.study.run import StudyOptions, StudyResult
+
+app = typer.Typer(add_completion=False, no_args_is_help=True)
+
+Folder = Annotated[Path, typer.Option("--out", help="Folder of the study: store, result.json, report.html.")]
+Methods = Annotated[
+    list[str] | None, typer.Option("--method", help="Surrogate to choose from: svr, krg, rbf or prs; may be repeated.")
+]
+
+
+@app.command()
+def run(
+    out: Folder = Path("gsa"),
+    samples: Annotated[int, typer.Option(min=10, help="Training simulations.")] = 200,
+    test: Annotated[int, typer.Option(min=2, help="Test simulations.")] = 20,
+    design: Annotated[str, typer.Option(help=f"Training points: {', '.join(KINDS)}.")] = "lhs",
+    machine: Annotated[str, MACHINE_OPTION] = "dz101",
+    duration: Annotated[float, typer.Option(min=0.01, max=3600.0, help="Length of a simulation (s).")] = 3.0,
+    inputs: Annotated[
+        Path | None,
+        typer.Option(help="YAML file with inputs, distributions, groups, outputs; default: the paper's Table 4."),
+    ] = None,
+    outputs: Annotated[str | None, OUTPUTS_OPTION] = None,
+    high_hz: Annotated[
+        float | None,
+        typer.Option(help="Upper limit of the band of accelerations (Hz); default: a comparison's, 1000."),
+    ] = None,
+    method: Methods = None,
+    workers: Workers = 2,
+    scheduler: Scheduler = None,
+    seed: Annotated[int, SEED_OPTION] = 0,
+    json: Annotated[bool, JSON_OPTION] = False,
+) -> None:
+    """Simulate a design, fit surrogates, print Sobol indices; an unfinished study of the folder goes on."""
+    from tbm_gsa.sensitivity.study.run import run_study  # noqa: PLC0415 - what analyses and draws takes a second to import
+
+    definition = Definition(PAPER_INPUTS) if inputs is None else read_definition(inputs)
+    names = split_names(outputs) or definition.outputs or INDICATORS
+    load_machine(machine).assemble()  # a bad machine is refused before a folder is made
+    evaluate = MachineEvaluation.of(machine, duration, seed, names, high_hz)
+    evaluate.check({item.code: (item.lower, item.upper) for item in definition.inputs.inputs})
+    problem = Problem(definition.inputs, names, samples, test, seed, evaluate.settings, design)
+    with _running(out, method, workers, scheduler) as options:
+        study = run_study(problem, evaluate, out, options)
+    show(study, json)
+
+
+@app.command()
+def resume(
+    out: Folder = Path("gsa"),
+    method: Methods = None,
+    workers: Workers = 2,
+    scheduler: Scheduler = None,
+    json: Annotated[bool, JSON_OPTION] = False,
+) -> None:
+    """Go on with a study that was interrupted; nothing is simulated twice."""
+    from tbm_gsa.sensitivity.study.run import resume_study  # noqa: PLC0415
+
+    with _running(out, method, workers, scheduler) as options:
+        study = resume_study(out, _evaluation, options)
+    show(study, json)
+
+
+@app.command()
+def extend(
+    samples: Annotated[int, typer.Option(min=1, help="Training simulations to add.")],
+    out: Folder = Path("gsa"),
+    method: Methods = None,
+    workers: Workers = 2,
+    scheduler: Scheduler = None,
+    json: Annotated[bool, JSON_OPTION] = False,
+) -> None:
+    """Add training points to a study; its simulations are kept, the new points fill the gaps between them."""
+    from tbm_gsa.sensitivity.study.run import extend_study  # noqa: PLC0415
+
+    with _running(out, method, workers, scheduler) as options:
+        study = extend_study(out, samples, _evaluation, options)
+    show(study, json)
+
+
+@app.command()
+def report(
+    out: Folder = Path("gsa"),
+    method: Methods = None,
+    workers: Workers = 2,
+    json: Annotated[bool, JSON_OPTION] = False,
+) -> None:
+    """Analyse a finished store again and write its report anew."""
+    from tbm_gsa.sensitivity.study.run import report_study  # noqa: PLC0415
+
+    with _options(method, workers) as options:
+        study = report_study(out, options)
+    show(study, json)
+
+
+app.command()(explain)
+
+
+def _evaluation(problem: Problem) -> MachineEvaluation:
+    """Make the evaluation of a store that is gone on with."""
+    return MachineEvaluation.from_settings(problem.settings, problem.outputs)
+
+
+@contextmanager
+def _options(method: list[str] | None, workers: int, scheduler: str | None = None) -> Iterator[StudyOptions]:
+    """Options of a study under way, with its progress; surrogates to choose from are those asked for, else all."""
+    from tbm_gsa.app.report.study_report import write_study_report  # noqa: PLC0415
+    from tbm_gsa.sensitivity.study.run import StudyOptions  # noqa: PLC0415
+
+    with progress_bar() as bar, anonymous_main():
+        yield StudyOptions(
+            tuple(method) if method else StudyOptions.methods,
+            workers,
+            scheduler,
+            progress=campaign_progress(bar),
+            analysis_progress=analysis_progress(bar),
+            report=write_study_report,
+        )
+
+
+@contextmanager
+def _running(out: Path, method: list[str] | None, workers: int, scheduler: str | None) -> Iterator[StudyOptions]:
+    """Options of a study with a campaign; after Ctrl-C, say how to go on."""
+    try:
+        with _options(method, workers, scheduler) as options:
+            yield options
+    except KeyboardInterrupt:
+        notes.print(f"interrupted; what finished is stored: tbm-monitor gsa resume --out {out}", highlight=False)
+        raise
+
+
+def show(study: StudyResult, json: bool) -> None:
+    """Print a study as JSON or as a table."""
+    if json:
+        print_json(study.document)
+        return
+    results.print(strongest_table(study.document))
+    results.print(f"{study.document['seconds']:.1f} s")
+    notes.print(f"report: {study.report}", highlight=False)
+
+
+def strongest_table(document: dict[str, Any], count: int = 5) -> Table:
+    """Quality of the surrogate and the strongest inputs of every output."""
+    table = Table(title="Strongest inputs, first Sobol index")
+    for heading in ("output", "surrogate", "R² test", "R² 10-fold", f"strongest {count}"):
+        table.add_column(heading)
+    for name, output in document["outputs"].items():
+        ranked = sorted(output["first"].items(), key=lambda item: item[1], reverse=True)[:count]
+        strongest = "  ".join(f"{code} {share:.2f}" for code, share in ranked)
+        table.add_row(name, output["surrogate"], f"{output['r2_test']:.3f}", f"{output['r2_cv']:.3f}", strongest)
+    return table

@@ -1,0 +1,117 @@
+"""`tbm-monitor machine`: look at machine files."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from tbm_dynamics import load_machine, shipped_machines
+from tbm_dynamics.loads.stepper import LoadLevel
+from tbm_dynamics.machine.summary import machine_summary
+from tbm_gsa.app.cli.machine_tables import print_loads, print_tables
+from tbm_gsa.app.cli.machine_update import update
+from tbm_gsa.app.cli.output import JSON_OPTION, LOADS_OPTION, SEED_OPTION, notes, print_json, results
+from tbm_gsa.paper.load_summary import load_run
+
+app = typer.Typer(add_completion=False, no_args_is_help=True)
+
+_SHOWN_MODES = 10
+
+MachineArgument = Annotated[str, typer.Argument(help="Name of a shipped machine, or path of a machine file.")]
+
+
+@app.command("list")
+def list_machines(json: Annotated[bool, JSON_OPTION] = False) -> None:
+    """List the shipped machines: names that every command takes for a machine."""
+    names = shipped_machines()
+    if json:
+        print_json({"machines": names})
+        return
+    for name in names:
+        results.print(name, markup=False, highlight=False)
+
+
+@app.command()
+def show(
+    machine: MachineArgument,
+    count: Annotated[int, typer.Option(min=1, max=1000, help="Number of natural frequencies.")] = _SHOWN_MODES,
+    out: Annotated[
+        Path | None, typer.Option(help="Draw the machine into this .png or .svg file.", dir_okay=False)
+    ] = None,
+    json: Annotated[bool, JSON_OPTION] = False,
+) -> None:
+    """Show what a machine file describes: nodes, parts, connections, drives, masses, natural frequencies, sources."""
+    from tbm_gsa.app.report.machine_drawing import draw_machine  # noqa: PLC0415 - matplotlib takes its time
+    from tbm_gsa.app.report.picture import check_path, write_picture  # noqa: PLC0415
+
+    if out is not None:
+        check_path(out)
+    described = load_machine(machine)
+    document = machine_summary(described, count)
+    if out is not None:
+        write_picture(lambda: draw_machine(described), out)
+    if json:
+        print_json(document)
+    else:
+        print_tables(document)
+    if out is not None:
+        notes.print(f"drawing: {out}", markup=False, highlight=False)
+
+
+@app.command()
+def check(machine: MachineArgument, json: Annotated[bool, JSON_OPTION] = False) -> None:
+    """Validate a machine file: its keys and values, floating nodes, the static equilibrium."""
+    described = load_machine(machine)
+    system = described.assemble()
+    meshes = system.couplings.drives
+    force = system.equilibrium().force[:meshes]
+    frequencies = [float(value) for value in system.natural_frequencies(_SHOWN_MODES)]
+    document = {
+        "machine": described.name,
+        "nodes": len(system.nodes),
+        "degrees_of_freedom": system.size,
+        "meshes": meshes,
+        "mesh_frequency_hz": described.mesh_frequency,
+        "natural_frequencies_hz": frequencies,
+        "static_mesh_force": [float(value) for value in force],
+    }
+    if json:
+        print_json(document)
+        return
+    results.print(f"{described.name}: {len(system.nodes)} nodes, {system.size} degrees of freedom, {meshes} meshes")
+    mean = force.mean() / 1e3
+    results.print(f"mesh frequency {described.mesh_frequency:.2f} Hz, static mesh force {mean:.1f} kN each")
+    results.print("lowest natural frequencies (Hz): " + ", ".join(f"{value:.1f}" for value in frequencies))
+
+
+@app.command()
+def loads(
+    machine: MachineArgument,
+    level: Annotated[LoadLevel, LOADS_OPTION] = "spectral",
+    duration: Annotated[float, typer.Option(max=3600.0, help="Length of the run (s).")] = 600.0,
+    seed: Annotated[int, SEED_OPTION] = 0,
+    out: Annotated[
+        Path | None, typer.Option(help="Draw time and frequency into this .png or .svg file.", dir_okay=False)
+    ] = None,
+    json: Annotated[bool, JSON_OPTION] = False,
+) -> None:
+    """Hold the cutterhead loads of a machine against the paper's Table 1, and draw its Figure 4."""
+    from tbm_gsa.app.report.load_figure import load_figure  # noqa: PLC0415 - matplotlib takes its time
+    from tbm_gsa.app.report.picture import check_path, write_picture  # noqa: PLC0415
+
+    if out is not None:
+        check_path(out)
+    run = load_run(load_machine(machine), level, duration, seed)
+    if out is not None:
+        write_picture(lambda: load_figure(run), out)
+    if json:
+        print_json(run.document)
+    else:
+        print_loads(run.document)
+    if out is not None:
+        notes.print(f"drawing: {out}", markup=False, highlight=False)
+
+
+app.command()(update)

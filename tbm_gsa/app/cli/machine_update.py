@@ -1,0 +1,105 @@
+"""`tbm-monitor machine update`: an accepted explanation as a new machine file."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from tbm_dynamics import load_machine
+from tbm_dynamics.machine.writing import machine_text, write_machine
+from tbm_gsa.app.cli.output import JSON_OPTION, print_json, results
+from tbm_gsa.explanation.verdict import verdict
+from tbm_gsa.provenance import machine_sha256
+from tbm_gsa.sensitivity.study.errors import StudyError
+
+
+def update(
+    machine: Annotated[str, typer.Argument(help="Name of a shipped machine, or path of a machine file.")],
+    source: Annotated[
+        Path, typer.Option("--from", help="explanation.json of `gsa explain`, or its folder.", show_default=False)
+    ],
+    out: Annotated[Path, typer.Option(help="New machine file.", dir_okay=False, show_default=False)],
+    cause: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--input", help="Input to take from the explanation; default: the most probable; can be repeated."
+        ),
+    ] = None,
+    name: Annotated[
+        str | None, typer.Option(help="Name of the new machine; default: the old one and _updated.")
+    ] = None,
+    json: Annotated[bool, JSON_OPTION] = False,
+) -> None:
+    """Write a machine file with the values that explain a recording, and say in it where they come from."""
+    described = load_machine(machine)
+    document = read_explanation(source)
+    if document["machine_file"]["sha256"] != machine_sha256(described):
+        raise StudyError(f"{source}: explains another machine than {machine}, {document['machine_file']['origin']}")
+    accepted = accepted_causes(document, cause)
+    values = {row["input"]: float(row["value"]) for row in accepted}
+    text = machine_text(described, values, name or f"{described.name}_updated", _reasons(document, accepted, machine))
+    write_machine(out, text)
+    load_machine(out).assemble()
+    if json:
+        print_json({"machine": machine, "out": str(out), "inputs": values})
+    else:
+        results.print(f"{out}: " + ", ".join(map(_change, accepted)), markup=False, highlight=False)
+
+
+def read_explanation(source: Path) -> dict[str, Any]:
+    """Read the document of an explanation from its file or its folder."""
+    file = source / "explanation.json" if source.is_dir() else source
+    try:
+        document = json.loads(file.read_text("utf-8"))
+        _ = document["causes"], document["joint"]["inputs"], document["machine_file"]["sha256"], document["explained"]
+    except OSError as error:
+        raise StudyError(
+            f"{file}: {error.strerror}, allowed: the explanation.json of `tbm-monitor gsa explain`"
+        ) from None
+    except (ValueError, KeyError, TypeError) as error:
+        raise StudyError(f"{file}: not the explanation.json of `tbm-monitor gsa explain` ({error})") from None
+    found: dict[str, Any] = document
+    return found
+
+
+def accepted_causes(document: Mapping[str, Any], wanted: list[str] | None) -> list[dict[str, Any]]:
+    """Rows of the causes that are taken over: one as the cause it is alone, several as they are together."""
+    rows = {row["input"]: row for row in document["causes"] if row["input"] is not None}
+    if not wanted:
+        first = document["causes"][0]
+        if first["input"] is None:
+            raise StudyError("the most probable explanation is that nothing has changed; choose one with --input")
+        if not document["explained"]:
+            raise StudyError(f"{verdict(document)}; choose inputs with --input to take them all the same")
+        return [first]
+    for code in wanted:
+        if code not in rows:
+            raise StudyError(f"--input {code}: not among the causes, allowed: {', '.join(rows)}")
+    if len(wanted) == 1:
+        return [rows[wanted[0]]]
+    return [{**rows[code], **document["joint"]["inputs"][code]} for code in dict.fromkeys(wanted)]
+
+
+def _change(row: Mapping[str, Any]) -> str:
+    low, high = row["interval"]
+    return (
+        f"{row['input']} ({row['name']}) {row['machine_value']:.4g} to {row['value']:.4g} {row['unit']}".rstrip()
+        + f" (90 % interval {low:.4g} to {high:.4g})"
+    )
+
+
+def _reasons(document: Mapping[str, Any], accepted: list[dict[str, Any]], machine: str) -> list[str]:
+    recording, versions = document["recording"], document["versions"]
+    return [
+        f"{machine}, changed by `tbm-monitor machine update` so that it comes nearer to a recording.",
+        f"Of that: {verdict(document)}.",
+        *(f"{_change(row)}, probability {row['probability']:.2f}" for row in accepted),
+        f"Recording {Path(recording['path']).name}, sha256 {recording['sha256']}.",
+        f"Machine file before: sha256 {document['machine_file']['sha256']}.",
+        f"tbm_monitor {versions.get('tbm_monitor', 'from source')}, campaign of {document['settings']['samples']} runs "
+        f"of {document['settings']['duration']:g} s, seed {document['settings']['seed']}.",
+    ]

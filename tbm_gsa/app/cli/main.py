@@ -1,0 +1,138 @@
+"""`tbm-monitor`: turns every expected error into one line and an exit code."""
+
+from __future__ import annotations
+
+import os
+import signal
+import sqlite3
+import sys
+from types import FrameType
+from typing import Annotated
+
+import typer
+
+import tbm_gsa
+from tbm_gsa.app.cli.commands import CommandLine
+from tbm_gsa.app.cli.output import notes, results
+from tbm_gsa.app.cli.start import ENDING, INTERRUPTED
+
+app = typer.Typer(
+    name="tbm-monitor",
+    no_args_is_help=True,
+    context_settings={"help_option_names": ["-h", "--help"]},  # of every command below, too
+    pretty_exceptions_enable=False,
+)
+
+
+def _version(asked: bool) -> None:
+    if asked:
+        results.print(f"tbm-monitor {tbm_gsa.__version__}", highlight=False)
+        raise typer.Exit
+
+
+@app.callback(cls=CommandLine)
+def group(
+    version: Annotated[
+        bool, typer.Option("--version", "-V", callback=_version, is_eager=True, help="Print the version and exit.")
+    ] = False,
+) -> None:
+    """Drive-train monitor for tunnel boring machines: model, recordings, comparison, sensitivity."""
+
+
+BAD_INPUT = 2
+_PACKAGES = ("tbm_dynamics", "tbm_gsa", "tbm_msgs_py")
+
+# typer may carry a click of its own: the class is found where typer's own exceptions come from.
+_UsageError: type[Exception] = next(kind for kind in typer.BadParameter.__mro__ if kind.__name__ == "ClickException")
+
+
+class _Interruption:
+    """Signal handler that remembers; it raises KeyboardInterrupt where the program stands.
+
+    A command that goes on until it is told to end handles signals itself once it has begun; before, it ends at once.
+    """
+
+    received = False
+
+    @classmethod
+    def handle(cls, number: int, frame: FrameType | None) -> None:
+        """Handle a signal."""
+        if INTERRUPTED == 0:
+            os._exit(INTERRUPTED)
+        cls.received = True
+        signal.default_int_handler(number, frame)
+
+
+def main() -> None:
+    """Run the command line; exit code 0 on success, 2 on bad input, 1 on a fault of the program.
+
+    After Ctrl-C 130, but 0 for a command that goes on until it is told to end.
+    """
+    # What was started is ended in order, whichever signal comes.
+    for number in ENDING:
+        if signal.getsignal(number) != signal.SIG_IGN:  # nohup
+            signal.signal(number, _Interruption.handle)
+    code = _run()
+    if _Interruption.received and code != 0:
+        code = INTERRUPTED  # a library may have turned the interruption into an error of its own
+    # Before the clean-up of the exit prints a complaint about a reader that has gone.
+    try:
+        sys.stdout.flush()
+    except BrokenPipeError:
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+    sys.exit(code)
+
+
+def _run() -> int:  # noqa: PLR0911 - one for each kind of end
+    """Exit code of the command, every error said in one line."""
+    try:
+        # -c and -m runs have no useful argv[0]; the name users type stands in messages.
+        code = app(prog_name="tbm-monitor", standalone_mode=False)
+    except typer.Exit as leave:
+        return leave.exit_code
+    except (typer.Abort, KeyboardInterrupt):
+        return INTERRUPTED
+    except (
+        BrokenPipeError,
+        SystemExit,
+    ):  # the reader of the output has seen enough; the second is what rich makes of it
+        return 0
+    except _UsageError as error:
+        _say(_usage_line(error))
+        return BAD_INPUT
+    except OSError as error:
+        _say(f"{error.filename}: {error.strerror}" if error.filename and error.strerror else str(error))
+        return BAD_INPUT
+    except sqlite3.Error as error:
+        _say(str(error))
+        return BAD_INPUT
+    except MemoryError as error:
+        _say(f"not enough memory: {error}")
+        return BAD_INPUT
+    except Exception as error:  # noqa: BLE001 - never a traceback
+        if _is_ours(error):
+            _say(str(error))
+            return BAD_INPUT
+        _say(f"fault of the program: {type(error).__name__}: {error}")
+        return 1
+    return code if isinstance(code, int) else 0
+
+
+def _is_ours(error: Exception) -> bool:
+    """Whether an error is one of our classes: those are lines for a user, a library's is a fault of the program."""
+    return type(error).__module__.partition(".")[0] in _PACKAGES
+
+
+def _usage_line(error: Exception) -> str:
+    """Say what is wrong with the command line; a bare `tbm-monitor` has shown its help already."""
+    if type(error).__name__ == "NoArgsIsHelpError":
+        return "a command is missing, see --help"
+    return str(getattr(error, "format_message", error.__str__)())
+
+
+def _say(message: str) -> None:
+    notes.print(f"tbm-monitor: {' '.join(message.split())}", markup=False, highlight=False)
+
+
+if __name__ == "__main__":
+    main()

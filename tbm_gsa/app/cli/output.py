@@ -1,0 +1,69 @@
+"""How the commands speak: results on stdout, everything else on stderr, JSON as one document."""
+
+from __future__ import annotations
+
+import json
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import Any
+
+import typer
+from rich.console import Console
+from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
+
+from tbm_msgs_py.base.files import plain
+
+# Paths are never wrapped: rich would break them at 80 columns when its output is piped.
+results = Console(soft_wrap=True, emoji=False)
+notes = Console(stderr=True, soft_wrap=True, emoji=False)
+
+JSON_OPTION = typer.Option("--json", help="Print exactly one JSON document on stdout.")
+SEED_OPTION = typer.Option("--seed", min=0, max=2**31 - 1, help="Seed of everything random.")
+LOADS_OPTION = typer.Option("--loads", help="Table 1's spectra, or the forces on the disc cutters.")
+SCHEDULE_OPTION = typer.Option(
+    "--schedule",
+    help="CSV file with the operating point over time: columns time_s, speed_r_min, torque_kn_m, thrust_kn.",
+    dir_okay=False,
+)
+COLUMN_OPTION = typer.Option(
+    "--schedule-column", help="A column of that file by another name, such as speed=rpm; can be repeated."
+)
+WHERE_OPTION = typer.Option(
+    "--schedule-where", help="Only its rows with a text in a column, such as cycle=7; can be repeated."
+)
+MACHINE_OPTION = typer.Option("--machine", help="Name of a shipped machine, or path of a machine file.")
+OUTPUTS_OPTION = typer.Option(
+    "--outputs",
+    help="Names, separated by commas: indicators, or rms_POINT_AXIS, peak_…, kurtosis_…, rms_LOW-HIGH_hz_…; "
+    "default: the eight indicators.",
+)
+
+
+def split_names(given: str | None) -> tuple[str, ...]:
+    """Names separated by commas."""
+    return tuple(name.strip() for name in (given or "").split(",") if name.strip())
+
+
+def print_json(document: Any) -> None:
+    """Write one JSON document to stdout; numbers that are not finite become null."""
+    sys.stdout.write(json.dumps(plain(document), indent=2, ensure_ascii=False, allow_nan=False) + "\n")
+
+
+@contextmanager
+def progress_bar(title: str = "") -> Iterator[Progress]:
+    """Progress on stderr, shown only on a terminal; add a task to it, whose description follows the title."""
+    columns = (
+        TextColumn(f"{title} {{task.description}}".lstrip()),
+        BarColumn(),
+        TextColumn("{task.percentage:>3.0f} %"),
+    )
+    with Progress(
+        *columns,
+        TimeElapsedColumn(),
+        TimeRemainingColumn(),
+        console=notes,
+        transient=True,
+        disable=not notes.is_terminal,
+    ) as bar:
+        yield bar

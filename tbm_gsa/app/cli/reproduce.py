@@ -1,0 +1,73 @@
+"""`tbm-monitor reproduce`: every table and figure of the paper beside ours."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+from rich.table import Table
+
+from tbm_gsa.app.cli.output import JSON_OPTION, MACHINE_OPTION, SEED_OPTION, notes, print_json, progress_bar, results
+from tbm_gsa.app.cli.shipped import shipped_bag
+from tbm_gsa.app.cli.workers import Workers, anonymous_main
+from tbm_msgs_py.base.files import write_json
+
+DOCUMENT_NAME = "reproduction.json"
+PAGE_NAME = "reproduction.html"
+
+
+def reproduce(
+    out: Annotated[
+        Path, typer.Option(help=f"Folder: {PAGE_NAME}, {DOCUMENT_NAME}, a campaign for each reading of the dampings.")
+    ] = Path("reproduction"),
+    machine: Annotated[str, MACHINE_OPTION] = "dz101",
+    workers: Workers = 2,
+    seed: Annotated[int, SEED_OPTION] = 0,
+    json: Annotated[bool, JSON_OPTION] = False,
+) -> None:
+    """Give back Tables 1 to 6 and Figures 2 to 15 of the paper, each with a verdict; an interrupted run goes on."""
+    # What they import takes a second, and other commands need none of it.
+    from tbm_gsa.app.report.reproduction_page import write_page  # noqa: PLC0415
+    from tbm_gsa.app.report.study_report import write_study_report  # noqa: PLC0415
+    from tbm_gsa.paper.reproduction.workflow import reproduce as find  # noqa: PLC0415
+
+    with progress_bar("reproducing") as bar, anonymous_main():
+        task = bar.add_task("", total=None)
+        result = find(
+            machine,
+            out,
+            shipped_bag(),
+            seed=seed,
+            workers=workers,
+            report=write_study_report,
+            progress=lambda stage, share: bar.update(
+                task, description=stage, total=None if share is None else 1.0, completed=share or 0.0
+            ),
+        )
+        bar.update(task, description="page", total=None)
+        write_page(result, out / PAGE_NAME)
+    write_json(out / DOCUMENT_NAME, result.document)
+    if json:
+        print_json(result.document)
+    else:
+        _print(result.document)
+    notes.print(f"page: {out / PAGE_NAME}", markup=False, highlight=False)
+
+
+def _print(document: dict[str, Any]) -> None:
+    """Print the verdicts and what differs."""
+    own = next(one["name"] for one in document["readings"] if one["own"])
+    table = Table(title="What differs from the paper")
+    for heading in ("", "what", "paper", "ours"):
+        table.add_column(heading)
+    for row in document["rows"]:
+        if row["verdict"] == "differs" and row["reading"] in (None, own):
+            table.add_row(row["source"], row["what"], *(_text(row[key]) for key in ("paper", "ours")))
+    results.print(table)
+    counts = ", ".join(f"{count} {name}" for name, count in document["verdicts"].items())
+    results.print(f"{counts}; {document['seconds']['total']:.0f} s", highlight=False)
+
+
+def _text(value: float | str | None) -> str:
+    return "–" if value is None else value if isinstance(value, str) else f"{value:.4g}"

@@ -1,0 +1,237 @@
+"""`tbm-monitor run`: the three nodes in real time."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+from rich.table import Table
+
+from tbm_dynamics import load_machine
+from tbm_dynamics.loads.stepper import LOAD_LEVELS, LoadLevel
+from tbm_dynamics.machine import OperatingPoint
+from tbm_dynamics.streaming.streams import LoadStream
+from tbm_gsa.app.cli.output import (
+    COLUMN_OPTION,
+    JSON_OPTION,
+    SCHEDULE_OPTION,
+    WHERE_OPTION,
+    notes,
+    print_json,
+    progress_bar,
+    results,
+)
+from tbm_gsa.app.cli.processes import NodeCommand, NodeProcesses, ParameterValue, settle_ros_environment, until_told
+from tbm_gsa.app.cli.ros import ANALYSIS_NODE, DYNAMICS_NODE, LIVE_VIEW, LOAD_NODE, SAID, watch
+from tbm_gsa.app.cli.simulate import schedule_of
+from tbm_gsa.app.cli.site import Site
+from tbm_gsa.app.cli.supervision import Supervision
+from tbm_gsa.sensitivity.study.errors import StudyError
+from tbm_msgs_py import topics
+from tbm_msgs_py.base.errors import RunError
+
+if TYPE_CHECKING:
+    from tbm_gsa.app.nodes.watch import Watch
+
+_FIRST_BLOCK_S = 300.0
+"""Longest wait for the first block; on a cold cache the kernel is compiled in it."""
+_LOOK_S = 0.2
+_NODES = ("load_node", "dynamics_node", "analysis_node")
+_MACHINE_OPTION = typer.Option(
+    "--machine", help="Name of a shipped machine, or path of a machine file; default: that of --params, else dz101."
+)
+_LOADS_OPTION = typer.Option(
+    "--loads", help="spectral or cutter; default: that of --params, else spectral.", show_choices=False
+)
+_SEED_OPTION = typer.Option(
+    "--seed", min=0, max=2**31 - 1, help="Seed of everything random; default: those of --params, else 0."
+)
+
+
+def run(
+    duration: Annotated[
+        float | None, typer.Option(min=0.1, max=1e9, help="Stream time (s); without it until Ctrl-C.")
+    ] = None,
+    machine: Annotated[str | None, _MACHINE_OPTION] = None,
+    seed: Annotated[int | None, _SEED_OPTION] = None,
+    loads: Annotated[LoadLevel | None, _LOADS_OPTION] = None,
+    speed: Annotated[float | None, typer.Option(min=0.01, help="Speed of the cutterhead (r/min).")] = None,
+    torque: Annotated[float | None, typer.Option(min=0.1, help="Its mean torque (kN·m).")] = None,
+    thrust: Annotated[float | None, typer.Option(min=0.1, help="Mean thrust (kN).")] = None,
+    schedule: Annotated[Path | None, SCHEDULE_OPTION] = None,
+    schedule_column: Annotated[list[str] | None, COLUMN_OPTION] = None,
+    schedule_where: Annotated[list[str] | None, WHERE_OPTION] = None,
+    params: Annotated[
+        Path | None,
+        typer.Option(
+            exists=True,
+            dir_okay=False,
+            help="ROS parameter file of the nodes; what the command line names holds whatever it says.",
+        ),
+    ] = None,
+    sim_time: Annotated[
+        bool, typer.Option("--sim-time", help="Follow /clock, as beside a recording that `bag play` plays.")
+    ] = False,
+    foxglove: Annotated[
+        int | None, typer.Option(min=1, max=65535, help="Show all to Foxglove at this port of this computer.")
+    ] = None,
+    out: Annotated[Path, typer.Option(help="Folder for logs and studies.")] = Path("tbm_run"),
+    json: Annotated[bool, JSON_OPTION] = False,
+) -> None:
+    """Run loads, dynamics and analysis as ROS 2 nodes and count what they publish."""
+    settle_ros_environment()
+    site = Site(params)
+    described = load_machine(machine or site.common(_NODES, "machine", "dz101"))
+    described.assemble()
+    level = loads or _level(site)
+    plan = schedule_of(schedule, schedule_column, schedule_where)
+    # Refused here, in one line, rather than by the node.
+    stream = LoadStream(described, seed or 0, 1e-3, 1, level, plan)
+    point = _operating_point(described.operating_point, speed, torque, thrust)
+    if point is not None and plan is not None:
+        raise typer.BadParameter("--schedule with --speed, --torque or --thrust, allowed: one way to drive")
+    if point is not None:
+        stream.set_operating_point(point)
+    driven: dict[str, ParameterValue] = {"machine": described.origin, "loads": level}
+    if schedule is not None:
+        driven |= {"schedule": str(schedule.absolute()), "schedule_columns": schedule_column or [""]}
+        driven |= {"schedule_where": schedule_where or [""]}
+    commands = node_commands(driven, seed, out, site)
+    if foxglove:
+        commands.append(NodeCommand("live_view", LIVE_VIEW, {"port": foxglove}))
+    if sim_time:
+        notes.print("the nodes follow /clock, as `tbm-monitor bag play` gives it", highlight=False)
+        commands = [replace(one, parameters={**one.parameters, "use_sim_time": True}) for one in commands]
+    watching = watch(described.description.test_points)
+    patience = math.inf if sim_time else _FIRST_BLOCK_S
+    first_block, stopped = _run(watching, commands, out / "logs", point, duration, patience)
+    document = run_document(watching, first_block)
+    if json:
+        print_json(document)
+    else:
+        _print_table(document)
+    if stopped:
+        notes.print("stopped by a signal", highlight=False)
+
+
+def _level(site: Site) -> LoadLevel:
+    stated = site.common(_NODES[:2], "loads", LOAD_LEVELS[0])
+    for level in LOAD_LEVELS:
+        if level == stated:
+            return level
+    raise StudyError(f"{site.file}: loads: {stated}, allowed: {', '.join(LOAD_LEVELS)}")
+
+
+def _operating_point(
+    own: OperatingPoint, speed: float | None, torque: float | None, thrust: float | None
+) -> OperatingPoint | None:
+    """Operating point of the command line, in r/min, kN·m and kN; what it leaves open is the machine's own."""
+    if speed is None and torque is None and thrust is None:
+        return None
+    return OperatingPoint(
+        own.speed if speed is None else speed * 2.0 * math.pi / 60.0,
+        own.torque if torque is None else torque * 1e3,
+        own.thrust if thrust is None else thrust * 1e3,
+    )
+
+
+def node_commands(driven: Mapping[str, ParameterValue], seed: int | None, out: Path, site: Site) -> list[NodeCommand]:
+    """Give the three nodes on the computer's clock; `driven` are parameters of the load node."""
+    common: dict[str, ParameterValue] = {name: driven[name] for name in ("machine", "loads")}
+    analysis: dict[str, ParameterValue] = {"machine": driven["machine"]}
+    if site.stated("analysis_node", "gsa.folder") is None:
+        analysis["gsa.folder"] = str(out / "studies")
+    if seed is not None:
+        common["seed"] = analysis["gsa.seed"] = seed
+    return [
+        NodeCommand("analysis_node", ANALYSIS_NODE, analysis, site.file),
+        NodeCommand("dynamics_node", DYNAMICS_NODE, common, site.file),
+        # Dynamics and this process: both see the stream from its first block.
+        NodeCommand("load_node", LOAD_NODE, {**common, **driven, "wait_for_subscribers": 2}, site.file),
+    ]
+
+
+def _run(
+    watching: Watch,
+    commands: Iterable[NodeCommand],
+    logs: Path,
+    point: OperatingPoint | None,
+    duration: float | None,
+    patience: float,
+) -> tuple[float | None, bool]:
+    """Seconds to the first block, and whether a signal ended it."""
+    start, told = time.monotonic(), until_told()
+    with watching, NodeProcesses(logs) as processes:
+        nodes = Supervision(processes, watching.seen.diagnostics)
+        if point is not None:
+            watching.operate(point.speed, point.torque, point.thrust)
+        for command in commands:
+            nodes.start(command)
+        first_block = _wait_for_blocks(watching, nodes, start, told, patience)
+        _follow(watching, nodes, duration, told)
+        stopped = told()
+    return first_block, stopped
+
+
+def _wait_for_blocks(
+    watching: Watch, nodes: Supervision, start: float, told: Callable[[], bool], patience: float
+) -> float | None:
+    """Seconds from the start to the first block of the model; None when told to end before it."""
+    first = watching.seen.blocks[topics.MODEL_MESH_FORCES]
+    while first.received == 0:
+        if told():
+            return None
+        nodes.check()
+        if time.monotonic() - start > patience:
+            raise RunError(
+                f"no block on {topics.absolute(topics.MODEL_MESH_FORCES)} within {patience:g} s; see the logs"
+            )
+        watching.spin(_LOOK_S)
+    return time.monotonic() - start
+
+
+def _follow(watching: Watch, nodes: Supervision, duration: float | None, told: Callable[[], bool]) -> None:
+    """Watch until every stream has reached the duration and every node has said how it is, or until told to end."""
+    counts = watching.seen.blocks.values()
+    with progress_bar("running") as bar:
+        task = bar.add_task("", total=duration)
+        reached = 0.0
+        while not told() and (duration is None or reached < duration or not watching.seen.diagnostics.keys() >= SAID):
+            nodes.check()
+            watching.spin(_LOOK_S)
+            reached = min(count.stream_time for count in counts)
+            bar.update(task, completed=reached)
+
+
+def run_document(watching: Watch, first_block: float | None) -> dict[str, Any]:
+    """Gather what `run --json` prints: blocks by topic, diagnostics by status name, seconds to the first block."""
+    seen = watching.seen
+    return {
+        "first_block_seconds": first_block,
+        "topics": {
+            topics.absolute(name): {"blocks": count.received, "lost": count.lost, "stream_time": count.stream_time}
+            for name, count in seen.blocks.items()
+        },
+        "diagnostics": {
+            name: {"level": level, "message": message, "values": values}
+            for name, (level, message, values) in sorted(seen.diagnostics.items())
+        },
+    }
+
+
+def _print_table(document: dict[str, Any]) -> None:
+    table = Table(title="Blocks")
+    for heading in ("topic", "received", "lost", "stream time (s)"):
+        table.add_column(heading, justify="left" if heading == "topic" else "right")
+    for name, count in document["topics"].items():
+        table.add_row(name, str(count["blocks"]), str(count["lost"]), f"{count['stream_time']:.2f}")
+    results.print(table)
+    first = document["first_block_seconds"]
+    results.print("no block" if first is None else f"first block after {first:.1f} s")
+    for name, status in document["diagnostics"].items():
+        results.print(f"{name}: {status['message']}", highlight=False, markup=False)

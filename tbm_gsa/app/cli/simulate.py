@@ -1,0 +1,129 @@
+"""`tbm-monitor simulate`: one run of the model."""
+
+from __future__ import annotations
+
+import time
+from pathlib import Path
+from typing import Annotated, Any
+
+import numpy as np
+import typer
+from rich.table import Table
+
+from tbm_dynamics import Machine, Response, load_machine
+from tbm_dynamics import simulate as run_model
+from tbm_dynamics.indicators import UNITS
+from tbm_dynamics.loads.stepper import LoadLevel
+from tbm_dynamics.streaming.schedule import Schedule, pairs, read_schedule
+from tbm_gsa.app.cli.output import (
+    COLUMN_OPTION,
+    JSON_OPTION,
+    LOADS_OPTION,
+    MACHINE_OPTION,
+    SCHEDULE_OPTION,
+    SEED_OPTION,
+    WHERE_OPTION,
+    print_json,
+    progress_bar,
+    results,
+)
+from tbm_msgs_py.base.errors import InputError
+
+G = 9.80665
+
+
+def simulate(
+    duration: Annotated[float, typer.Option(max=3600.0, help="Simulated time (s).")] = 3.0,
+    machine: Annotated[str, MACHINE_OPTION] = "dz101",
+    seed: Annotated[int, SEED_OPTION] = 0,
+    loads: Annotated[LoadLevel, LOADS_OPTION] = "spectral",
+    schedule: Annotated[Path | None, SCHEDULE_OPTION] = None,
+    schedule_column: Annotated[list[str] | None, COLUMN_OPTION] = None,
+    schedule_where: Annotated[list[str] | None, WHERE_OPTION] = None,
+    json: Annotated[bool, JSON_OPTION] = False,
+) -> None:
+    """Run the model and print its indicators and accelerations."""
+    described = load_machine(machine)
+    driven = schedule_of(schedule, schedule_column, schedule_where)
+    # The kernel is compiled, and the factor below is that of the model, not of the compiler.
+    run_model(described, duration=1e-3, seed=seed, loads=loads)
+    start = time.perf_counter()
+    with progress_bar("simulating") as bar:
+        task = bar.add_task("", total=1.0)
+        response = run_model(
+            described,
+            duration,
+            seed,
+            loads=loads,
+            schedule=driven,
+            progress=lambda share: bar.update(task, completed=share),
+        )
+    seconds = time.perf_counter() - start
+    document = {
+        **simulation_document(described, response, seed, duration / seconds),
+        "loads": loads,
+        "schedule": None if schedule is None else str(schedule),
+    }
+    if json:
+        print_json(document)
+    else:
+        _print_tables(document)
+
+
+def schedule_of(file: Path | None, columns: list[str] | None, where: list[str] | None) -> Schedule | None:
+    """Read the schedule that the options name; columns and rows of no file are bad input."""
+    if file is None:
+        if columns or where:
+            raise InputError("--schedule-column and --schedule-where: allowed only with --schedule")
+        return None
+    return read_schedule(file, pairs("--schedule-column", columns or ()), pairs("--schedule-where", where or ()))
+
+
+def simulation_document(machine: Machine, response: Response, seed: int, real_time_factor: float) -> dict[str, Any]:
+    """Gather what `simulate --json` prints.
+
+    Returns
+    -------
+    dict
+        ``indicators{RDef_A …}`` in SI units, ``rms_g`` and ``peak_g`` {point: {x, y, z}} of the accelerations without
+        their mean (g), ``mesh_force{mean, std, max}`` (N), ``real_time_factor``, ``machine``, ``seed``, ``duration``.
+    """
+    rms: dict[str, dict[str, float]] = {}
+    peak: dict[str, dict[str, float]] = {}
+    for point, node in machine.description.test_points.items():
+        values = response.acceleration(node)[:, :3] / G
+        values = values - values.mean(axis=0)
+        rms[point] = dict(zip("xyz", np.sqrt(np.mean(values**2, axis=0)).tolist(), strict=True))
+        peak[point] = dict(zip("xyz", np.abs(values).max(axis=0).tolist(), strict=True))
+    force = response.mesh_force
+    return {
+        "machine": machine.name,
+        "seed": seed,
+        "duration": float(len(response.time) * (response.time[1] - response.time[0]))
+        if len(response.time) > 1
+        else 0.0,
+        "indicators": response.indicators(),
+        "rms_g": rms,
+        "peak_g": peak,
+        "mesh_force": {"mean": float(force.mean()), "std": float(force.std()), "max": float(force.max())},
+        "states": response.states,
+        "real_time_factor": real_time_factor,
+    }
+
+
+def _print_tables(document: dict[str, Any]) -> None:
+    table = Table(title=f"{document['machine']}: indicators over {document['duration']:.3g} s, seed {document['seed']}")
+    table.add_column("indicator")
+    table.add_column("value", justify="right")
+    table.add_column("unit")
+    for name, value in document["indicators"].items():
+        table.add_row(name, f"{value:.4g}", UNITS[name])
+    results.print(table)
+    table = Table(title="acceleration, RMS (peak), g")
+    for heading in ("test point", "x", "y", "z"):
+        table.add_column(heading, justify="left" if heading == "test point" else "right")
+    for point, rms in document["rms_g"].items():
+        cells = (f"{rms[axis]:.3f} ({document['peak_g'][point][axis]:.2f})" for axis in "xyz")
+        table.add_row(point, *cells)
+    results.print(table)
+    results.print(f"real-time factor {document['real_time_factor']:.1f}, {document['states']} states")

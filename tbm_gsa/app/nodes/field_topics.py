@@ -1,0 +1,151 @@
+"""Subscriptions to field topics as they are: message type and reliability are those that the publishers offer."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from functools import partial
+from typing import Any
+
+import numpy as np
+
+from tbm_gsa.app.nodes.health import StreamHealth
+from tbm_msgs_py import topics
+from tbm_msgs_py.nodes import messages, qos
+from tbm_msgs_py.nodes.following import Offer, TopicFollower
+from tbm_msgs_py.nodes.managed import ManagedNode
+from tbm_msgs_py.recordings.mapping import SensorMapping
+from tbm_msgs_py.topics import Quality
+
+LOOK_S = 0.2  # between looks at who publishes
+_BLOCK = "sensor_msgs/msg/PointCloud2"
+_SAMPLE: dict[str, Callable[[Any], Any]] = {
+    "geometry_msgs/msg/AccelStamped": lambda message: message.accel.linear,
+    "geometry_msgs/msg/Vector3Stamped": lambda message: message.vector,
+    "sensor_msgs/msg/Imu": lambda message: message.linear_acceleration,
+}
+
+OnBlock = Callable[[SensorMapping, Any], None]
+OnSamples = Callable[[SensorMapping, int, np.ndarray, np.ndarray], None]
+
+
+class FieldTopics:
+    """Subscribes to every field topic.
+
+    Topics of the contract are subscribed to at once, as the contract has them; any topic follows what its publishers
+    offer, be they there before the node or after it. Of a point that is published as blocks and as single samples only
+    the blocks are taken, as from a recording.
+
+    Parameters
+    ----------
+    node : ManagedNode
+    sensors : mapping of str to SensorMapping
+        By topic.
+    on_block : callable
+        Called with the sensor and a block message.
+    on_samples : callable
+        Called with the sensor, the stamp (ns), offsets (n,) in s and values (n, 3) of single samples.
+    health : StreamHealth
+        Is told what is wrong with a topic.
+    on_left : callable
+        Called with a test point whose single samples are no longer taken.
+    """
+
+    def __init__(
+        self,
+        node: ManagedNode,
+        sensors: Mapping[str, SensorMapping],
+        on_block: OnBlock,
+        on_samples: OnSamples,
+        health: StreamHealth,
+        on_left: Callable[[str], None],
+    ) -> None:
+        self._node, self._sensors, self._health = node, dict(sensors), health
+        self._points = {sensor.point for sensor in self._sensors.values()}
+        self._on_block, self._on_samples, self._on_left = on_block, on_samples, on_left
+        self._follower = TopicFollower(node, self)
+        for name in self._sensors:
+            self._follower.follow(name, _contract_offer(name, node.get_namespace()))
+        self._look()
+        # Who publishes does not depend on the clock, which may stand.
+        node.create_steady_timer(LOOK_S, self._look)
+
+    def close(self) -> None:
+        """Release the subscriptions made since the node was configured."""
+        self._follower.close()
+
+    def _look(self) -> None:
+        offers = {name: self._offer(name) for name in self._sensors}
+        in_blocks = {self._sensors[name].point for name, offer in offers.items() if offer and offer.type == _BLOCK}
+        for name, offer in offers.items():
+            point = self._sensors[name].point
+            if offer and offer.type != _BLOCK and point in in_blocks:
+                self._leave(name, point)
+            else:
+                self._follower.follow(name, offer)
+
+    def _offer(self, name: str) -> Offer | None:
+        publishers = self._node.get_publishers_info_by_topic(name)
+        if publishers:
+            self._health.publishers(self._sensors[name].point, name, [known.node_name for known in publishers])
+        return self._follower.offer(name, publishers)
+
+    def _leave(self, name: str, point: str) -> None:
+        if name in self._follower:
+            self._follower.release(name)
+            self._on_left(point)
+        self.tell(name, "")
+
+    def refuses(self, topic: str, kind: str) -> str:  # noqa: ARG002
+        """Say which types are allowed if this is none of them."""
+        return "" if kind == _BLOCK or kind in _SAMPLE else f"allowed: {', '.join([_BLOCK, *_SAMPLE])}"
+
+    def asks(self, topic: str, offered: Offer) -> Quality:  # noqa: ARG002
+        """As reliable as the publishers; what a late sensor sent before is of no use."""
+        quality = topics.BLOCK_QUALITY if offered.type == _BLOCK else topics.LIVE_QUALITY
+        return Quality(offered.quality.reliable, latched=False, depth=quality.depth)
+
+    def subscribe(self, topic: str, offer: Offer) -> Any:
+        """Subscribe to blocks or single samples."""
+        sensor = self._sensors[topic]
+        block = offer.type == _BLOCK
+        callback = partial(self._block, sensor) if block else partial(self._sample, _SAMPLE[offer.type], sensor)
+        kind = messages.message_class(offer.type)
+        return self._node.create_subscription(kind, topic, callback, qos.profile(offer.quality))
+
+    def tell(self, topic: str, problem: str) -> None:
+        """Say on `/diagnostics` what is wrong with a topic of a point."""
+        point = self._sensors[topic].point
+        if problem:
+            self._health.fail(point, topic, problem)
+        else:
+            self._health.settle(point, topic)
+
+    def _foreign(self, sensor: SensorMapping, message: Any) -> bool:
+        """Whether the frame is that of another test point."""
+        frame = message.header.frame_id
+        foreign = frame != sensor.point and frame in self._points
+        if foreign:
+            self._health.refuse(sensor.point, "field", f"frame_id {frame}, allowed: {sensor.point} or the sensor's own")
+        return foreign
+
+    def _block(self, sensor: SensorMapping, message: Any) -> None:
+        if not self._foreign(sensor, message):
+            self._on_block(sensor, message)
+
+    def _sample(self, linear: Callable[[Any], Any], sensor: SensorMapping, message: Any) -> None:
+        if self._foreign(sensor, message):
+            return
+        vector = linear(message)
+        stamp = messages.stamp_to_ns(message.header.stamp)
+        self._on_samples(sensor, stamp, np.zeros(1), np.array([[vector.x, vector.y, vector.z]]))
+
+
+def _contract_offer(topic: str, namespace: str) -> Offer | None:
+    """Give what the contract says about a field topic; None for any other topic."""
+    name = topics.absolute(topic, namespace)
+    quality = topics.quality(name, namespace)
+    if not name.startswith(topics.absolute("field/", namespace)):
+        return None
+    if name.endswith("/block"):
+        return Offer(_BLOCK, quality)
+    return Offer("geometry_msgs/msg/AccelStamped", quality) if name.endswith("/accel") else None

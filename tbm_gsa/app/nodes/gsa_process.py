@@ -1,0 +1,191 @@
+"""One sensitivity analysis at a time, in a process of its own that the node only watches."""
+
+from __future__ import annotations
+
+import json
+import math
+import os
+import signal
+import sqlite3
+import subprocess
+import sys
+import time
+from dataclasses import dataclass, field, replace
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any, Literal
+
+from tbm_gsa.app.nodes.start import WITH_PARENT
+from tbm_gsa.sensitivity.study.errors import StudyError
+from tbm_gsa.sensitivity.study.files import REPORT_NAME, RESULT_NAME, STORE_NAME
+from tbm_gsa.sensitivity.study.store import Store
+
+State = Literal["idle", "running", "finished", "failed", "cancelled"]
+_LOG_NAME = "gsa.log"
+_PRIORITY = 10  # of the study and its workers: they give way to the nodes, whatever priority those have
+_GRACE_S = 1.0  # a node has 3 s to end, its study included
+
+
+@dataclass(frozen=True)
+class GsaOptions:
+    """What the started analysis is asked for."""
+
+    machine: str
+    samples: int
+    test: int
+    duration: float
+    outputs: tuple[str, ...]
+    seed: int
+    workers: int
+    folder: Path
+
+
+@dataclass(frozen=True)
+class GsaStatus:
+    """Where an analysis stands.
+
+    Attributes
+    ----------
+    state : str
+    reason : str
+        What started it, or why it failed.
+    done, total, failed : int
+        Simulations.
+    folder : Path or None
+    """
+
+    state: State = "idle"
+    reason: str = ""
+    done: int = 0
+    total: int = 0
+    failed: int = 0
+    folder: Path | None = None
+
+    @property
+    def report(self) -> Path | None:
+        """The HTML page of a finished analysis."""
+        return self.folder / REPORT_NAME if self.folder and self.state == "finished" else None
+
+
+@dataclass
+class GsaProcess:
+    """Starts, watches and cancels the process; store and report stay when this object is gone.
+
+    Attributes
+    ----------
+    options : GsaOptions
+    status : GsaStatus
+    started : float
+        When the last one was, s, monotonic.
+    """
+
+    options: GsaOptions
+    status: GsaStatus = GsaStatus()
+    started: float = -math.inf
+    _process: subprocess.Popen[bytes] | None = field(default=None, repr=False)
+
+    @property
+    def running(self) -> bool:
+        """Whether an analysis is under way."""
+        return self.status.state == "running"
+
+    def start(self, reason: str) -> bool:
+        """Start an analysis in a new folder; False when one is running already."""
+        if self.running:
+            return False
+        options = self.options
+        folder = _new_folder(options.folder)
+        command = [sys.executable, "-m", "tbm_gsa.app.nodes.start", WITH_PARENT, "tbm_gsa.app.cli.main"]
+        command += ["gsa", "run", "--machine", options.machine]
+        command += ["--samples", str(options.samples), "--test", str(options.test), "--out", str(folder)]
+        command += ["--duration", str(options.duration), "--seed", str(options.seed), "--workers", str(options.workers)]
+        if options.outputs:
+            command += ["--outputs", ",".join(options.outputs)]
+        with (folder / _LOG_NAME).open("wb") as log:
+            # A group of its own: Ctrl-C at the terminal reaches the node, which then ends this one in order. The pipe
+            # closes with the node, so that a node that was killed leaves nothing running behind.
+            self._process = subprocess.Popen(  # noqa: S603 - our own command line
+                [*command, "--json"],
+                stdin=subprocess.PIPE,
+                stdout=subprocess.DEVNULL,
+                stderr=log,
+                start_new_session=True,
+            )
+        os.setpriority(os.PRIO_PROCESS, self._process.pid, _PRIORITY)
+        self.started = time.monotonic()
+        self.status = GsaStatus("running", reason, 0, options.samples + options.test, 0, folder)
+        return True
+
+    def poll(self) -> GsaStatus:
+        """Look at the process and its store."""
+        if not self.running or self._process is None or self.status.folder is None:
+            return self.status
+        done, failed = _counts(self.status.folder / STORE_NAME)
+        code = self._process.poll()
+        # A signal while it still imports ends it with code 0, too.
+        finished = code == 0 and (self.status.folder / RESULT_NAME).is_file()
+        state: State = "running" if code is None else "finished" if finished else "failed"
+        reason = f"{_end(code)}: {_last_line(self.status.folder)}" if state == "failed" else self.status.reason
+        self.status = GsaStatus(state, reason, done, self.status.total, failed, self.status.folder)
+        return self.status
+
+    def result(self) -> dict[str, Any]:
+        """Read the JSON document of a finished analysis."""
+        assert self.status.folder is not None  # noqa: S101 - finished has a folder
+        document: dict[str, Any] = json.loads((self.status.folder / RESULT_NAME).read_text(encoding="utf-8"))
+        return document
+
+    def cancel(self, reason: str) -> bool:
+        """End the running analysis, what it has simulated stays in its store; or take note of one that failed."""
+        if self.status.state == "failed":
+            self.status = replace(self.status, state="cancelled", reason=f"{reason}; it had {self.status.reason}")
+            return True
+        if not self.running or self._process is None:
+            return False
+        self._process.send_signal(signal.SIGTERM)  # SIGINT is ignored where the node runs in the background
+        try:
+            self._process.wait(_GRACE_S)
+        except subprocess.TimeoutExpired:
+            self._process.kill()
+            self._process.wait()
+        status = self.status
+        self.status = GsaStatus("cancelled", reason, status.done, status.total, status.failed, status.folder)
+        return True
+
+
+def _new_folder(parent: Path) -> Path:
+    """Make a folder named after the time, numbered when two fall into one second."""
+    stamp = datetime.now(UTC).strftime("gsa_%Y%m%dT%H%M%S")
+    for number in range(1000):
+        folder = parent / (f"{stamp}_{number}" if number else stamp)
+        try:
+            folder.mkdir(parents=True)
+        except FileExistsError:
+            continue
+        return folder
+    raise OSError(f"{parent}: no free folder name for {stamp}")
+
+
+def _counts(store: Path) -> tuple[int, int]:
+    """Finished and failed simulations; zero until the process has made its store."""
+    if not store.is_file():
+        return 0, 0
+    try:
+        with Store.open(store) as opened:
+            counts = opened.counts()
+    except (StudyError, sqlite3.Error):  # caught between creation and the first transaction, or locked
+        return 0, 0
+    return counts.done, counts.failed
+
+
+def _end(code: int | None) -> str:
+    """How a process ended that did not end well."""
+    return f"killed by {signal.Signals(-code).name}" if code and code < 0 else f"exit code {code}"
+
+
+def _last_line(folder: Path) -> str:
+    try:
+        lines = (folder / _LOG_NAME).read_text(encoding="utf-8", errors="replace").split("\n")
+    except OSError as error:  # somebody cleared the folder away
+        return str(error)
+    return next((line.strip() for line in reversed(lines) if line.strip()), "no message")

@@ -1,0 +1,146 @@
+"""What the analysis node says on `/diagnostics`, `gsa_status` and `gsa_result`."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+from diagnostic_msgs.msg import DiagnosticStatus
+
+from tbm_gsa.app.nodes.gsa_process import GsaStatus
+from tbm_gsa.app.nodes.health import Condition
+from tbm_gsa.app.nodes.history_writer import HistoryWriter
+from tbm_gsa.comparison import StreamCounters, WindowResult, dead_axes
+from tbm_gsa.comparison.levels import Kind
+from tbm_msgs_py.nodes import messages
+
+_QUANTITIES = ("model_rms", "field_rms", "relative_error", "field_crest_factor", "field_kurtosis")
+_STRONGEST = 5
+_WHOLE = 0.9  # share of a window below which its holes are named
+_UNIT_FACTORS = {
+    1.0 / 9.80665: "values in g",
+    9.80665: "m/s² taken for g",
+    1e3: "values in mm/s²",
+    1e-3: "values in 1000 m/s²",
+}
+_OPERATION: dict[Kind, str] = {
+    "steady": "compared",
+    "transient": "not compared: the operating point changes",
+    "standstill": "not compared: the machine stands still",
+}
+_UNIT_DOUBT = 0.4  # of the logarithm: the model itself errs by up to 50 %
+
+
+def comparison_status(
+    name: str,
+    point: str,
+    latest: WindowResult | None,
+    counters: Mapping[Any, StreamCounters] | None,
+    alarm: bool,
+    health: Condition,
+) -> DiagnosticStatus:
+    """Comparison at one test point: the latest window, what was lost, and the alarm; the worst comes first."""
+    values: dict[str, Any] = {}
+    for source, counts in (counters or {}).items():
+        values |= {f"{source}_{key}": value for key, value in vars(counts).items()}
+    if latest is not None:
+        values |= _figures(latest)
+    values |= {f"{source}_rate_hz": rate for source, rate in health.rates.items()}
+    level, text = _judge(latest, alarm, health)
+    return messages.status(name, level, text, values, point)
+
+
+def _judge(latest: WindowResult | None, alarm: bool, health: Condition) -> tuple[messages.Level, str]:
+    if health.refused:
+        return "error", "; ".join([*health.refused, *health.doubts, *health.silent])
+    if health.silent:
+        return "stale", "; ".join([*health.silent, *health.doubts])
+    if latest is None:
+        return "stale", "; ".join(["no window yet", *health.doubts])
+    missing = [source for source in ("model", "field") if getattr(latest, f"{source}_coverage") == 0.0]
+    if missing:
+        return "stale", "; ".join([f"no signal of the {' and the '.join(missing)}", *health.doubts])
+    notes = ["relative error over its threshold"] if alarm else []
+    notes += [*health.doubts, *_holes(latest)]
+    if latest.operation == "steady":
+        notes += [*_dead(latest), *_units(latest)]
+    return ("warn" if notes else "ok", "; ".join(notes or [_OPERATION[latest.operation]]))
+
+
+def _figures(latest: WindowResult) -> dict[str, float]:
+    values = {
+        f"{quantity}_{axis}": float(value)
+        for quantity in _QUANTITIES
+        for axis, value in zip("xyz", getattr(latest, quantity), strict=True)
+    }
+    return values | {"model_coverage": latest.model_coverage, "field_coverage": latest.field_coverage}
+
+
+def _holes(latest: WindowResult) -> list[str]:
+    shares = {"model": latest.model_coverage, "field": latest.field_coverage}
+    return [f"{source} covers {share:.0%} of the window" for source, share in shares.items() if share < _WHOLE]
+
+
+def _dead(latest: WindowResult) -> list[str]:
+    """Say along which axes the sensor measures next to nothing."""
+    axes = [axis for axis, dead in zip("xyz", dead_axes(latest), strict=True) if dead]
+    return [f"field measures next to nothing along {', '.join(axes)}: a dead channel?"] if axes else []
+
+
+def _units(latest: WindowResult) -> list[str]:
+    """Say that the field is off by a factor that units are off by, the same one on every axis."""
+    with np.errstate(invalid="ignore", divide="ignore"):
+        ratio = np.log(np.asarray(latest.field_rms) / latest.model_rms)
+    for factor, text in _UNIT_FACTORS.items():
+        if np.all(np.abs(ratio - np.log(factor)) < _UNIT_DOUBT):
+            return [f"field is about {factor:.3g} times the model on all axes: {text}?"]
+    return []
+
+
+def history_status(name: str, machine: str, history: HistoryWriter) -> DiagnosticStatus:
+    """Whether the windows arrive in the history."""
+    values: dict[str, Any] = {"file": history.path, "written": history.written, "lost": history.lost}
+    if history.problem:
+        return messages.status(name, "warn", history.problem, values, machine)
+    return messages.status(name, "ok", "written" if history.path else "not kept", values, machine)
+
+
+def gsa_status(name: str, machine: str, status: GsaStatus, quality: Mapping[str, Any]) -> DiagnosticStatus:
+    """Where the sensitivity analysis stands, and what its surrogates were worth."""
+    values: dict[str, Any] = {
+        "state": status.state,
+        "done": status.done,
+        "total": status.total,
+        "failed": status.failed,
+    }
+    paths = {"folder": status.folder, "report": status.report}
+    values |= {key: path for key, path in paths.items() if path is not None}
+    values |= quality
+    level: messages.Level = "error" if status.state == "failed" else "ok"
+    text = f"{status.state}: {status.reason}" if status.reason else status.state
+    return messages.status(name, level, text, values, machine)
+
+
+def surrogate_quality(document: Mapping[str, Any]) -> dict[str, Any]:
+    """Kind, ten-fold and test R² of every output's surrogate."""
+    return {
+        f"{key}_{name}": output[key]
+        for name, output in document["outputs"].items()
+        for key in ("surrogate", "r2_cv", "r2_test")
+    }
+
+
+def gsa_result_statuses(
+    prefix: str, machine: str, document: Mapping[str, Any], status: GsaStatus
+) -> list[DiagnosticStatus]:
+    """One status an output: its surrogate's quality and its strongest inputs."""
+    statuses = []
+    for name, output in document["outputs"].items():
+        strongest = sorted(output["first"], key=output["first"].__getitem__, reverse=True)[:_STRONGEST]
+        values = {key: output[key] for key in ("surrogate", "r2_test", "r2_cv")}
+        values |= {f"first_{code}": output["first"][code] for code in strongest}
+        values |= {f"total_{code}": output["total"][code] for code in strongest}
+        values["report"] = status.report
+        statuses.append(messages.status(f"{prefix} {name}", "ok", ", ".join(strongest), values, machine))
+    return statuses

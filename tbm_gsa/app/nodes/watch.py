@@ -1,0 +1,204 @@
+"""What a user sees of the running system: block losses, comparison, sensitivity analysis, diagnostics."""
+
+from __future__ import annotations
+
+import signal
+import time
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from functools import partial
+from types import TracebackType
+from typing import Any, Self
+
+import numpy as np
+import rclpy
+from diagnostic_msgs.msg import DiagnosticArray
+from geometry_msgs.msg import Vector3Stamped
+from rclpy.executors import SingleThreadedExecutor
+from rclpy.node import Node
+from rclpy.signals import SignalHandlerOptions
+from sensor_msgs.msg import JointState, PointCloud2
+from std_srvs.srv import Trigger
+
+from tbm_msgs_py import topics
+from tbm_msgs_py.base.operating_point import OperatingPoint
+from tbm_msgs_py.blocks import BlockError
+from tbm_msgs_py.nodes import messages, qos
+
+# The domain has other machines, and everybody may publish: what counts are statuses of ours, with what these hold.
+_OWN, _STUDY, _RESULT = map(topics.status_name, ("", "sensitivity analysis", "sensitivity of "))
+_ENDING = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+
+
+@contextmanager
+def _signals_held() -> Iterator[list[int]]:
+    """Hold signals back, in the list that is given: raised inside rclpy they leave half-made objects that complain."""
+    came: list[int] = []
+    before = {number: signal.signal(number, lambda number, _frame: came.append(number)) for number in _ENDING}
+    try:
+        yield came
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
+        if came:
+            signal.raise_signal(came[0])
+
+
+@dataclass
+class BlockCount:
+    """Blocks of one topic: how many came, how many stamps are missing, where the stream stands (s)."""
+
+    received: int = 0
+    lost: int = 0
+    first_ns: int = 0
+    next_ns: int = 0
+
+    @property
+    def stream_time(self) -> float:
+        """Seconds of stream from the first sample to the end of the last block."""
+        return (self.next_ns - self.first_ns) * 1e-9
+
+    def count(self, stamp_ns: int, length_ns: int) -> None:
+        """Take a block; a stream that starts afresh is counted from there."""
+        if self.received == 0 or stamp_ns < self.first_ns:
+            self.first_ns = self.next_ns = stamp_ns
+        self.lost += max(0, round((stamp_ns - self.next_ns) / length_ns))
+        self.received += 1
+        self.next_ns = stamp_ns + length_ns
+
+
+@dataclass
+class WindowSum:
+    """Windows of one quantity of a point that have a number; sums only, they come for weeks."""
+
+    count: int = 0
+    squares: np.ndarray = field(default_factory=lambda: np.zeros(3))
+
+    def take(self, message: Any) -> None:
+        """Add a window."""
+        value = np.array([message.vector.x, message.vector.y, message.vector.z])
+        if np.isfinite(value).all():
+            self.count += 1
+            self.squares += np.square(value)
+
+
+@dataclass
+class Seen:
+    """Everything that was received."""
+
+    blocks: dict[str, BlockCount] = field(default_factory=dict)
+    windows: dict[str, dict[str, WindowSum]] = field(default_factory=dict)
+    gsa: dict[str, str] = field(default_factory=dict)
+    gsa_message: str = ""
+    result: dict[str, dict[str, str]] = field(default_factory=dict)
+    diagnostics: dict[str, tuple[int, str, dict[str, str]]] = field(default_factory=dict)
+
+    def rms(self, point: str, quantity: str) -> np.ndarray:
+        """RMS over the windows of a point (3,), m/s²; NaN without one."""
+        total = self.windows[point][quantity]
+        return np.asarray(np.sqrt(total.squares / total.count)) if total.count else np.full(3, np.nan)
+
+
+class Watch:
+    """Subscribes to the system and spins in the caller's thread, as a context manager.
+
+    Parameters
+    ----------
+    points : iterable of str
+        Test points.
+    """
+
+    def __init__(self, points: Iterable[str]) -> None:
+        self.seen = Seen()
+        self._points = tuple(points)
+
+    def __enter__(self) -> Self:
+        # The command line keeps its own signal handling: Ctrl-C must end the nodes it has started.
+        rclpy.init(args=[], signal_handler_options=SignalHandlerOptions.NO)
+        self._node = Node("tbm_monitor", namespace=topics.NAMESPACE)
+        self._executor = SingleThreadedExecutor()
+        self._executor.add_node(self._node)
+        block_topics = [topics.LOADS_BLOCK, topics.MODEL_MESH_FORCES, *map(topics.model_block, self._points)]
+        for name in block_topics:
+            self.seen.blocks[name] = BlockCount()
+            self._subscribe(PointCloud2, name, partial(self._on_block, self.seen.blocks[name]), qos.BLOCK)
+        for point in self._points:
+            for quantity in topics.ANALYSIS_QUANTITIES:
+                total = self.seen.windows.setdefault(point, {}).setdefault(quantity, WindowSum())
+                self._subscribe(Vector3Stamped, topics.analysis(point, quantity), total.take, qos.ANALYSIS)
+        self._subscribe(DiagnosticArray, topics.GSA_STATUS, self._on_gsa_status, qos.GSA)
+        self._subscribe(DiagnosticArray, topics.GSA_RESULT, self._on_gsa_result, qos.GSA)
+        self._subscribe(DiagnosticArray, topics.DIAGNOSTICS, self._on_diagnostics, qos.DIAGNOSTICS)
+        self._run_gsa = self._node.create_client(Trigger, topics.RUN_GSA)
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self._executor.remove_node(self._node)
+        self._executor.shutdown()
+        self._node.destroy_node()
+        rclpy.try_shutdown()
+
+    def spin(self, seconds: float) -> None:
+        """Handle what comes for a while; a signal ends it, and is raised after it."""
+        until = time.monotonic() + seconds
+        with _signals_held() as came:
+            while not came and (left := until - time.monotonic()) > 0.0:
+                self._executor.spin_once(timeout_sec=left)
+
+    def operate(self, speed: float, torque: float, thrust: float) -> None:
+        """Publish an operating point in rad/s, N·m and N, for as long as this watch lasts."""
+        publisher = self._node.create_publisher(JointState, topics.OPERATING_POINT, qos.OPERATING_POINT)
+        now = self._node.get_clock().now().nanoseconds
+        publisher.publish(messages.operating_point_message(now, OperatingPoint(speed, torque, thrust)))
+
+    def run_gsa(self) -> None:
+        """Ask the analysis node for a sensitivity analysis; the status topic tells what came of it."""
+        self._run_gsa.call_async(Trigger.Request())
+
+    def _subscribe(self, kind: Any, name: str, callback: Callable[[Any], None], quality: Any) -> None:
+        self._node.create_subscription(kind, name, callback, quality)
+
+    @staticmethod
+    def _on_block(count: BlockCount, message: Any) -> None:
+        try:
+            block = messages.block_from(message)
+        except BlockError:  # somebody else's; the nodes say on /diagnostics what they refuse
+            return
+        samples = len(block.offsets)
+        spacing = (block.offsets[-1] - block.offsets[0]) / max(1, samples - 1)
+        length_ns = round(samples * spacing * 1e9)
+        if length_ns > 0:  # a single sample, or somebody's nonsense, has no length to count losses in
+            count.count(block.stamp_ns, length_ns)
+
+    def _on_gsa_status(self, message: Any) -> None:
+        for status, values in _own(message):
+            if status.name == _STUDY and all(values.get(key, "").isdecimal() for key in ("done", "total")):
+                self.seen.gsa, self.seen.gsa_message = values, status.message
+
+    def _on_gsa_result(self, message: Any) -> None:
+        for status, values in _own(message):
+            if status.name.startswith(_RESULT) and _is_result(values):
+                self.seen.result[status.name.removeprefix(_RESULT)] = values
+
+    def _on_diagnostics(self, message: Any) -> None:
+        for status, values in _own(message):
+            self.seen.diagnostics[status.name] = (int.from_bytes(status.level, "little"), status.message, values)
+
+
+def _own(message: Any) -> Iterator[tuple[Any, dict[str, str]]]:
+    """Statuses of this namespace, with their values."""
+    for status in message.status:
+        if status.name.startswith(_OWN):
+            yield status, {pair.key: pair.value for pair in status.values}
+
+
+def _is_result(values: Mapping[str, str]) -> bool:
+    """Whether these are the figures of a surrogate and its inputs."""
+    numbers = ["r2_test", "r2_cv", *(key for key in values if key.startswith("first_"))]
+    try:
+        return "surrogate" in values and all(isinstance(float(values[key]), float) for key in numbers)
+    except (KeyError, ValueError):
+        return False

@@ -1,0 +1,58 @@
+"""Figures as files: what may be written, and how."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Callable
+from io import BytesIO
+from pathlib import Path
+from typing import Final
+
+from matplotlib import rc_context
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.backends.backend_svg import FigureCanvasSVG
+from matplotlib.figure import Figure
+
+from tbm_msgs_py.base.errors import InputError
+from tbm_msgs_py.base.files import check_folder, write_whole
+
+FORMATS: Final = (".png", ".svg")
+PNG_DPI: Final = 150
+
+
+def check_path(path: Path) -> None:
+    """Raise unless a picture can be written to a path.
+
+    Raises
+    ------
+    InputError
+        Another format, or no such folder.
+    """
+    if path.suffix not in FORMATS:
+        raise InputError(f"{path}: unknown kind of picture, allowed: a name that ends in {' or '.join(FORMATS)}")
+    check_folder(path)
+
+
+def write_picture(draw: Callable[[], Figure], path: Path) -> None:
+    """Draw a figure into a .png or .svg file; equal figures give equal files."""
+    check_path(path)
+    # Names of others are no mathematics, which a text is told when it is made.
+    with rc_context({"text.parse_math": False}), warnings.catch_warnings():
+        warnings.filterwarnings("ignore", "Glyph .* missing from font")  # it draws a box
+        content = drawn(draw(), path.suffix)
+    write_whole(path, content)
+
+
+def drawn(figure: Figure, kind: str) -> bytes:
+    """Draw a figure as one of `FORMATS`; equal figures give equal bytes.
+
+    Not by way of `savefig`, which draws a figure with a layout twice, the first time for the layout alone.
+    """
+    buffer = BytesIO()
+    if kind == ".png":
+        figure.set_dpi(PNG_DPI)
+        FigureCanvasAgg(figure).print_png(buffer)  # type: ignore[no-untyped-call]
+    else:
+        with rc_context({"svg.hashsalt": "tbm_monitor"}):  # fixed salt and no date
+            FigureCanvasSVG(figure).print_svg(buffer, metadata={"Date": None})  # type: ignore[no-untyped-call]
+    return buffer.getvalue()

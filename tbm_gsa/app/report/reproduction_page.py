@@ -1,0 +1,176 @@
+"""The HTML page of a reproduction: table by table, figure by figure, ours beside the paper's."""
+
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import Any, Final
+
+from matplotlib.figure import Figure
+
+from tbm_gsa.app.report import compare_figures, gsa_figures
+from tbm_gsa.app.report.load_figure import load_figure
+from tbm_gsa.app.report.machine_drawing import draw_machine
+from tbm_gsa.app.report.page import embed_figure, render_page
+from tbm_gsa.app.report.reproduction_figures import line_figure, mesh_figure, trend_figure
+from tbm_gsa.paper.reproduction.row import SOURCES, Row, Value
+from tbm_gsa.paper.reproduction.verdict import VERDICTS
+from tbm_gsa.paper.reproduction.workflow import Reproduction
+from tbm_gsa.paper.vibration import ACCELERATION_LINE_HZ
+from tbm_gsa.sensitivity.study.inputs import PAPER_INPUTS
+from tbm_msgs_py.base.files import write_whole
+
+TITLES: Final = {
+    "Table 1": "Mean values and main frequencies of the loads",
+    "Table 2": "Measured and predicted axial acceleration",
+    "Table 3": "Outputs",
+    "Table 4": "Inputs and their ranges",
+    "Table 5": "Coupling stiffness",
+    "Table 6": "R² of ten-fold cross validation",
+    "Figure 2": "The dynamic model",
+    "Figure 3": "Mesh stiffness and error over time",
+    "Figure 4": "Cutterhead and its loads",
+    "Figure 5": "Axial acceleration and mesh force",
+    "Figure 6": "Measuring points and their topics",
+    "Figure 7": "Acceleration at the cutterhead, RMS at the test points",
+    "Figure 8": "Training and test points",
+    "Figure 9": "Simulations and their approximations",
+    "Figure 10": "R² on the test points",
+    "Figure 11": "Sensitivity of the displacement",
+    "Figure 12": "Displacement and lateral acceleration along their parameters",
+    "Figure 13": "Sensitivity of the acceleration",
+    "Figure 14": "Sensitivity of the mesh force",
+    "Figure 15": "Mesh force along its parameters",
+}
+
+
+def reproduction_page(result: Reproduction) -> str:
+    """Render a reproduction as a page that holds its figures and style."""
+    document = result.document
+    context = {
+        "title": "The paper, reproduced",
+        "subtitle": f"machine {document['machine']}, seed {document['seed']}; Surrogate-Based Multisource Sensitivity "
+        "Analysis of TBM Driving System (2018)",
+        "document": document,
+        "verdicts": VERDICTS,
+        "own": result.readings[0],
+        "other": result.readings[1],
+        "sections": list(_sections(result)),
+        "differing": [row for row in _own(result.rows, result) if row.verdict == "differs"],
+        "text": value_text,
+        "anchor": anchor,
+        "provenance": _provenance(document),
+    }
+    return render_page("reproduction.html", context)
+
+
+def write_page(result: Reproduction, path: Path) -> None:
+    """Write the page so that a reader sees the old file or the new one, never half of it."""
+    write_whole(path, reproduction_page(result).encode())
+
+
+def value_text(value: Value) -> str:
+    """Write a value to four digits."""
+    if value is None:
+        return "–"
+    if isinstance(value, str):
+        return value
+    return f"{value:.0f}" if abs(value) >= 1e4 and value < 1e6 else f"{value:.4g}"
+
+
+def anchor(source: str) -> str:
+    """Id of the section of a table or figure."""
+    return source.lower().replace(" ", "")
+
+
+def _own(rows: Sequence[Row], result: Reproduction) -> list[Row]:
+    return [row for row in rows if row.reading in (None, result.readings[0].name)]
+
+
+def _sections(result: Reproduction) -> Iterator[dict[str, Any]]:
+    """Rows of each table and figure with the other reading's beside them, and its picture."""
+    other = {row.id.partition("@")[0]: row for row in result.rows if row.reading == result.readings[1].name}
+    pictures = _pictures(result)
+    for source in SOURCES:
+        rows = [row for row in _own(result.rows, result) if row.source == source]
+        yield {
+            "source": source,
+            "title": TITLES[source],
+            "rows": [(row, other.get(row.id)) for row in rows],
+            "both": any(row.id in other for row in rows),
+            "pictures": pictures.get(source, []),
+        }
+
+
+def _pictures(result: Reproduction) -> dict[str, list[tuple[str, str]]]:
+    """Image elements with their captions by figure of the paper."""
+    found: dict[str, list[tuple[str, str]]] = {}
+    for source, figure, caption in (*_machine(result), *_response(result), *_studies(result)):
+        found.setdefault(source, []).append((embed_figure(figure, f"{source}: {TITLES[source]}"), caption))
+    return found
+
+
+def _machine(result: Reproduction) -> Iterator[tuple[str, Figure, str]]:
+    machine = result.readings[0].machine
+    yield "Figure 2", draw_machine(machine), "Nodes, shafts and connections; test points in yellow."
+    yield "Figure 3", mesh_figure(result.mesh), "The first three pinions: each has the mesh phase of its place."
+    caption = "First ten seconds and spectrum of each component, Table 1's regions shaded and its lines dotted"
+    yield "Figure 4", load_figure(result.loads.spectral), f"{caption}: spectral level."
+    if result.loads.cutter is not None:
+        yield "Figure 4", load_figure(result.loads.cutter), f"{caption}: forces on the cutters."
+
+
+def _response(result: Reproduction) -> Iterator[tuple[str, Figure, str]]:
+    for evidence in result.responses:
+        lines = line_figure(
+            evidence.acceleration,
+            evidence.mesh_force,
+            [*evidence.axial_hz, ACCELERATION_LINE_HZ],
+            list(evidence.mesh_lines_hz),
+        )
+        yield "Figure 5", lines, f"Dampings: {evidence.reading.title}."
+    comparison = result.responses[0].comparison.comparison
+    point = comparison.points.get("cutterhead", next(iter(comparison.points.values())))
+    yield (
+        "Figure 7",
+        compare_figures.time_series(point),
+        "A second of the axial acceleration; the recording is synthetic.",
+    )
+    flow = compare_figures.power_flow(comparison)
+    yield "Figure 7", flow, "RMS at the test points in each direction, with 95 % intervals."
+
+
+def _studies(result: Reproduction) -> Iterator[tuple[str, Figure, str]]:
+    for evidence in result.sensitivities:
+        analyses, by = evidence.study.outputs, f"Dampings: {evidence.reading.title}."
+        every = list(analyses.values())
+        if evidence.reading.own:
+            yield "Figure 8", gsa_figures.design_points(every, PAPER_INPUTS), "Over the strongest input of each output."
+            yield (
+                "Figure 9",
+                gsa_figures.prediction_scatter(every),
+                "Training points held out in cross validation, and test points.",
+            )
+        yield "Figure 10", gsa_figures.score_bars(every), by
+        for figure, start in (("Figure 11", "RDef"), ("Figure 13", "PAcc"), ("Figure 14", "MF")):
+            chosen = [analysis for name, analysis in analyses.items() if name.startswith(start)]
+            yield figure, gsa_figures.index_bars(chosen, PAPER_INPUTS), f"First and total indices. {by}"
+        for figure, names in (("Figure 12", ("RDef_A", "PAcc_L")), ("Figure 15", ("MF_M", "MF_Se"))):
+            drawn = trend_figure(evidence.curves, names, PAPER_INPUTS)
+            yield figure, drawn, f"Mean of the chosen surrogate over the design, SI units. {by}"
+
+
+def _provenance(document: Mapping[str, Any]) -> dict[str, object]:
+    """Where the numbers come from, as rows of a table."""
+    sizes, recording = document["sizes"], document["recording"]
+    synthetic = " (synthetic)" if recording["synthetic"] else ""
+    return {
+        "machine": f"{document['machine']} ({document['machine_file']['origin']})",
+        "SHA-256 of the machine": document["machine_file"]["sha256"],
+        "recording": f"{recording['path']}{synthetic}",
+        "SHA-256 of the recording": recording["sha256"],
+        "campaigns": f"{sizes['train']} + {sizes['test']} simulations of {sizes['simulation_s']:g} s, "
+        f"{sizes['other_train']} + {sizes['test']} under the other reading",
+        "runs": f"{sizes['run_s']:g} s; {sizes['model_s']:g} s beside the recording; loads {sizes['loads_s']:g} s",
+        "seed": document["seed"],
+        "time": ", ".join(f"{name} {value:.1f} s" for name, value in document["seconds"].items()),
+        "versions": ", ".join(f"{name} {number}" for name, number in document["versions"].items()),
+    }

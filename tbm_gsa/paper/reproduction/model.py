@@ -1,0 +1,156 @@
+"""What the machine is made of: Tables 3 to 5, Figures 2, 3 and 6. Nearly all of it is given."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+from tbm_dynamics import Machine
+from tbm_dynamics.machine.description import MachineDescription
+from tbm_dynamics.machine.inputs import input_values
+from tbm_dynamics.structure.drive import gear_pair
+from tbm_gsa.paper.reproduction import verdict
+from tbm_gsa.paper.reproduction.row import Row
+from tbm_gsa.paper.stiffness import TABLE_5, Six
+from tbm_gsa.paper.vibration import MARKED_NODES, MEASURED_POINTS, SUBSYSTEMS
+from tbm_gsa.sensitivity.study.inputs import PAPER_INPUTS, Input
+from tbm_msgs_py.base.arrays import Array
+from tbm_msgs_py.topics import absolute, model_block
+
+MESH_CYCLES: Final = 4.0
+_POINTS: Final = 801
+# Table 4's initial torque and thrust differ from Table 1's, at which the machine stands.
+_OPERATING: Final = ("x2", "x3")
+
+
+@dataclass(frozen=True, eq=False)
+class MeshCurves:
+    """Stiffness and error of the meshes over a few mesh cycles: the paper's Figure 3.
+
+    Attributes
+    ----------
+    cycles : ndarray, shape (n,)
+        Mesh phase of the head.
+    stiffness : ndarray, shape (n, p)
+        N/m.
+    error : ndarray, shape (n, p)
+        m.
+    frequency : float
+        Mesh frequency, Hz.
+    """
+
+    cycles: Array
+    stiffness: Array
+    error: Array
+    frequency: float
+
+
+def mesh_curves(machine: Machine) -> MeshCurves:
+    """Evaluate the meshes of a machine."""
+    couplings = machine.assemble().couplings
+    cycles = np.linspace(0.0, MESH_CYCLES, _POINTS)
+    stiffness, error, _ = couplings.waves.evaluate(cycles)
+    return MeshCurves(cycles, stiffness[:, : couplings.drives], error[:, : couplings.drives], machine.mesh_frequency)
+
+
+def model_rows(machine: Machine, curves: MeshCurves) -> Iterator[Row]:
+    """Rows of Tables 4 and 5 and Figures 2, 3 and 6."""
+    description = machine.description
+    yield from _structure(description)
+    yield from _mesh(machine, curves)
+    yield from _points(description)
+    yield from _inputs(description)
+    for name, paper in TABLE_5.items():
+        yield _stiffness(name, paper, description)
+
+
+def _structure(description: MachineDescription) -> Iterator[Row]:
+    parts = ", ".join(SUBSYSTEMS)
+    yield Row("figure2.subsystems", "Figure 2", "subsystems", parts, parts, "given", "the form of every machine file")
+    drive, points = description.driveshaft, description.test_points
+    ours = {**points, "ring gear": drive.ring_node, "first pinion": drive.pinion_nodes_from + 1}
+    for name, node in MARKED_NODES.items():
+        found = ours.get(name)
+        same = verdict.echoed(found == node)
+        yield Row(f"figure2.node.{name.replace(' ', '_')}", "Figure 2", f"node of the {name}", node, found, same)
+
+
+def _mesh(machine: Machine, curves: MeshCurves) -> Iterator[Row]:
+    mean, swing = curves.stiffness.mean(), np.ptp(curves.stiffness, axis=0).max()
+    ratio = gear_pair(machine.description.driveshaft).contact_ratio
+    yield Row(
+        "figure3.stiffness",
+        "Figure 3",
+        "mesh stiffness over time",
+        "varies with the mesh, one phase a pinion",
+        f"{mean:.3g} N/m ± {swing / 2.0:.2g}, contact ratio {ratio:.3f}",
+        "no number",
+        "Ishikawa; the mean is Table 4's, tooth numbers and module are assumed",
+    )
+    yield Row(
+        "figure3.error",
+        "Figure 3",
+        "mesh error over time",
+        "tangential composite tolerance",
+        f"up to {1e6 * np.abs(curves.error).max():.0f} µm",
+        "no number",
+        "ISO 1328-1, accuracy grade assumed",
+    )
+
+
+def _points(description: MachineDescription) -> Iterator[Row]:
+    for point in MEASURED_POINTS:
+        node = description.test_points.get(point)
+        topic = f"node {node}, {absolute(model_block(point))}"
+        same = node is not None
+        yield Row(
+            f"figure6.{point}",
+            "Figure 6",
+            f"measuring point {point}",
+            "wireless accelerometer",
+            topic if same else "no such test point",
+            verdict.echoed(same),
+        )
+
+
+def _inputs(description: MachineDescription) -> Iterator[Row]:
+    """Table 4: the ranges are the study's own; the initial values those of the machine file."""
+    values = input_values(description)
+    for item in PAPER_INPUTS.inputs:
+        ours = values.get(item.code)
+        yield Row(
+            f"table4.{item.code}",
+            "Table 4",
+            f"{item.name} {item.symbol}, initial value",
+            item.initial,
+            ours,
+            "given",
+            _note(item, ours),
+            item.unit,
+        )
+
+
+def _note(item: Input, ours: float | None) -> str:
+    bounds = f"range {item.lower:g} to {item.upper:g}, taken over"
+    if item.code in _OPERATING:
+        return f"{bounds}; the machine stands at Table 1's operating point, a study takes Table 4's range"
+    if ours is not None and not verdict.close(item.initial, ours):
+        return f"{bounds}; the initial value is this machine's own"
+    return bounds
+
+
+def _stiffness(name: str, paper: Six, description: MachineDescription) -> Row:
+    drive = description.driveshaft
+    own = {"k_b_pc": drive.pinion_bearing, "k_s_pg": drive.spline}
+    found = [own[name]] if name in own else [item for item in description.all_connections() if item.name == name]
+    same = bool(found) and all(map(verdict.close, paper, found[0].stiffness))
+    ours = _six(found[0].stiffness) if found else "no such connection"
+    # Another machine's stiffnesses are its own: an input all the same.
+    note = "" if same else "this machine's own"
+    what = f"stiffness {name}, x y z (N/m) and about them (N·m/rad)"
+    return Row(f"table5.{name}", "Table 5", what, _six(paper), ours, "given", note)
+
+
+def _six(values: Six) -> str:
+    return ", ".join(f"{value:.3g}" for value in values)

@@ -1,0 +1,108 @@
+"""The campaign of a reading: the paper's design, its three surrogates, their indices."""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from tbm_dynamics.indicators import INDICATORS
+from tbm_gsa.paper.reproduction.readings import Reading
+from tbm_gsa.paper.surrogates import METHODS
+from tbm_gsa.sensitivity.study.analysis import OutputAnalysis, OutputFit, fit_outputs
+from tbm_gsa.sensitivity.study.campaign import Progress, run_campaign
+from tbm_gsa.sensitivity.study.errors import StudyError
+from tbm_gsa.sensitivity.study.evaluate import MachineEvaluation
+from tbm_gsa.sensitivity.study.files import STORE_NAME
+from tbm_gsa.sensitivity.study.inputs import PAPER_INPUTS
+from tbm_gsa.sensitivity.study.problem import Problem
+from tbm_gsa.sensitivity.study.run import StudyOptions, StudyResult, run_study
+from tbm_gsa.sensitivity.study.store import Store
+
+
+@dataclass(frozen=True, eq=False)
+class Study:
+    """A finished campaign.
+
+    Attributes
+    ----------
+    outputs : mapping of str to OutputFit
+    train, test, failed : int
+        Simulations planned, and those that failed.
+    sampling_gap : float or None
+        Largest distance of first indices by the largest sampling from those in `outputs`; None without a sampling.
+    """
+
+    outputs: Mapping[str, OutputFit]
+    train: int
+    test: int
+    failed: int
+    sampling_gap: float | None
+
+
+@dataclass(frozen=True)
+class Campaign:
+    """What is simulated for a reading.
+
+    Attributes
+    ----------
+    reading : Reading
+    origin : str
+        What the machine was loaded from.
+    train, test : int
+    simulation_s : float
+    seed : int
+    """
+
+    reading: Reading
+    origin: str
+    train: int
+    test: int
+    simulation_s: float
+    seed: int
+
+    @property
+    def evaluation(self) -> MachineEvaluation:
+        """The simulation of a sample; of the machine's own reading `gsa resume` finds it too."""
+        name = self.origin if self.reading.own else f"{self.origin} (damping: {self.reading.name})"
+        text = self.reading.machine.description.model_dump_json()
+        return MachineEvaluation(name, text, self.simulation_s, self.seed)
+
+    @property
+    def problem(self) -> Problem:
+        """What its store answers."""
+        return Problem(PAPER_INPUTS, INDICATORS, self.train, self.test, self.seed, self.evaluation.settings)
+
+    def check(self) -> None:
+        """Raise a StudyError where the machine does not take the paper's inputs."""
+        try:
+            self.evaluation.check({item.code: (item.lower, item.upper) for item in PAPER_INPUTS.inputs})
+        except StudyError as error:
+            raise StudyError(f"{self.origin}: does not take the paper's Table 4: {error}") from None
+
+
+def whole_study(
+    campaign: Campaign, folder: Path, workers: int, progress: Progress, report: Callable[[StudyResult], None]
+) -> Study:
+    """Run or go on with a study, with its own result.json and report."""
+    options = StudyOptions(methods=METHODS, workers=workers, progress=progress, report=report)
+    found = run_study(campaign.problem, campaign.evaluation, folder, options)
+    failed = found.document["samples"]["failed"]
+    return Study(found.analyses, campaign.train, campaign.test, failed, _sampling_gap(found.analyses))
+
+
+def fitted_study(campaign: Campaign, folder: Path, workers: int, progress: Progress) -> Study:
+    """Run or go on with a campaign, and fit and rank only."""
+    with Store.create_or_open(folder / STORE_NAME, campaign.problem) as store:
+        run_campaign(store, campaign.evaluation, workers=workers, progress=progress)
+        outputs = fit_outputs(store, METHODS, seed=campaign.seed, workers=workers)
+        return Study(outputs, campaign.train, campaign.test, store.counts().failed, None)
+
+
+def _sampling_gap(analyses: Mapping[str, OutputAnalysis]) -> float:
+    gaps = []
+    for analysis in analyses.values():
+        places = list(analysis.comparison.places)
+        largest = analysis.comparison.convergence[-1].indices
+        gaps.append(float(np.abs(largest.first - analysis.indices.first[places]).max()))
+    return max(gaps)

@@ -1,0 +1,1 @@
+"""Sensitivity: studies, surrogates, Sobol indices, screening."""

@@ -1,0 +1,122 @@
+"""Running the simulations of a store, in processes here or on a cluster."""
+
+from collections import deque
+from collections.abc import Callable, Iterator
+from concurrent.futures import FIRST_COMPLETED, CancelledError, Future, wait
+from typing import Final, Protocol
+
+from tbm_gsa.sensitivity.study.cluster import cluster
+from tbm_gsa.sensitivity.study.errors import StudyCancelled, StudyError
+from tbm_gsa.sensitivity.study.store import Store
+from tbm_gsa.sensitivity.study.worker import Evaluate, Outcome, simulate_sample
+from tbm_gsa.sensitivity.study.workers import Workers, local_processes
+
+POLL_SECONDS: Final = 0.2
+# Simulations whose worker died before any came back, after which the fault is not theirs.
+HOPELESS: Final = 3
+
+
+class Progress(Protocol):
+    """Called when the campaign starts and after every simulation."""
+
+    def __call__(self, done: int, total: int, failed: int) -> None:
+        """Take the numbers of simulations that ended (well or not), are planned, and failed."""
+
+
+def run_campaign(
+    store: Store,
+    evaluate: Evaluate,
+    *,
+    workers: int = 2,
+    scheduler: str | None = None,
+    progress: Progress | None = None,
+    cancelled: Callable[[], bool] = lambda: False,
+) -> None:
+    """Run every simulation of the store that has not ended yet.
+
+    Each is committed to the store as soon as it ends. A simulation that raises, or returns a value that is missing or
+    not finite, is recorded as failed with the reason; so is one whose worker died twice. The others go on. The result
+    does not depend on where the simulations run nor on the order in which they finish.
+
+    Parameters
+    ----------
+    store : Store
+    evaluate : callable
+        Maps the inputs of one sample to the outputs of the store's problem. Sent to the workers, so it must pickle:
+        a module-level function or an instance of a module-level class.
+    workers : int
+        Processes on this computer, each limited to one thread.
+    scheduler : str, optional
+        Address of a Dask scheduler whose workers are used instead.
+    progress : callable, optional
+    cancelled : callable, optional
+        Asked several times a second; once it answers True no simulation starts anew.
+
+    Raises
+    ------
+    StudyCancelled
+        After `cancelled` answered True and the running simulations were stored.
+    StudyError
+        No worker can run a simulation; what had finished is in the store.
+    """
+    _report(store, progress)
+    if store.pending():
+        with local_processes(workers) if scheduler is None else cluster(scheduler) as crew:
+            for outcome in _outcomes(crew, store, evaluate, cancelled):
+                store.record(outcome)
+                _report(store, progress)
+    if store.pending():
+        raise StudyCancelled(f"cancelled after {store.counts().done} of {store.counts().total} simulations")
+
+
+def _outcomes(crew: Workers, store: Store, evaluate: Evaluate, cancelled: Callable[[], bool]) -> Iterator[Outcome]:
+    """Outcomes as they come, with a bounded number of simulations handed out."""
+    names = store.problem.outputs
+    waiting = deque((row, sample, 0) for row, sample in store.pending())
+    running: dict[Future[Outcome], tuple[int, dict[str, float], int]] = {}
+    ended: list[Outcome] = []
+    lost: list[Outcome] = []
+    came_back = False
+    while True:
+        while waiting and len(running) < crew.slots and not cancelled():
+            row, sample, deaths = waiting.popleft()
+            running[crew.executor.submit(simulate_sample, evaluate, row, sample, names)] = row, sample, deaths
+        yield from ended  # after the next are on their way: no worker idles while a result is stored
+        ended = []
+        if not running:
+            break
+        for future in wait(running, timeout=POLL_SECONDS, return_when=FIRST_COMPLETED).done:
+            row, sample, deaths = running.pop(future)
+            outcome = _outcome(future, crew)
+            if outcome is not None:
+                came_back = True
+                ended.append(outcome)
+            elif deaths < crew.retries:
+                waiting.appendleft((row, sample, deaths + 1))
+            else:
+                lost.append(Outcome(row, None, "its worker process died (killed, or out of memory)", 0.0))
+        if came_back:
+            ended += lost
+            lost = []
+        elif len(lost) >= HOPELESS:
+            raise StudyError(f"no worker process stays alive: {HOPELESS} simulations took theirs along, none came back")
+    yield from lost
+
+
+def _outcome(future: Future[Outcome], crew: Workers) -> Outcome | None:
+    """Outcome of a future that is done; None if its worker died."""
+    try:
+        return future.result()
+    except crew.died:
+        return None
+    except CancelledError:
+        raise StudyError("the scheduler is gone; what finished is stored, and `gsa resume` goes on") from None
+    except Exception as error:  # noqa: BLE001 - simulations return their failures: this is one of the workers
+        raise StudyError(f"the workers cannot run a simulation: {type(error).__name__}: {error}") from None
+
+
+def _report(store: Store, progress: Progress | None) -> None:
+    """Tell how far the campaign is."""
+    if progress is not None:
+        counts = store.counts()
+        progress(counts.done, counts.total, counts.failed)

@@ -1,0 +1,116 @@
+"""The file in which a user defines a study: inputs with their distributions, groups, outputs."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Final
+
+import yaml
+
+from tbm_gsa.sensitivity.study.distributions import distribution_from, number
+from tbm_gsa.sensitivity.study.errors import StudyError
+from tbm_gsa.sensitivity.study.inputs import PAPER_INPUTS, Input, InputSet
+from tbm_msgs_py.base.strict_yaml import strict_yaml, yaml_problem
+
+KEYS: Final = ("inputs", "groups", "outputs")
+
+
+@dataclass(frozen=True)
+class Definition:
+    """What a study is about.
+
+    Parameters
+    ----------
+    inputs : InputSet
+    outputs : tuple of str
+        Names of outputs; empty where the file names none.
+    """
+
+    inputs: InputSet
+    outputs: tuple[str, ...] = ()
+
+
+def read_definition(path: str | Path) -> Definition:
+    """Read a definition.
+
+    The file maps codes of Table 4 to distributions; everything else about an input is known by its code, and one with
+    nothing behind it is Table 4's. An initial value that is not given is the paper's if it lies inside the range, else
+    the median::
+
+        inputs:
+          x2:
+          x7: {lower: 200, upper: 400}
+          x9: {distribution: normal, mean: 8.1e9, std: 2e8, lower: 7.5e9, upper: 8.5e9}
+          x11: {distribution: log-uniform, lower: 2e-4, upper: 5e-3}
+          x16: {distribution: triangular, lower: 0.5, mode: 1, upper: 2, initial: 1}
+        groups:
+          meshing: [x7, x9]
+        outputs: [MF_M, rms_cutterhead_x]
+
+    Parameters
+    ----------
+    path : str or Path
+
+    Raises
+    ------
+    StudyError
+        One line that names the file, the input or group, and what is allowed.
+    """
+    if Path(path).exists() and not Path(path).is_file():
+        raise StudyError(f"{path}: no regular file, allowed: a YAML file")
+    try:
+        document = strict_yaml(Path(path).read_text(encoding="utf-8"))
+    except OSError as error:
+        raise StudyError(f"{path}: cannot be read ({error.strerror}), allowed: a YAML file") from None
+    except (yaml.YAMLError, UnicodeDecodeError) as error:
+        raise StudyError(f"{path}: not YAML ({yaml_problem(error)}), allowed: a YAML file") from None
+    try:
+        return _definition(document)
+    except StudyError as error:
+        raise StudyError(f"{path}: {error}") from None
+
+
+def _definition(document: object) -> Definition:
+    """Build the definition of a parsed file."""
+    if not isinstance(document, dict) or not isinstance(document.get("inputs"), dict):  # nothing of it is quoted
+        raise StudyError("inputs: missing or no mapping, allowed: codes of inputs with their distributions")
+    for key in document:
+        if key not in KEYS:
+            raise StudyError(f"unknown key {key!r}, allowed: {', '.join(KEYS)}")
+    inputs = tuple(_input(str(code), given) for code, given in document["inputs"].items())
+    groups = document.get("groups") or {}
+    if not isinstance(groups, dict):
+        raise StudyError(f"groups: {groups!r}, allowed: a mapping of names to lists of inputs")
+    named = {str(name): _names(f"group {name}", members) for name, members in groups.items()}
+    return Definition(InputSet(inputs, named), _names("outputs", document.get("outputs") or []))
+
+
+def _input(code: str, given: object) -> Input:
+    """Take an input of Table 4, with another distribution where one is given."""
+    known = PAPER_INPUTS[code]
+    if given is None:
+        return known
+    try:
+        if not isinstance(given, dict):
+            raise StudyError(f"{given!r}, allowed: a mapping such as {{lower: 1, upper: 2}}")
+        law = distribution_from({key: value for key, value in given.items() if key != "initial"})
+        initial = _initial(known, law.lower, law.upper, given)
+    except StudyError as error:
+        raise StudyError(f"input {code}: {error}") from None
+    if initial is None:
+        initial = float(law.from_unit(0.5))
+    return Input(code, known.name, known.symbol, known.unit, known.kind, initial, law)
+
+
+def _initial(known: Input, lower: float, upper: float, given: Mapping[str, Any]) -> float | None:
+    """Take the value that is given, else that of the paper, else None where that one is outside the range."""
+    if "initial" in given:
+        return number("initial", given["initial"])
+    return known.initial if lower <= known.initial <= upper else None
+
+
+def _names(where: str, given: object) -> tuple[str, ...]:
+    """Take a list of names."""
+    if not isinstance(given, list) or not all(isinstance(name, str) for name in given):
+        raise StudyError(f"{where}: {given!r}, allowed: a list of names")
+    return tuple(given)

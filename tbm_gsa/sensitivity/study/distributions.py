@@ -1,0 +1,164 @@
+"""Distributions of an input, all bounded: monotone maps between its values and the unit interval.
+
+Surrogates and indices work on the unit cube; there every input is uniform, whatever its distribution.
+"""
+
+from abc import ABC, abstractmethod
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, fields
+from functools import cached_property
+from typing import Any, ClassVar, Final
+
+import numpy as np
+import scipy  # its parts load on first use
+from numpy.typing import ArrayLike
+
+from tbm_gsa.sensitivity.study.errors import StudyError
+from tbm_msgs_py.base.arrays import Array
+
+
+@dataclass(frozen=True)
+class Distribution(ABC):
+    """Law of one input.
+
+    Parameters
+    ----------
+    lower, upper : float
+        No value lies outside.
+    """
+
+    lower: float
+    upper: float
+    name: ClassVar[str]
+
+    def __post_init__(self) -> None:
+        for key, value in asdict(self).items():
+            if not np.isfinite(value):
+                raise StudyError(f"{key} {value}, allowed: a finite number")
+        if self.lower >= self.upper:
+            raise StudyError(f"lower {self.lower:g}, allowed: below upper, {self.upper:g}")
+        self._check()
+
+    def to_unit(self, values: ArrayLike) -> Array:
+        """Cumulative probability of values, 0 at and below the lower bound, 1 at and above the upper; any shape."""
+        return np.asarray(self._law.cdf(values), dtype=np.float64)
+
+    def from_unit(self, unit: ArrayLike) -> Array:
+        """Quantiles of probabilities from 0 to 1, any shape; inverse of `to_unit`."""
+        return np.asarray(np.clip(self._law.ppf(unit), self.lower, self.upper), dtype=np.float64)
+
+    def to_dict(self) -> dict[str, str | float]:
+        """Plain data, as in a file."""
+        return {"distribution": self.name, **asdict(self)}
+
+    def _check(self) -> None:  # noqa: B027 - the bounds are all that a uniform distribution has
+        """Raise a StudyError for parameters that are not allowed."""
+
+    def _check_inside(self, key: str, value: float) -> None:
+        if not self.lower <= value <= self.upper:
+            raise StudyError(f"{key} {value:g}, allowed: {self.lower:g} to {self.upper:g}")
+
+    @cached_property
+    @abstractmethod
+    def _law(self) -> Any:
+        """The distribution in scipy, with its parameters."""
+
+
+@dataclass(frozen=True)
+class Uniform(Distribution):
+    """Every value between the bounds is equally likely."""
+
+    name = "uniform"
+
+    @cached_property
+    def _law(self) -> Any:
+        return scipy.stats.uniform(self.lower, self.upper - self.lower)
+
+
+@dataclass(frozen=True)
+class LogUniform(Distribution):
+    """The logarithm is uniform: every decade between the bounds is equally likely."""
+
+    name = "log-uniform"
+
+    def _check(self) -> None:
+        if self.lower <= 0.0:
+            raise StudyError(f"lower {self.lower:g} of a log-uniform distribution, allowed: above 0")
+
+    @cached_property
+    def _law(self) -> Any:
+        return scipy.stats.loguniform(self.lower, self.upper)
+
+
+@dataclass(frozen=True)
+class Normal(Distribution):
+    """Normal, cut off at the bounds and renormalised: mean and standard deviation are those before the cut."""
+
+    mean: float
+    std: float
+    name = "normal"
+
+    def _check(self) -> None:
+        if self.std <= 0.0:
+            raise StudyError(f"std {self.std:g}, allowed: above 0")
+        self._check_inside("mean", self.mean)
+
+    @cached_property
+    def _law(self) -> Any:
+        below, above = (self.lower - self.mean) / self.std, (self.upper - self.mean) / self.std
+        return scipy.stats.truncnorm(below, above, loc=self.mean, scale=self.std)
+
+
+@dataclass(frozen=True)
+class Triangular(Distribution):
+    """Density that rises linearly from the lower bound to the mode and falls to the upper bound."""
+
+    mode: float
+    name = "triangular"
+
+    def _check(self) -> None:
+        self._check_inside("mode", self.mode)
+
+    @cached_property
+    def _law(self) -> Any:
+        width = self.upper - self.lower
+        return scipy.stats.triang((self.mode - self.lower) / width, loc=self.lower, scale=width)
+
+
+DISTRIBUTIONS: Final[Mapping[str, type[Distribution]]] = {
+    kind.name: kind for kind in (Uniform, Normal, Triangular, LogUniform)
+}
+
+
+def distribution_from(given: Mapping[str, object]) -> Distribution:
+    """Build a distribution from plain data; inverse of `Distribution.to_dict`.
+
+    Parameters
+    ----------
+    given : mapping
+        ``distribution``, uniform if left out, and the parameters of that one.
+
+    Raises
+    ------
+    StudyError
+        An unknown distribution; a parameter that is missing, unknown, no number or not allowed.
+    """
+    name = given.get("distribution", Uniform.name)
+    if not isinstance(name, str) or name not in DISTRIBUTIONS:
+        raise StudyError(f"unknown distribution {name!r}, allowed: {', '.join(DISTRIBUTIONS)}")
+    kind = DISTRIBUTIONS[name]
+    allowed = [field.name for field in fields(kind)]
+    for key in given:
+        if key not in {*allowed, "distribution"}:
+            raise StudyError(f"unknown key {key!r} of a {name} distribution, allowed: {', '.join(allowed)}")
+    missing = [key for key in allowed if key not in given]
+    if missing:
+        raise StudyError(f"{', '.join(missing)}: missing, allowed: a {name} distribution with {', '.join(allowed)}")
+    return kind(**{key: number(key, given[key]) for key in allowed})
+
+
+def number(key: str, value: object) -> float:
+    """Take a number from plain data."""
+    if isinstance(value, bool) or not isinstance(value, int | float):
+        raise StudyError(f"{key} {value!r}, allowed: a number")
+    return float(value)

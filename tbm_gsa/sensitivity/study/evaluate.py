@@ -1,0 +1,157 @@
+"""The simulation of one sample: the machine with its inputs changed, run on the loads all samples share."""
+
+import hashlib
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property, lru_cache
+from typing import Self
+
+from tbm_dynamics import Machine, MachineError, load_machine, simulate
+from tbm_dynamics.indicators import INDICATORS
+from tbm_dynamics.integration.simulator import DEFAULT_STEP
+from tbm_dynamics.machine.description import MachineDescription
+from tbm_gsa.sensitivity.study.errors import StudyError
+from tbm_gsa.sensitivity.study.outputs import Vibration, parse_outputs
+
+SHORTEST_VIBRATION_S = 1.0  # what the conditioning of a signal makes something of
+LOWEST_HIGH_HZ = 1.0
+
+
+@dataclass(frozen=True)
+class MachineEvaluation:
+    """Outputs of a run as a function of the inputs.
+
+    It holds the machine itself, not the name of a file: processes on other computers need not have it.
+
+    Parameters
+    ----------
+    machine : str
+        Name of a shipped machine or path of a machine file, for messages.
+    description : str
+        The machine, as JSON.
+    duration : float
+        Simulated time, s.
+    seed : int
+        Seed of the loads. It is the same for every sample (common random numbers): with other loads for each, no
+        surrogate could follow the peaks.
+    outputs : tuple of str
+        See `parse_outputs`.
+    high_hz : float or None
+        Upper limit of the band of accelerations, see `vibration_statistics`.
+    """
+
+    machine: str
+    description: str
+    duration: float
+    seed: int
+    outputs: tuple[str, ...] = INDICATORS
+    high_hz: float | None = None
+
+    def __post_init__(self) -> None:
+        if self.high_hz is not None and not LOWEST_HIGH_HZ <= self.high_hz < 0.5 / DEFAULT_STEP:
+            allowed = f"{LOWEST_HIGH_HZ:g} to below {0.5 / DEFAULT_STEP:g} Hz"
+            raise StudyError(f"upper limit of the band {self.high_hz:g} Hz, allowed: {allowed}")
+        if self._vibrations and self.duration < SHORTEST_VIBRATION_S:
+            raise StudyError(
+                f"duration {self.duration:g} s, allowed: {SHORTEST_VIBRATION_S:g} s or more for accelerations"
+            )
+
+    @classmethod
+    def of(
+        cls,
+        machine: str,
+        duration: float,
+        seed: int,
+        outputs: tuple[str, ...] = INDICATORS,
+        high_hz: float | None = None,
+    ) -> Self:
+        """Load the machine; parameters as those of the class."""
+        return cls(machine, load_machine(machine).description.model_dump_json(), duration, seed, outputs, high_hz)
+
+    def __call__(self, sample: dict[str, float]) -> Mapping[str, float]:
+        """Simulate one sample."""
+        response = simulate(
+            self._machine.with_inputs(**sample), duration=self.duration, seed=self.seed, outputs=self._nodes
+        )
+        found = response.indicators()
+        if self._vibrations:
+            # Its filters take longer to load than a run takes: only workers that need them do.
+            from tbm_gsa.sensitivity.study.vibration import vibration_statistics  # noqa: PLC0415
+
+            found |= vibration_statistics(response, self._vibrations, self._points, self.high_hz)
+        return {name: found[name] for name in self.outputs}
+
+    def check(self, ends: Mapping[str, tuple[float, float]]) -> None:
+        """Raise a StudyError where the machine allows no such value, before every simulation fails of it.
+
+        Parameters
+        ----------
+        ends : mapping of str to (float, float)
+            Lower and upper bound by input.
+        """
+        for code, bounds in ends.items():
+            for value in bounds:
+                try:
+                    self._machine.with_inputs(**{code: value})
+                except MachineError as error:
+                    raise StudyError(f"input {code} at {value:g}: {error}") from None
+
+    @property
+    def settings(self) -> dict[str, str | float | int]:
+        """What the results depend on besides the inputs; the content of the machine file, not only its name."""
+        return {
+            "machine": self.machine,
+            "machine_sha256": hashlib.sha256(self.description.encode()).hexdigest(),
+            "duration": self.duration,
+            "load_seed": self.seed,
+            **({} if self.high_hz is None else {"high_hz": self.high_hz}),
+        }
+
+    @classmethod
+    def from_settings(cls, settings: Mapping[str, str | float | int], outputs: tuple[str, ...]) -> Self:
+        """Inverse of `settings`, for going on with a store.
+
+        Raises
+        ------
+        StudyError
+            The machine file says something else now.
+        """
+        high_hz = settings.get("high_hz")
+        evaluation = cls.of(
+            str(settings["machine"]),
+            float(settings["duration"]),
+            int(settings["load_seed"]),
+            outputs,
+            None if high_hz is None else float(high_hz),
+        )
+        if evaluation.settings["machine_sha256"] != settings["machine_sha256"]:
+            raise StudyError(
+                f"machine {evaluation.machine} has changed since the study was begun, allowed: the file as it was"
+            )
+        return evaluation
+
+    @cached_property
+    def _vibrations(self) -> tuple[Vibration, ...]:
+        return parse_outputs(self.outputs, self._points)
+
+    @cached_property
+    def _points(self) -> Mapping[str, int]:
+        """Test points of the machine."""
+        return self._machine.description.test_points
+
+    @cached_property
+    def _nodes(self) -> tuple[int, ...]:
+        """Nodes whose motion the outputs need; the indicators need the ring gear and the first pinion."""
+        drive = self._machine.description.driveshaft
+        nodes = [drive.ring_node, drive.pinion_nodes_from + 1, *(self._points[v.point] for v in self._vibrations)]
+        return tuple(dict.fromkeys(nodes))
+
+    @property
+    def _machine(self) -> Machine:
+        return _machine(self.description, self.machine)
+
+
+@lru_cache(maxsize=4)
+def _machine(description: str, origin: str) -> Machine:
+    """Read the machine once per process."""
+    return Machine(MachineDescription.model_validate_json(description), origin=origin)

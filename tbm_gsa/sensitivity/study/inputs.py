@@ -1,0 +1,227 @@
+"""The uncertain inputs of a study, with the paper's Table 4 as data."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any, Final, Literal, Self
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from tbm_gsa.sensitivity.study.distributions import Distribution, Uniform, distribution_from
+from tbm_gsa.sensitivity.study.errors import StudyError
+from tbm_msgs_py.base.arrays import Array
+
+Kind = Literal["absolute", "multiplier"]
+TEXTS: Final = ("code", "name", "symbol", "unit", "kind")
+
+
+@dataclass(frozen=True)
+class Input:
+    """One uncertain input.
+
+    Parameters
+    ----------
+    code : str
+        Name in the paper's Table 4 and in ``Machine.with_inputs``.
+    name, symbol, unit : str
+        For tables and axes; a multiplier has no unit.
+    kind : {"absolute", "multiplier"}
+    initial : float
+        In `unit`; for a multiplier, a factor on the machine's own value. So are the values of the distribution.
+    distribution : Distribution
+    """
+
+    code: str
+    name: str
+    symbol: str
+    unit: str
+    kind: Kind
+    initial: float
+    distribution: Distribution
+
+    def __post_init__(self) -> None:
+        if not self.lower <= self.initial <= self.upper:
+            raise StudyError(f"input {self.code}: initial {self.initial:g}, allowed: {self.lower:g} to {self.upper:g}")
+
+    @property
+    def lower(self) -> float:
+        """Lower bound."""
+        return self.distribution.lower
+
+    @property
+    def upper(self) -> float:
+        """Upper bound."""
+        return self.distribution.upper
+
+    def to_dict(self) -> dict[str, Any]:
+        """Plain data, for JSON; the parameters of the distribution stand beside the rest."""
+        texts = {key: getattr(self, key) for key in TEXTS}
+        return {**texts, "initial": self.initial, **self.distribution.to_dict()}
+
+    @classmethod
+    def from_dict(cls, given: Mapping[str, Any]) -> Self:
+        """Inverse of `to_dict`."""
+        law = {key: value for key, value in given.items() if key not in {*TEXTS, "initial"}}
+        texts = {key: given[key] for key in TEXTS}
+        return cls(**texts, initial=given["initial"], distribution=distribution_from(law))
+
+
+@dataclass(frozen=True)
+class InputSet:
+    """Uncertain inputs in a fixed order, the order of every column in this package.
+
+    Parameters
+    ----------
+    inputs : tuple of Input
+        With distinct codes.
+    groups : mapping of str to tuple of str
+        Codes of the inputs that are ranked as one, by the group's name. No input is in two; one that is in none stands
+        for itself.
+    """
+
+    inputs: tuple[Input, ...]
+    groups: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        if not self.inputs:
+            raise StudyError("inputs: none, allowed: at least one")
+        for code in self.codes:
+            if self.codes.count(code) > 1:
+                raise StudyError(f"input {code}: given twice, allowed: once")
+        check_groups(self.groups, self.codes)
+
+    def __len__(self) -> int:
+        return len(self.inputs)
+
+    def __getitem__(self, code: str) -> Input:
+        for item in self.inputs:
+            if item.code == code:
+                return item
+        raise StudyError(f"unknown input {code!r}, allowed: {', '.join(self.codes)}")
+
+    @property
+    def codes(self) -> tuple[str, ...]:
+        """Codes in order."""
+        return tuple(item.code for item in self.inputs)
+
+    @property
+    def bounds(self) -> Array:
+        """Lower and upper bounds, (d, 2); of a normal input, where it is cut off."""
+        return np.array([[item.lower, item.upper] for item in self.inputs])
+
+    def to_unit(self, points: ArrayLike) -> Array:
+        """Map points (n, d) to the unit cube, where every input is uniform.
+
+        Raises
+        ------
+        StudyError
+            A value that is missing or outside the range of its input; the message names the first.
+        """
+        values = self._columns(points)
+        for item, column in zip(self.inputs, values.T, strict=True):
+            outside = column[~((column >= item.lower) & (column <= item.upper))]
+            if outside.size:
+                raise StudyError(f"input {item.code}: {outside[0]:g}, allowed: {item.lower:g} to {item.upper:g}")
+        return np.column_stack(
+            [item.distribution.to_unit(column) for item, column in zip(self.inputs, values.T, strict=True)]
+        )
+
+    def from_unit(self, unit: ArrayLike) -> Array:
+        """Map points (n, d) of the unit cube to values; inverse of `to_unit`."""
+        columns = self._columns(unit).T
+        return np.column_stack(
+            [item.distribution.from_unit(column) for item, column in zip(self.inputs, columns, strict=True)]
+        )
+
+    def sample(self, row: Sequence[float] | Array) -> dict[str, float]:
+        """One point (d,) as the mapping that an evaluation takes."""
+        return {code: float(value) for code, value in zip(self.codes, row, strict=True)}
+
+    def to_list(self) -> list[dict[str, Any]]:
+        """Plain data of the inputs, for JSON."""
+        return [item.to_dict() for item in self.inputs]
+
+    @classmethod
+    def from_list(cls, rows: Sequence[Mapping[str, Any]], groups: Mapping[str, Sequence[str]] | None = None) -> Self:
+        """Inverse of `to_list`, with groups."""
+        named = {name: tuple(codes) for name, codes in (groups or {}).items()}
+        return cls(tuple(Input.from_dict(row) for row in rows), named)
+
+    def _columns(self, points: ArrayLike) -> Array:
+        """Points as an array (n, d)."""
+        values = np.asarray(points, dtype=np.float64)
+        if values.ndim != 2 or values.shape[1] != len(self):
+            raise StudyError(f"points of shape {values.shape}, allowed: (n, {len(self)}), one column per input")
+        return values
+
+
+def check_groups(groups: Mapping[str, Sequence[str]], codes: Sequence[str]) -> None:
+    """Raise a StudyError unless the groups are disjoint, not empty, of known inputs, and not named like one."""
+    seen: dict[str, str] = {}
+    for name, members in groups.items():
+        if name in codes:
+            raise StudyError(f"group {name}: an input has this name, allowed: another one")
+        if not members:
+            raise StudyError(f"group {name}: no input, allowed: at least one")
+        for code in members:
+            if code not in codes:
+                raise StudyError(f"group {name}: unknown input {code!r}, allowed: {', '.join(codes)}")
+            if code in seen:
+                raise StudyError(f"group {name}: input {code} is in group {seen[code]} already, allowed: one group")
+            seen[code] = name
+
+
+def _absolute(code: str, name: str, symbol: str, unit: str, initial: float, bounds: tuple[float, float]) -> Input:
+    return Input(code, name, symbol, unit, "absolute", initial, Uniform(*bounds))
+
+
+def _damping(code: str, of: str, symbol: str) -> Input:
+    return _absolute(code, f"Damping ratio of {of}", symbol, "", 1e-3, (2e-4, 5e-3))
+
+
+def _multiplier(code: str, name: str, symbol: str, bounds: tuple[float, float]) -> Input:
+    return Input(code, name, symbol, "", "multiplier", 1.0, Uniform(*bounds))
+
+
+def _stiffness(code: str, of: str, symbol: str) -> Input:
+    return _multiplier(code, f"Stiffness of {of}", symbol, (0.5, 2.0))
+
+
+# Table 4 of the paper, in the units of Machine.with_inputs. The text's k_c,cb (x19) and k_c,bc (x22) are k_c,fb and
+# k_b,io of this table. The groups are its first column, whose connection parameters are split in two.
+PAPER_INPUTS: Final = InputSet(
+    (
+        _absolute("x1", "Rotating speed", "ω", "r/min", 5.6, (5.3, 5.9)),
+        _absolute("x2", "Torque", "T_in", "kN·m", 2280.0, (1000.0, 2500.0)),
+        _absolute("x3", "Thrust", "F_a", "kN", 1.4e4, (1.2e4, 1.5e4)),
+        _damping("x4", "steel", "ζ_g"),
+        _absolute("x5", "Elasticity modulus", "E", "GPa", 210.0, (200.0, 220.0)),
+        _absolute("x6", "Poisson ratio", "λ", "", 0.3, (0.29, 0.31)),
+        _absolute("x7", "Backlash", "b_gp", "µm", 300.0, (100.0, 500.0)),
+        _multiplier("x8", "Meshing error", "e_gp", (0.8, 1.2)),
+        _absolute("x9", "Mean meshing stiffness", "k_gp", "N/m", 8.1e9, (7.5e9, 8.5e9)),
+        _absolute("x10", "Damping ratio of gear mesh", "ζ_m", "", 0.05, (0.03, 0.17)),
+        _damping("x11", "rock", "ζ_r"),
+        _damping("x12", "bolt", "ζ_bt"),
+        _damping("x13", "bearing", "ζ_br"),
+        _damping("x14", "spline", "ζ_s"),
+        _damping("x15", "hydraulic", "ζ_h"),
+        _stiffness("x16", "cutterhead–rock", "k_r,ct"),
+        _stiffness("x17", "girder–rock", "k_r,gd"),
+        _stiffness("x18", "cutterhead–flange", "k_c,cf"),
+        _stiffness("x19", "flange–bearing", "k_c,fb"),
+        _stiffness("x20", "bearing–carrier", "k_c,bc"),
+        _stiffness("x21", "carrier–girder", "k_c,cg"),
+        _stiffness("x22", "main bearing", "k_b,io"),
+        _stiffness("x23", "pinion–bearing", "k_b,pc"),
+        _stiffness("x24", "pinion–gearbox", "k_s,pg"),
+        _stiffness("x25", "hydraulic", "k_h,gd"),
+    ),
+    {
+        "external conditions": ("x1", "x2", "x3"),
+        "material": ("x4", "x5", "x6"),
+        "meshing": ("x7", "x8", "x9", "x10"),
+        "connection damping": tuple(f"x{k}" for k in range(11, 16)),
+        "connection stiffness": tuple(f"x{k}" for k in range(16, 26)),
+    },
+)

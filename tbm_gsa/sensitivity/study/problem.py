@@ -1,0 +1,104 @@
+"""What a study asks: everything that its numbers depend on."""
+
+import json
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+from typing import Any, Final, Self
+
+from tbm_gsa.sensitivity.study.design import check_kind
+from tbm_gsa.sensitivity.study.errors import StudyError
+from tbm_gsa.sensitivity.study.inputs import InputSet
+
+Setting = str | float | int
+FORMAT: Final = 2
+
+
+@dataclass(frozen=True)
+class Problem:
+    """What a store answers; two stores with equal problems hold equal numbers.
+
+    Parameters
+    ----------
+    inputs : InputSet
+    outputs : tuple of str
+        Names an evaluation returns.
+    train, test, seed : int
+        Of the first design.
+    settings : mapping of str to str, float or int
+        What the evaluation depends on besides its inputs: machine, duration, load seed.
+    design : str
+        Kind of the first design, see `make_design`.
+    added : tuple of int
+        Numbers of training points added since, one after the other, see `add_points`.
+    """
+
+    inputs: InputSet
+    outputs: tuple[str, ...]
+    train: int
+    test: int
+    seed: int
+    settings: Mapping[str, Setting] = field(default_factory=dict)
+    design: str = "lhs"
+    added: tuple[int, ...] = ()
+
+    def __post_init__(self) -> None:
+        check_kind(self.design)
+        if not self.outputs:
+            raise StudyError("outputs: none, allowed: at least one")
+        for name in self.outputs:
+            if self.outputs.count(name) > 1:
+                raise StudyError(f"output {name}: given twice, allowed: once")
+
+    def to_json(self) -> dict[str, str]:
+        """Every part as one JSON text."""
+        parts = {
+            "format": FORMAT,
+            "inputs": self.inputs.to_list(),
+            "groups": dict(self.inputs.groups),
+            "outputs": self.outputs,
+            "train": self.train,
+            "test": self.test,
+            "seed": self.seed,
+            "settings": dict(self.settings),
+            "design": self.design,
+            "added": self.added,
+        }
+        return {key: json.dumps(value, ensure_ascii=False) for key, value in parts.items()}
+
+    @classmethod
+    def from_json(cls, texts: Mapping[str, str]) -> Self:
+        """Inverse of `to_json`."""
+        parts: dict[str, Any] = {key: json.loads(text) for key, text in texts.items()}
+        written = parts.pop("format", None)
+        if written != FORMAT:
+            raise StudyError(f"written in format {written}, allowed: {FORMAT}; run the study again")
+        inputs = InputSet.from_list(parts.pop("inputs"), parts.pop("groups"))
+        return cls(inputs, tuple(parts.pop("outputs")), added=tuple(parts.pop("added")), **parts)
+
+
+def difference(stored: Problem, wanted: Problem) -> str | None:
+    """Say in words where two problems differ first; None if they are equal or differ in their groups only.
+
+    Groups say which indices are added up, and nothing about simulations.
+    """
+    return next(_differences(stored, wanted), None)
+
+
+def _differences(stored: Problem, wanted: Problem) -> Iterator[str]:
+    for key in sorted({*stored.settings, *wanted.settings}):
+        old, new = stored.settings.get(key), wanted.settings.get(key)
+        if old != new:
+            yield f"{key} is {old!r} there and {new!r} here"
+    for key in ("train", "test", "seed", "design"):
+        old, new = getattr(stored, key), getattr(wanted, key)
+        if old != new:
+            yield f"{key} is {old} there and {new} here"
+    if stored.outputs != wanted.outputs:
+        yield f"its outputs are {', '.join(stored.outputs)}, here {', '.join(wanted.outputs)}"
+    for old_input, new_input in zip(stored.inputs.inputs, wanted.inputs.inputs, strict=False):
+        if old_input != new_input:
+            yield f"its input {old_input.code} is not the {new_input.code} of here (code, distribution, initial value)"
+    if len(stored.inputs) != len(wanted.inputs):
+        yield f"it has {len(stored.inputs)} inputs, not {len(wanted.inputs)}"
+    if stored.added != wanted.added:
+        yield f"{sum(stored.added)} points were added to its design; `gsa resume` goes on with it"

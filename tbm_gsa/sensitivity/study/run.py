@@ -1,0 +1,181 @@
+"""A whole study in one folder: campaign, analysis, result.json, and whatever report is asked for."""
+
+import time
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from tbm_gsa.sensitivity.study.analysis import OutputAnalysis, analyse, check_methods
+from tbm_gsa.sensitivity.study.campaign import Progress, run_campaign
+from tbm_gsa.sensitivity.study.document import study_document
+from tbm_gsa.sensitivity.study.files import REPORT_NAME, RESULT_NAME, STORE_NAME
+from tbm_gsa.sensitivity.study.problem import Problem
+from tbm_gsa.sensitivity.study.store import Store
+from tbm_gsa.sensitivity.study.worker import Evaluate
+from tbm_gsa.sensitivity.surrogates import SURROGATES
+from tbm_msgs_py.base.files import write_json
+
+
+@dataclass(frozen=True, eq=False)
+class StudyResult:
+    """A finished study.
+
+    Parameters
+    ----------
+    folder : Path
+        Holds ``store.sqlite`` and ``result.json``, and what the report adds: ``report.html`` and ``tables/*.csv``.
+    document : dict
+        What ``result.json`` holds; see `study_document`.
+    analyses : mapping of str to OutputAnalysis
+    """
+
+    folder: Path
+    document: dict[str, Any]
+    analyses: Mapping[str, OutputAnalysis]
+
+    @property
+    def report(self) -> Path:
+        """The HTML page."""
+        return self.folder / REPORT_NAME
+
+
+@dataclass(frozen=True)
+class StudyOptions:
+    """How a study is run; none of it changes what the simulations return.
+
+    Parameters
+    ----------
+    methods : sequence of str
+        Surrogates to choose from.
+    workers : int
+        Processes of campaign and analysis.
+    scheduler : str, optional
+        Address of a Dask scheduler whose workers simulate instead.
+    progress : callable, optional
+        Of the campaign, see `Progress`.
+    analysis_progress : callable, optional
+        Of the analysis, see `analyse`.
+    cancelled : callable
+        Asked during the campaign; see `run_campaign`.
+    report : callable
+        Called with the finished study, to write pages and tables into its folder.
+    """
+
+    methods: Sequence[str] = tuple(SURROGATES)
+    workers: int = 2
+    scheduler: str | None = None
+    progress: Progress | None = None
+    analysis_progress: Callable[[int, int], None] | None = None
+    cancelled: Callable[[], bool] = lambda: False
+    report: Callable[[StudyResult], None] = lambda _: None
+
+
+def run_study(
+    problem: Problem, evaluate: Evaluate, folder: str | Path, options: StudyOptions | None = None
+) -> StudyResult:
+    """Run a study, or go on with it where the folder holds one of the same problem.
+
+    Parameters
+    ----------
+    problem : Problem
+    evaluate : callable
+        See `run_campaign`; its settings belong into the problem.
+    folder : str or Path
+        Made if it does not exist.
+    options : StudyOptions, optional
+
+    Returns
+    -------
+    StudyResult
+
+    Raises
+    ------
+    StudyError
+        The folder holds another study, or too few simulations ended well.
+    StudyCancelled
+        The campaign was cancelled; calling again goes on with it.
+    """
+    options = options or StudyOptions()
+    check_methods(options.methods)  # before a folder is made
+    with Store.create_or_open(Path(folder) / STORE_NAME, problem) as store:
+        return _finish(store, evaluate, options)
+
+
+def resume_study(
+    folder: str | Path, make_evaluate: Callable[[Problem], Evaluate], options: StudyOptions | None = None
+) -> StudyResult:
+    """Go on with the study of a folder; everything about it but the evaluation is in its store.
+
+    Parameters
+    ----------
+    folder : str or Path
+    make_evaluate : callable
+        Gives the evaluation for the problem of the store.
+    options : StudyOptions, optional
+    """
+    with Store.open(Path(folder) / STORE_NAME) as store:
+        return _finish(store, make_evaluate(store.problem), options or StudyOptions())
+
+
+def extend_study(
+    folder: str | Path,
+    samples: int,
+    make_evaluate: Callable[[Problem], Evaluate],
+    options: StudyOptions | None = None,
+) -> StudyResult:
+    """Add training points to the study of a folder, keep every simulation there is, and go on with it.
+
+    Parameters
+    ----------
+    samples : int
+        Points to add, see `add_points`.
+    folder, make_evaluate, options
+        As in `resume_study`.
+    """
+    options = options or StudyOptions()
+    check_methods(options.methods)
+    with Store.open(Path(folder) / STORE_NAME) as store:
+        evaluate = make_evaluate(store.problem)  # a machine that has changed is refused before anything is planned
+        store.extend(samples)
+        return _finish(store, evaluate, options)
+
+
+def report_study(folder: str | Path, options: StudyOptions | None = None) -> StudyResult:
+    """Analyse what the store of a folder holds and write its result and report anew, without any simulation."""
+    with Store.open(Path(folder) / STORE_NAME) as store:
+        start = time.perf_counter()
+        return _write(store, options or StudyOptions(), start, campaign_seconds=0.0)
+
+
+def _finish(store: Store, evaluate: Evaluate, options: StudyOptions) -> StudyResult:
+    """Run what is missing, analyse, write."""
+    check_methods(options.methods)  # before hours of simulation, not after
+    start = time.perf_counter()
+    run_campaign(
+        store,
+        evaluate,
+        workers=options.workers,
+        scheduler=options.scheduler,
+        progress=options.progress,
+        cancelled=options.cancelled,
+    )
+    return _write(store, options, start, campaign_seconds=time.perf_counter() - start)
+
+
+def _write(store: Store, options: StudyOptions, start: float, *, campaign_seconds: float) -> StudyResult:
+    """Analyse a store and write the result beside it."""
+    analyses = analyse(
+        store,
+        options.methods,
+        seed=store.problem.seed,
+        workers=options.workers,
+        progress=options.analysis_progress,
+    )
+    seconds = time.perf_counter() - start
+    document = study_document(store, analyses, seconds=seconds, campaign_seconds=campaign_seconds)
+    folder = store.path.parent
+    write_json(folder / RESULT_NAME, document)
+    study = StudyResult(folder, document, analyses)
+    options.report(study)
+    return study

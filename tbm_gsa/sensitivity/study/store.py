@@ -1,0 +1,246 @@
+"""The SQLite store of a study: the problem, the design and every finished simulation.
+
+A simulation is committed when it finishes, so a killed campaign loses only what was running.
+"""
+
+import json
+import sqlite3
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Final, Literal, Self
+
+import numpy as np
+
+from tbm_gsa.sensitivity.study.design import add_points, make_design
+from tbm_gsa.sensitivity.study.errors import StudyError
+from tbm_gsa.sensitivity.study.problem import Problem, difference
+from tbm_gsa.sensitivity.study.worker import Outcome
+from tbm_msgs_py.base.arrays import Array
+
+Part = Literal["train", "test"]
+SCHEMA: Final = """
+CREATE TABLE problem (key TEXT PRIMARY KEY, value TEXT NOT NULL) WITHOUT ROWID;
+CREATE TABLE designs (
+    design INTEGER PRIMARY KEY,
+    part TEXT NOT NULL CHECK (part IN ('train', 'test')),
+    kind TEXT NOT NULL,
+    seed INTEGER NOT NULL
+);
+CREATE TABLE simulations (
+    row INTEGER PRIMARY KEY,
+    design INTEGER NOT NULL REFERENCES designs,
+    inputs TEXT NOT NULL,
+    status TEXT NOT NULL DEFAULT 'pending' CHECK (status IN ('pending', 'ok', 'failed')),
+    outputs TEXT,
+    reason TEXT,
+    seconds REAL
+);
+CREATE VIEW planned AS SELECT * FROM simulations JOIN designs USING (design);
+"""
+TEST_DESIGN: Final = "lhs"
+
+
+@dataclass(frozen=True)
+class Counts:
+    """Numbers of simulations: planned, ended well, failed."""
+
+    total: int
+    ok: int
+    failed: int
+
+    @property
+    def done(self) -> int:
+        """Ended either way."""
+        return self.ok + self.failed
+
+
+@dataclass(frozen=True)
+class PlannedDesign:
+    """One design of a store and the rows it made: the first, what was added, the test points.
+
+    Parameters
+    ----------
+    part : {"train", "test"}
+    kind : str
+        See `make_design`; ``added to …`` for points of `add_points`.
+    seed : int
+    first, last : int
+        Rows.
+    """
+
+    part: Part
+    kind: str
+    seed: int
+    first: int
+    last: int
+
+
+class Store:
+    """An open store. Use `create_or_open` or `open`, and close it or use it as a context manager."""
+
+    def __init__(self, path: Path, connection: sqlite3.Connection, problem: Problem) -> None:
+        self.path = path
+        self.problem = problem
+        self._connection = connection
+
+    @classmethod
+    def create_or_open(cls, path: Path, problem: Problem) -> Self:
+        """Open the store of a problem; write it with its design first if there is none.
+
+        Groups that differ are taken over: they say nothing about simulations.
+
+        Raises
+        ------
+        StudyError
+            The file is a store of another problem, or no store.
+        """
+        if path.exists():
+            store = cls.open(path)
+            differs = difference(store.problem, problem)
+            if differs:
+                store.close()
+                raise StudyError(f"{path}: holds another study ({differs}), allowed: the same one, or another folder")
+            store._take_over(problem)
+            return store
+        path.parent.mkdir(parents=True, exist_ok=True)
+        unfinished = path.with_name(path.name + ".new")
+        unfinished.unlink(missing_ok=True)
+        connection = _connect(unfinished)
+        _write_problem(connection, problem)
+        connection.close()
+        unfinished.rename(path)  # a store exists with its whole design or not at all
+        return cls.open(path)
+
+    @classmethod
+    def open(cls, path: Path) -> Self:
+        """Open an existing store."""
+        if not path.is_file():
+            raise StudyError(f"{path}: no such store, allowed: the folder of a study that was begun")
+        connection = _connect(path)
+        try:
+            connection.execute("PRAGMA journal_mode=WAL")
+            problem = Problem.from_json(dict(connection.execute("SELECT key, value FROM problem")))
+        except sqlite3.DatabaseError as error:
+            connection.close()
+            raise StudyError(
+                f"{path}: not a store of a sensitivity study ({error}), allowed: that of `gsa run`"
+            ) from None
+        except StudyError as error:
+            connection.close()
+            raise StudyError(f"{path}: {error}") from None
+        return cls(path, connection, problem)
+
+    def close(self) -> None:
+        """Close the file."""
+        self._connection.close()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def extend(self, count: int) -> None:
+        """Add training points to the design, all of them or, if this is interrupted, none; see `add_points`.
+
+        Raises
+        ------
+        StudyError
+            No positive number of points.
+        """
+        problem = self.problem
+        extended = replace(problem, added=(*problem.added, count))
+        with self._connection:
+            self._connection.execute("BEGIN IMMEDIATE")  # no second extension between reading and writing
+            planned = self._connection.execute("SELECT inputs FROM planned WHERE part = 'train' ORDER BY row")
+            existing = np.array([json.loads(inputs) for (inputs,) in planned])
+            points = add_points(problem.inputs, existing, count, problem.seed, problem.design)
+            _plan(self._connection, points, "train", f"added to {problem.design}", problem.seed)
+            _write_parts(self._connection, extended)
+        self.problem = extended
+
+    def _take_over(self, problem: Problem) -> None:
+        """Replace the problem by one that differs in what has no bearing on simulations."""
+        if problem != self.problem:
+            with self._connection:
+                _write_parts(self._connection, problem)
+            self.problem = problem
+
+    def designs(self) -> list[PlannedDesign]:
+        """Tell what made the rows, in order."""
+        rows = self._connection.execute(
+            "SELECT part, kind, seed, MIN(row), MAX(row) FROM planned GROUP BY design ORDER BY design"
+        )
+        return [PlannedDesign(*row) for row in rows]
+
+    def pending(self) -> list[tuple[int, dict[str, float]]]:
+        """Row and inputs of every simulation that has not ended, in order."""
+        rows = self._connection.execute("SELECT row, inputs FROM simulations WHERE status = 'pending' ORDER BY row")
+        return [(row, self.problem.inputs.sample(json.loads(inputs))) for row, inputs in rows]
+
+    def record(self, outcome: Outcome) -> None:
+        """Commit one finished simulation."""
+        status = "failed" if outcome.outputs is None else "ok"
+        outputs = None
+        if outcome.outputs is not None:
+            outputs = json.dumps([outcome.outputs[name] for name in self.problem.outputs])
+        with self._connection:
+            self._connection.execute(
+                "UPDATE simulations SET status = ?, outputs = ?, reason = ?, seconds = ? WHERE row = ?",
+                (status, outputs, outcome.reason, outcome.seconds, outcome.row),
+            )
+
+    def counts(self) -> Counts:
+        """How far the campaign is."""
+        by_status = dict(self._connection.execute("SELECT status, COUNT(*) FROM simulations GROUP BY status"))
+        return Counts(sum(by_status.values()), by_status.get("ok", 0), by_status.get("failed", 0))
+
+    def results(self, part: Part) -> tuple[Array, Array]:
+        """Read inputs (n, d) and outputs (n, q) of the simulations that ended well, in the order of the design."""
+        rows = self._connection.execute(
+            "SELECT inputs, outputs FROM planned WHERE part = ? AND status = 'ok' ORDER BY row", (part,)
+        ).fetchall()
+        X = np.array([json.loads(inputs) for inputs, _ in rows]).reshape(len(rows), len(self.problem.inputs))
+        Y = np.array([json.loads(outputs) for _, outputs in rows]).reshape(len(rows), len(self.problem.outputs))
+        return X, Y
+
+    def failures(self) -> list[tuple[int, str]]:
+        """Row and reason of every failed simulation."""
+        return list(
+            self._connection.execute("SELECT row, reason FROM simulations WHERE status = 'failed' ORDER BY row")
+        )
+
+    def simulation_seconds(self) -> float:
+        """Processor time that all simulations took together, s."""
+        total = self._connection.execute("SELECT TOTAL(seconds) FROM simulations").fetchone()[0]
+        return float(total)
+
+
+def _connect(path: Path) -> sqlite3.Connection:
+    """Connect to a file, waiting for another reader or writer for up to 30 s."""
+    return sqlite3.connect(path, timeout=30.0)
+
+
+def _write_problem(connection: sqlite3.Connection, problem: Problem) -> None:
+    """Write schema, problem and design of a new store."""
+    design = make_design(problem.inputs, problem.train, problem.test, problem.seed, problem.design)
+    connection.executescript(SCHEMA)
+    with connection:
+        _write_parts(connection, problem)
+        _plan(connection, design.train, "train", problem.design, problem.seed)
+        if len(design.test):
+            _plan(connection, design.test, "test", TEST_DESIGN, problem.seed)
+
+
+def _write_parts(connection: sqlite3.Connection, problem: Problem) -> None:
+    """Write the parts of a problem over those that are there."""
+    connection.executemany("REPLACE INTO problem VALUES (?, ?)", problem.to_json().items())
+
+
+def _plan(connection: sqlite3.Connection, points: Array, part: Part, kind: str, seed: int) -> None:
+    """Plan the simulations of a design; JSON keeps every bit of a float."""
+    design = connection.execute("INSERT INTO designs (part, kind, seed) VALUES (?, ?, ?)", (part, kind, seed)).lastrowid
+    connection.executemany(
+        "INSERT INTO simulations (design, inputs) VALUES (?, ?)",
+        ((design, json.dumps(point)) for point in points.tolist()),
+    )

@@ -1,0 +1,68 @@
+"""Surrogates: Kriging, support vectors, radial basis functions and a sparse polynomial response surface."""
+
+from pathlib import Path
+
+from numpy.typing import ArrayLike
+
+from tbm_gsa.sensitivity.surrogates.base import CrossValidation, Surrogate, r_squared
+from tbm_gsa.sensitivity.surrogates.files import read_surrogate, save_surrogate
+from tbm_gsa.sensitivity.surrogates.krg import Kriging
+from tbm_gsa.sensitivity.surrogates.prs import PolynomialResponseSurface
+from tbm_gsa.sensitivity.surrogates.rbf import RadialBasisFunctions
+from tbm_gsa.sensitivity.surrogates.samples import Transform, checked_samples
+from tbm_gsa.sensitivity.surrogates.svr import SupportVectorRegression
+from tbm_msgs_py.base.errors import InputError
+
+__all__ = [
+    "SURROGATES",
+    "CrossValidation",
+    "Surrogate",
+    "fit_surrogate",
+    "load_surrogate",
+    "r_squared",
+    "save_surrogate",
+]
+
+SURROGATES: dict[str, type[Surrogate]] = {
+    surrogate.method: surrogate
+    for surrogate in (RadialBasisFunctions, Kriging, SupportVectorRegression, PolynomialResponseSurface)
+}
+
+
+def fit_surrogate(
+    method: str, X: ArrayLike, y: ArrayLike, *, bounds: ArrayLike, seed: int = 0, transform: Transform = "none"
+) -> Surrogate:
+    """Fit a surrogate to samples.
+
+    Parameters
+    ----------
+    method : {"krg", "rbf", "svr", "prs"}
+        Kriging, Gaussian radial basis functions, support vector regression, polynomial response surface.
+    X : array_like, shape (n, d)
+        Inputs in their own units.
+    y : array_like, shape (n,)
+        Output in its own unit.
+    bounds : array_like, shape (d, 2)
+        Bounds of the inputs, the region the surrogate is for.
+    seed : int
+        Makes fit and cross validation reproducible.
+    transform : {"none", "log"}
+        What the output goes through before the fit. Only an untransformed surrogate has Sobol indices in closed form.
+
+    Returns
+    -------
+    Surrogate
+
+    Raises
+    ------
+    InputError
+        An unknown method, or samples no surrogate can be fitted to; the message says which and where.
+    """
+    if method not in SURROGATES:
+        raise InputError(f"unknown surrogate {method!r}, allowed: {', '.join(SURROGATES)}")
+    return SURROGATES[method].fit(checked_samples(X, y, bounds).under(transform), seed=seed)
+
+
+def load_surrogate(path: str | Path) -> Surrogate:
+    """Read a surrogate that `save_surrogate` wrote; an InputError of one line for any other file."""
+    return read_surrogate(path, SURROGATES)

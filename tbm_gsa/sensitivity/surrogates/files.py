@@ -1,0 +1,115 @@
+"""Surrogates as files: numpy's npz with a JSON header, no pickle.
+
+Reading a file runs nothing that is in it, and a surrogate read back gives the same predictions to the last bit.
+"""
+
+import json
+import struct
+import zipfile
+import zlib
+from collections.abc import Mapping
+from dataclasses import fields
+from io import BytesIO
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+
+from tbm_gsa.sensitivity.surrogates.base import Surrogate
+from tbm_gsa.sensitivity.surrogates.expansion import Expansion, KernelExpansion, PolynomialExpansion
+from tbm_gsa.sensitivity.surrogates.samples import checked_samples
+from tbm_msgs_py.base.arrays import Array
+from tbm_msgs_py.base.errors import InputError
+from tbm_msgs_py.base.files import write_whole
+
+FORMAT: Final = "tbm_monitor surrogate 1"
+_WRITTEN: Final = "a file that `save_surrogate` wrote"
+
+# What the zip reader, zlib, numpy and json say of bytes that are not what they should be.
+_DAMAGED: Final = (
+    ValueError,
+    KeyError,
+    TypeError,
+    AttributeError,
+    EOFError,
+    OverflowError,
+    MemoryError,
+    SyntaxError,
+    RuntimeError,
+    struct.error,
+    zlib.error,
+    zipfile.BadZipFile,
+)
+
+
+def save_surrogate(model: Surrogate, path: str | Path) -> None:
+    """Write a surrogate with its samples; a file that is there is replaced."""
+    form = "kernel" if isinstance(model.expansion, KernelExpansion) else "polynomial"
+    header = {
+        "format": FORMAT,
+        "method": model.method,
+        "transform": model.samples.transform,
+        "seed": model.seed,
+        "settings": dict(model.settings),
+        "form": form,
+    }
+    arrays: dict[str, Any] = {field.name: getattr(model.expansion, field.name) for field in fields(model.expansion)}
+    arrays |= {"X": model.samples.X, "y": model.samples.y, "bounds": model.samples.bounds}
+    content = BytesIO()
+    np.savez_compressed(content, header=np.array(json.dumps(header)), **arrays)
+    write_whole(Path(path), content.getvalue())
+
+
+def read_surrogate(path: str | Path, methods: Mapping[str, type[Surrogate]]) -> Surrogate:
+    """Read what `save_surrogate` wrote.
+
+    Parameters
+    ----------
+    path : str or Path
+    methods : mapping of str to type
+        The surrogates that are known, by method.
+
+    Raises
+    ------
+    InputError
+        The file cannot be read, was not written by `save_surrogate`, or holds what no surrogate can.
+    """
+    try:
+        with np.load(path, allow_pickle=False) as file:
+            parts = {name: file[name] for name in file.files} if isinstance(file, np.lib.npyio.NpzFile) else {}
+        header = json.loads(str(parts.pop("header")))
+        if header["format"] != FORMAT:
+            raise InputError(f"its format is {header['format']!r}")
+        return _surrogate(header, parts, methods)
+    except OSError as error:
+        raise InputError(f"{path}: cannot be read ({error.strerror or error}), allowed: {_WRITTEN}") from None
+    except _DAMAGED as error:
+        reason = f"no {error}" if isinstance(error, KeyError) else " ".join(str(error).split())
+        raise InputError(f"{path}: not a surrogate of this program ({reason}), allowed: {_WRITTEN}") from None
+
+
+def _surrogate(header: Mapping[str, Any], parts: dict[str, Array], methods: Mapping[str, type[Surrogate]]) -> Surrogate:
+    """Build the surrogate of a parsed file."""
+    samples = checked_samples(*(parts.pop(name) for name in ("X", "y", "bounds"))).under(header["transform"])
+    expansion = _expansion(header["form"], parts, samples.X.shape[1])
+    settings = {str(name): float(value) for name, value in header["settings"].items()}
+    return methods[header["method"]](samples, expansion, settings, int(header["seed"]))
+
+
+def _expansion(form: str, parts: Mapping[str, Any], inputs: int) -> Expansion:
+    """Build an expansion over a number of inputs, shapes checked."""
+    if form == "kernel":
+        kernel = KernelExpansion(parts["centres"], parts["theta"], parts["weights"], float(parts["offset"]))
+        fits = kernel.centres.shape == (len(kernel.weights), inputs) and kernel.theta.shape == (inputs,)
+        expansion: Expansion = kernel
+    elif form == "polynomial":
+        polynomial = PolynomialExpansion(parts["degrees"], parts["coefficients"])
+        fits = (
+            polynomial.degrees.shape == (len(polynomial.coefficients), inputs) and polynomial.degrees.dtype.kind == "i"
+        )
+        expansion = polynomial
+    else:
+        raise InputError(f"unknown form {form!r}")
+    if not fits:
+        raise InputError("the shapes of its arrays do not belong together")
+    return expansion

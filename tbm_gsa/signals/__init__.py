@@ -1,0 +1,1 @@
+"""Signals: clock, filters, windows, spectra, statistics and their intervals."""

@@ -1,0 +1,117 @@
+"""Welch's power spectral density of a signal that arrives in pieces, one for each level of operation."""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from tbm_gsa.signals.conditioning import SHORTEST_S, Stretch
+from tbm_gsa.signals.statistics import Spectrum, periodograms
+from tbm_msgs_py.base.arrays import Array, Integers
+
+LevelOf = Callable[[Array, Array], Integers]
+"""Level of stretches of time from begin (n,) to end (n,), s; negative ones belong to none."""
+
+
+@dataclass(frozen=True, eq=False)
+class SpectrumSum:
+    """Sum of the periodograms of half overlapping segments.
+
+    Attributes
+    ----------
+    density : ndarray, shape (m, 3)
+        m²/s⁴/Hz, summed over segments.
+    segments : int
+    size : int
+        Samples of a segment.
+    """
+
+    density: Array
+    segments: int
+    size: int
+
+
+class WelchCollector:
+    """Adds up periodograms (Hann, half overlap) of every run of stretches, as scipy's Welch does of each alone.
+
+    Parameters
+    ----------
+    rate_hz : float
+    resolution_hz : float
+        Distance of the frequencies. Segments of a second are added up too, for a level that has no longer stretch.
+    level_of : callable
+        Level of a segment.
+    """
+
+    def __init__(self, rate_hz: float, resolution_hz: float, level_of: LevelOf) -> None:
+        size = round(rate_hz / resolution_hz)
+        sizes = {size, min(size, int(rate_hz * SHORTEST_S))}
+        self._sums = [_Segments(rate_hz, size, level_of) for size in sorted(sizes, reverse=True)]
+
+    def feed(self, stretch: Stretch) -> None:
+        """Take the next stretch."""
+        for total in self._sums:
+            total.feed(stretch)
+
+    def finish(self) -> Mapping[int, SpectrumSum]:
+        """Finest sum of each level that has any."""
+        found: dict[int, SpectrumSum] = {}
+        for total in self._sums:
+            found = {**total.sums, **found}
+        return found
+
+
+class _Segments:
+    """Segments of one size."""
+
+    def __init__(self, rate_hz: float, size: int, level_of: LevelOf) -> None:
+        self.sums: dict[int, SpectrumSum] = {}
+        self._rate, self._size, self._level_of = rate_hz, size, level_of
+        self._step = size - size // 2
+        self._time, self._values = np.empty(0), np.empty((0, 3))  # what the next segment begins with
+
+    def feed(self, stretch: Stretch) -> None:
+        time, values = stretch.time, stretch.acceleration
+        if stretch.joined:
+            time, values = np.concatenate([self._time, time]), np.concatenate([self._values, values])
+        count = max(0, (len(time) - self._size) // self._step + 1)
+        if count:
+            begin = time[: count * self._step : self._step]
+            levels = self._level_of(begin, begin + self._size / self._rate)
+            self._add(periodograms(values, self._rate, self._size), levels)
+        self._time, self._values = time[count * self._step :], values[count * self._step :]
+
+    def _add(self, densities: Array, levels: Integers) -> None:
+        for level in np.unique(levels[levels >= 0]).tolist():
+            chosen = densities[levels == level]
+            total = chosen.sum(axis=0)
+            before = self.sums.get(level)
+            if before is not None:
+                total += before.density
+            segments = len(chosen) + (before.segments if before else 0)
+            self.sums[level] = SpectrumSum(total, segments, self._size)
+
+
+def mixed_spectrum(sums: Sequence[tuple[SpectrumSum, float]], axis: Sequence[int], rate_hz: float) -> Spectrum:
+    """Mean density along a compared axis over several levels, each with its share of the time.
+
+    Of sums with different resolutions only the finest are taken.
+
+    Parameters
+    ----------
+    sums : sequence of (SpectrumSum, float)
+        At least one, with positive shares.
+    axis : sequence of int
+        Columns whose densities add up.
+    rate_hz : float
+        Sampling rate.
+    """
+    size = max(total.size for total, _ in sums)
+    used = [(total, share) for total, share in sums if total.size == size]
+    shares = np.array([share for _, share in used])
+    shares /= shares.sum()
+    means = np.array([total.density[:, list(axis)].sum(axis=1) / total.segments for total, _ in used])
+    # As many segments as a plain mean of the same scatter would have, levels taken as alike (Satterthwaite).
+    segments = 1.0 / float(np.sum(np.square(shares) / [total.segments for total, _ in used]))
+    frequency = np.arange(size // 2 + 1, dtype=np.float64) * (rate_hz / size)
+    return Spectrum(frequency, np.asarray(shares @ means), segments)

@@ -1,0 +1,189 @@
+"""What is wrong with the sensors of a recording: the faults of its pieces added up, in the memory of one piece."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping as Dictionary
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
+
+from tbm_msgs_py.blocks import NANOSECONDS
+from tbm_msgs_py.recordings.faults import CLOCK_JUMP_NS, Faults
+from tbm_msgs_py.recordings.mapping import Mapping
+from tbm_msgs_py.recordings.recording import AccelerationRecord, RecordingReader, open_recording
+
+COUNTS = ("clipped", *Faults.__dataclass_fields__)
+"""Every fault that is counted."""
+
+
+class _Drift:
+    """Drift of a clock over a recording.
+
+    From piece to piece, which is from the first to the last: the scatter of the latency is divided by the length of the
+    recording, while the drifts of the pieces would divide it by that of a piece. Where the offset jumps from one piece
+    to the next the clock was set, or the log times stood still: that is no drift.
+    """
+
+    def __init__(self) -> None:
+        self._last: tuple[float, float] | None = None  # middle and offset of the piece before, s
+        self._change = self._time = 0.0
+        self._largest, self._within = 0, 0.0  # samples of the largest piece, and the drift in it
+
+    @property
+    def ppm(self) -> float:
+        """Parts per million; those in the largest piece when no two pieces go together."""
+        return 1e6 * self._change / self._time if self._time else self._within
+
+    def add(self, middle: float, record: AccelerationRecord) -> None:
+        """Take the next piece, its middle in s on any clock that goes on."""
+        if self._last is not None:
+            change = record.clock_offset - self._last[1]
+            if abs(change) * NANOSECONDS <= CLOCK_JUMP_NS:
+                self._change += change
+                self._time += middle - self._last[0]
+        self._last = middle, record.clock_offset
+        if len(record.time) > self._largest:
+            self._largest, self._within = len(record.time), record.clock_drift
+
+
+@dataclass
+class PointHealth:
+    """Samples and faults of one test point over a whole recording.
+
+    Attributes
+    ----------
+    topic, gravity, frame : str
+        As the mapping states.
+    start_ns : int
+        Header time of the first sample.
+    samples : int
+        Those that can be used.
+    duration : float
+        From the first sample to the last, s.
+    gaps : list of (float, float)
+        Holes, s after the first sample.
+    stuck : list of (str, float, float)
+        Sensor axis, begin and end of each stretch in which it holds one value, s after the first sample.
+    clipped : int
+        Samples at the stated range.
+    clock_offset : float
+        Mean over the samples of header stamp minus log time, s, latency included.
+    faults : Faults
+        What was dropped or put right.
+    """
+
+    topic: str
+    gravity: str
+    frame: str
+    start_ns: int
+    samples: int = 0
+    duration: float = 0.0
+    gaps: list[tuple[float, float]] = field(default_factory=list)
+    stuck: list[tuple[str, float, float]] = field(default_factory=list)
+    clipped: int = 0
+    clock_offset: float = 0.0
+    faults: Faults = field(default_factory=Faults)
+    _steps: int = 0
+    _stepped_s: float = 0.0
+    _drift: _Drift = field(default_factory=_Drift)
+
+    @classmethod
+    def of(cls, record: AccelerationRecord) -> PointHealth:
+        """Begin with the first piece of a point, which is yet to be added."""
+        return cls(record.topic, record.gravity, record.frame, record.start_ns)
+
+    @property
+    def rate_hz(self) -> float:
+        """Mean rate outside the gaps: steps by the time they take, of all pieces."""
+        return self._steps / self._stepped_s if self._steps else 0.0
+
+    @property
+    def clock_drift(self) -> float:
+        """Change of the offset of the clock per time, parts per million, from the first piece to the last."""
+        return self._drift.ppm
+
+    @property
+    def missing_s(self) -> float:
+        """Length of all gaps together."""
+        return sum(end - begin for begin, end in self.gaps)
+
+    @property
+    def stuck_s(self) -> dict[str, float]:
+        """Seconds that each sensor axis held one value."""
+        seconds: dict[str, float] = {}
+        for axis, begin, end in self.stuck:
+            seconds[axis] = seconds.get(axis, 0.0) + end - begin
+        return seconds
+
+    def counts(self) -> dict[str, int]:
+        """Give the number of each fault of `COUNTS`."""
+        return {"clipped": self.clipped, **asdict(self.faults)}
+
+    def add(self, record: AccelerationRecord) -> None:
+        """Take the next piece."""
+        offset, count = (record.start_ns - self.start_ns) / NANOSECONDS, len(record.time)
+        self.gaps += [(offset + begin, offset + end) for begin, end in record.gaps]
+        for axis, begin, end in record.stuck:
+            self._hold(axis, offset + begin, offset + end, begin == 0.0)
+        self.duration = offset + record.duration
+        self.samples += count
+        self.clipped += record.clipped
+        self.clock_offset += count / self.samples * (record.clock_offset - self.clock_offset)
+        self._drift.add(offset + record.duration / 2, record)
+        if record.rate_hz:
+            steps = count - 1 - sum(begin >= 0.0 for begin, _ in record.gaps)
+            self._steps += steps
+            self._stepped_s += steps / record.rate_hz
+
+    def _hold(self, axis: str, begin: float, end: float, first: bool) -> None:
+        """Note a stretch; one that begins a piece may go on with one that ended the piece before."""
+        before = [place for place, (known, _, last) in enumerate(self.stuck) if known == axis and last == self.duration]
+        if first and before:
+            self.stuck[before[0]] = (axis, self.stuck[before[0]][1], end)
+        else:
+            self.stuck.append((axis, begin, end))
+
+
+class Tally:
+    """Adds up the health of the test points while a recording is read.
+
+    Attributes
+    ----------
+    points : dict
+        `PointHealth` of every test point that has given samples so far.
+    """
+
+    def __init__(self, reader: RecordingReader) -> None:
+        self._reader = reader
+        self.points: dict[str, PointHealth] = {}
+
+    def add(self, piece: Dictionary[str, AccelerationRecord]) -> None:
+        """Take the next piece."""
+        for point, record in piece.items():
+            self.points.setdefault(point, PointHealth.of(record)).add(record)
+
+    def finish(self) -> dict[str, PointHealth]:
+        """Give the test points in the order of the mapping, with the faults behind their last samples."""
+        found = {point: self.points[point] for point in self._reader.points if point in self.points}
+        for point, health in found.items():
+            health.faults = self._reader.faults[point]
+        return found
+
+
+@dataclass(frozen=True)
+class Health:
+    """Test points of a recording, and why those without samples have none."""
+
+    points: dict[str, PointHealth]
+    problems: dict[str, str]
+
+
+def check_recording(path: str | Path, mapping: Mapping | str | Path | None = None) -> Health:
+    """Read a recording through and add up the faults of its sensors.
+
+    Parameters and errors are those of `open_recording`; a recording whose test points have no samples is no error.
+    """
+    reader = open_recording(path, mapping)
+    tally = Tally(reader)
+    for piece in reader.pieces():
+        tally.add(piece)
+    return Health(tally.finish(), dict(reader.problems))

@@ -1,0 +1,380 @@
+"""Recordings as arrays: acceleration per test point on header time, in machine axes and m/s²."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from collections.abc import Mapping as Dictionary
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tbm_msgs_py.bags.bag import Bag
+from tbm_msgs_py.bags.batch import Stretch, Topic
+from tbm_msgs_py.bags.errors import RecordingError
+from tbm_msgs_py.bags.samples import JOINT_STATE_TYPE
+from tbm_msgs_py.recordings.cutting import Cutter
+from tbm_msgs_py.recordings.decoding import ACCELERATION_TYPES, decode_samples
+from tbm_msgs_py.recordings.faults import Faults, find_gaps, stuck_axes
+from tbm_msgs_py.recordings.mapping import (
+    Mapping,
+    SensorMapping,
+    contract_mapping,
+    contract_sensor,
+    default_mapping_file,
+    load_mapping,
+)
+from tbm_msgs_py.recordings.operating import OperatingPoints, OperatingRecord
+from tbm_msgs_py.recordings.timeline import Taken, Timeline
+
+PIECE_S = 60.0
+
+
+@dataclass(frozen=True)
+class AccelerationRecord:
+    """Acceleration of one test point, or a piece of it. What the faults mean is in docs/recordings.md.
+
+    Attributes
+    ----------
+    topic, point : str
+        Where it comes from.
+    start_ns : int
+        Header time of the first sample, ns since the epoch.
+    time : ndarray (n,)
+        Header time after `start_ns`, s, strictly increasing.
+    values : ndarray (n, 3)
+        Machine axes x, y, z, m/s².
+    gaps : list of (float, float)
+        Times of the last sample before and the first after each hole, s; in a piece the first hole may begin before
+        `start_ns`, at a negative time.
+    rate_hz : float
+        Mean sample rate outside the gaps; 0 for fewer than two samples.
+    clipped, duplicates, invalid, undecodable : int
+        Samples at the stated range; samples dropped for a repeated time or a value that is not finite; messages that
+        could not be decoded.
+    gravity, frame : str
+        As the mapping states: ``included`` or ``removed``, ``fixed`` or ``rotating``.
+    disordered, late : int
+        Samples that came behind a later one and were put in order; those dropped as their time had passed for good.
+    astray, clock_steps : int
+        Messages dropped as their stamps come from another clock; times that the clock was set.
+    clock_offset, clock_drift : float
+        Header stamp minus log time, s, latency included, and its change in parts per million.
+    stuck : list of (str, float, float)
+        Sensor axis and times, s, of each stretch in which it holds one value.
+    """
+
+    topic: str
+    point: str
+    start_ns: int
+    time: NDArray[np.float64]
+    values: NDArray[np.float64]
+    gaps: list[tuple[float, float]]
+    rate_hz: float
+    clipped: int = 0
+    duplicates: int = 0
+    invalid: int = 0
+    undecodable: int = 0
+    gravity: str = "removed"
+    frame: str = "fixed"
+    disordered: int = 0
+    late: int = 0
+    astray: int = 0
+    clock_steps: int = 0
+    clock_offset: float = 0.0
+    clock_drift: float = 0.0
+    stuck: tuple[tuple[str, float, float], ...] = ()
+
+    @property
+    def duration(self) -> float:
+        """Seconds from the first to the last sample."""
+        return float(self.time[-1])
+
+
+@dataclass(frozen=True)
+class Recording:
+    """All mapped test points of a recording.
+
+    Attributes
+    ----------
+    points : dict
+        Record of each test point.
+    operating_point : OperatingRecord or None
+        When the recording has it.
+    messages, lost : int
+        Messages read; messages known to be missing or undecodable.
+    truncated : bool
+        A file ends before its recording does.
+    sha256 : str
+        Digest of the files.
+    damaged : int
+        Places that are no part of a recording; `lost` is a lower bound when there are any.
+    problems : dict
+        Why a mapped test point that is in the recording has no samples.
+    """
+
+    path: Path
+    points: dict[str, AccelerationRecord]
+    operating_point: OperatingRecord | None
+    messages: int
+    lost: int
+    truncated: bool
+    sha256: str
+    damaged: int
+    problems: dict[str, str]
+
+
+class RecordingReader:
+    """A recording read piece by piece; made by `open_recording`.
+
+    Attributes
+    ----------
+    path : Path
+        Of the recording.
+    points : mapping of str to SensorMapping
+        Mapped test points that are in the recording.
+    """
+
+    def __init__(self, bag: Bag, topics: Dictionary[str, Topic], mapping: Mapping) -> None:
+        self.path = bag.path
+        sensors = [mapping.topics[name] for name in topics]
+        self.points: Dictionary[str, SensorMapping] = {sensor.point: sensor for sensor in sensors}
+        self._bag = bag
+        self._topics = {mapping.topics[name].point: topic for name, topic in topics.items()}
+        self._mapping = mapping
+        self._restart()
+
+    @property
+    def messages(self) -> int:
+        """Messages read so far."""
+        return sum(file.messages for file in self._bag.files)
+
+    @property
+    def lost(self) -> int:
+        """Messages known to be missing or undecodable; complete when all pieces were read, like the two below."""
+        undecodable = sum(line.total.undecodable for line in self._lines.values())
+        return self._bag.lost + undecodable + self._operating.undecodable
+
+    @property
+    def truncated(self) -> bool:
+        """A file ends before its recording does."""
+        return self._bag.truncated
+
+    @property
+    def damaged(self) -> int:
+        """Places that are no part of a recording; `lost` is a lower bound when there are any."""
+        return self._bag.damaged
+
+    @property
+    def operating_point(self) -> OperatingRecord | None:
+        """Operating points read so far, None without any."""
+        return self._operating.record()
+
+    @property
+    def faults(self) -> Dictionary[str, Faults]:
+        """What was found so far, by test point."""
+        return {point: line.total for point, line in self._lines.items()}
+
+    @property
+    def problems(self) -> Dictionary[str, str]:
+        """Why a test point has given no samples so far."""
+        return {
+            point: f"topic {self._topics[point].name}: {line.problem or 'no finite sample, allowed: at least one'}"
+            for point, line in self._lines.items()
+            if point not in self._given
+        }
+
+    @cached_property
+    def sha256(self) -> str:
+        """Digest of the files."""
+        return self._bag.sha256()
+
+    def pieces(self, length_s: float = PIECE_S) -> Iterator[Dictionary[str, AccelerationRecord]]:
+        """Consecutive stretches of header time; a test point without samples in one is left out of it.
+
+        Times are strictly increasing, also from one piece to the next; faults are counted per piece. What is held in
+        memory is a piece and the samples that may still be late.
+
+        Parameters
+        ----------
+        length_s : float
+            Length of a stretch, s; ``inf`` for the whole recording in one piece.
+
+        Raises
+        ------
+        RecordingError
+            At the end, when no test point had a single sample.
+        """
+        if not length_s >= 1e-3:
+            raise ValueError(f"pieces of {length_s:g} s, allowed: 0.001 s or more")
+        self._restart()
+        cutter = Cutter(self._lines, length_s)
+        for stretch in self._bag.stretches():
+            self._add(stretch)
+            yield from map(self._records, cutter.due())
+        yield from map(self._records, cutter.rest())
+        if not self._given:
+            raise RecordingError(f"{self.path}: {'; '.join(self.problems.values())}")
+
+    def _restart(self) -> None:
+        self._lines = {point: Timeline() for point in self.points}
+        self._operating = OperatingPoints()
+        self._given: set[str] = set()
+
+    def _add(self, stretch: Stretch) -> None:
+        points = {(topic.name, topic.type): point for point, topic in self._topics.items()}
+        for topic, messages in stretch.by_topic():
+            if point := points.get((topic.name, topic.type)):
+                self._lines[point].add(decode_samples(topic.type, messages))
+            elif topic.name == self._mapping.operating_point and topic.type == JOINT_STATE_TYPE:
+                self._operating.add(messages)
+
+    def _records(self, piece: Dictionary[str, Taken]) -> dict[str, AccelerationRecord]:
+        self._given |= piece.keys()
+        return {point: _record(self._topics[point].name, self.points[point], taken) for point, taken in piece.items()}
+
+
+def open_recording(path: str | Path, mapping: Mapping | str | Path | None = None) -> RecordingReader:
+    """Open a recording to read its mapped test points piece by piece.
+
+    Parameters
+    ----------
+    path : str or Path
+        rosbag2 folder or bare MCAP file; a damaged one is read as far as it goes.
+    mapping : Mapping, str or Path, optional
+        Mapping or its file; default `mapping.yaml` in or beside the recording, else the topics of the contract.
+
+    Raises
+    ------
+    RecordingError
+        Not readable, nothing in it, no mapped topic in it, or one of a type that is no acceleration.
+    """
+    bag = Bag(path)
+    found = _topics(bag)
+    chosen = _stated_mapping(bag, mapping) or contract_mapping(dict.fromkeys(topic.name for topic in found))
+    mapped = _mapped(bag, found, chosen)
+    if not mapped:
+        raise RecordingError(f"{bag.path}: no topic of the mapping is in the recording, {_listing(found)}")
+    return RecordingReader(bag, mapped, chosen)
+
+
+def read_recording(path: str | Path, mapping: Mapping | str | Path | None = None) -> Recording:
+    """Read every mapped test point of a recording as a whole, and its operating point.
+
+    Parameters and errors are those of `open_recording`; it is an error, too, when no test point has a single sample.
+    """
+    return _whole(open_recording(path, mapping))
+
+
+def read_acceleration(path: str | Path, topic: str, mapping: Mapping | str | Path | None = None) -> AccelerationRecord:
+    """Read one acceleration topic of a recording.
+
+    Parameters
+    ----------
+    path : str or Path
+        rosbag2 folder or bare MCAP file.
+    topic : str
+        Absolute topic name. One that no mapping names is taken as m/s² in machine axes, gravity removed.
+    mapping : Mapping, str or Path, optional
+        As in `open_recording`.
+    """
+    bag = Bag(path)
+    found = _topics(bag)
+    stated = _stated_mapping(bag, mapping)
+    sensor = stated.topics.get(topic) if stated else None
+    chosen = Mapping(topics={topic: sensor or contract_sensor(_point_of(topic))})
+    mapped = _mapped(bag, found, chosen)
+    if not mapped:
+        raise RecordingError(f"{bag.path}: topic {topic} is not in the recording, {_listing(found)}")
+    (record,) = _whole(RecordingReader(bag, mapped, chosen)).points.values()
+    return record
+
+
+def _whole(reader: RecordingReader) -> Recording:
+    points: dict[str, AccelerationRecord] = {}
+    for piece in reader.pieces(math.inf):
+        points |= piece
+    return Recording(
+        path=reader.path,
+        points={point: points[point] for point in reader.points if point in points},
+        operating_point=reader.operating_point,
+        messages=reader.messages,
+        lost=reader.lost,
+        truncated=reader.truncated,
+        sha256=reader.sha256,
+        damaged=reader.damaged,
+        problems=dict(reader.problems),
+    )
+
+
+def _stated_mapping(bag: Bag, mapping: Mapping | str | Path | None) -> Mapping | None:
+    if isinstance(mapping, Mapping):
+        return mapping
+    file = default_mapping_file(bag.path) if mapping is None else mapping
+    return None if file is None else load_mapping(file)
+
+
+def _topics(bag: Bag) -> list[Topic]:
+    found = [topic for topic, count in bag.info().topics.items() if count]
+    if not found:
+        raise RecordingError(f"{bag.path}: no message could be read, allowed: a recording with at least one message")
+    return found
+
+
+def _mapped(bag: Bag, found: list[Topic], mapping: Mapping) -> dict[str, Topic]:
+    """Topic of each mapped name that is in the recording."""
+    mapped: dict[str, Topic] = {}
+    for name in mapping.topics:
+        there = [topic for topic in found if topic.name == name]
+        usable = [topic for topic in there if topic.type in ACCELERATION_TYPES]
+        if there and not usable:
+            raise RecordingError(
+                f"{bag.path}: topic {name}: type {there[0].type or 'unknown'}, allowed: {', '.join(ACCELERATION_TYPES)}"
+            )
+        if usable:
+            mapped[name] = usable[0]
+    return mapped
+
+
+def _record(topic: str, sensor: SensorMapping, taken: Taken) -> AccelerationRecord:
+    start = int(taken.times_ns[0])
+    time = np.asarray((taken.times_ns - start) * 1e-9, np.float64)
+    gaps, rate = find_gaps(time, None if taken.before_ns is None else (taken.before_ns - start) * 1e-9)
+    faults = taken.faults
+    clipped = 0
+    if sensor.range is not None:
+        clipped = int(np.count_nonzero((np.abs(taken.values) >= sensor.range * (1 - 1e-6)).any(axis=1)))
+    return AccelerationRecord(
+        topic=topic,
+        point=sensor.point,
+        start_ns=start,
+        time=time,
+        values=taken.values @ sensor.matrix().T,
+        gaps=gaps,
+        rate_hz=rate,
+        clipped=clipped,
+        duplicates=faults.duplicates,
+        invalid=faults.invalid,
+        undecodable=faults.undecodable,
+        gravity=sensor.gravity,
+        frame=sensor.frame,
+        disordered=faults.disordered,
+        late=faults.late,
+        astray=faults.astray,
+        clock_steps=faults.clock_steps,
+        clock_offset=taken.clock.offset,
+        clock_drift=taken.clock.drift,
+        stuck=tuple(("xyz"[axis], first, last) for axis, first, last in stuck_axes(time, taken.values, rate)),
+    )
+
+
+def _point_of(topic: str) -> str:
+    parts = topic.strip("/").split("/")
+    return parts[-2] if len(parts) > 1 else parts[0]
+
+
+def _listing(found: list[Topic]) -> str:
+    return "allowed: " + ", ".join(f"{topic.name} ({topic.type})" for topic in sorted(found, key=lambda t: t.name))

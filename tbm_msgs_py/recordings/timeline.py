@@ -1,0 +1,176 @@
+"""The samples of one topic put in order of header time while they are read, and given out piece by piece."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tbm_msgs_py.bags.samples import Samples
+from tbm_msgs_py.recordings.faults import CLOCK_JUMP_NS, Clock, Faults, clock_of, other_clocks
+
+LATENESS_NS = CLOCK_JUMP_NS  # a piece waits so long for samples that are late
+_NONE = Faults()
+NO_STAMPS = "every header stamp is 0, allowed: stamped samples"
+
+
+@dataclass(frozen=True, eq=False)
+class Taken:
+    """Samples of one piece.
+
+    Attributes
+    ----------
+    times_ns : ndarray (n,)
+        Header times, strictly increasing, also from one piece to the next.
+    values : ndarray (n, 3)
+        Sensor axes, unit as recorded.
+    before_ns : int or None
+        Time of the last sample of the piece before.
+    faults, clock : Faults, Clock
+        Since the piece before.
+    """
+
+    times_ns: NDArray[np.int64]
+    values: NDArray[np.float64]
+    before_ns: int | None
+    faults: Faults
+    clock: Clock
+
+
+class Timeline:
+    """Samples of one topic, added in file order and taken in time order.
+
+    Attributes
+    ----------
+    latest_ns : int or None
+        About the header time reached: the middle one of the last stamps, which a single wrong one does not move.
+    total : Faults
+        All that was found so far.
+    problem : str
+        Why samples were dropped, the first reason.
+    """
+
+    def __init__(self) -> None:
+        self.latest_ns: int | None = None
+        self.total = Faults()
+        self.problem = ""
+        self._pending: list[Samples] = []
+        self._times: NDArray[np.int64] = np.empty(0, np.int64)
+        self._values: NDArray[np.float64] = np.empty((0, 3))
+        self._given_ns: int | None = None
+        self._newest_ns = np.iinfo(np.int64).min  # of all samples so far
+        self._offset_ns: int | None = None
+        self._faults = Faults()
+        self._messages = self._times, self._times  # stamps and log times of the messages that wait
+        self._clock = Clock()
+
+    def add(self, samples: Samples) -> None:
+        """Take the samples of the next messages."""
+        self.problem = self.problem or samples.problem
+        self._note(Faults(undecodable=samples.undecodable))
+        if len(samples.stamps_ns):
+            self._pending.append(samples)
+            middle = len(samples.stamps_ns) // 2
+            self.latest_ns = int(np.partition(samples.stamps_ns, middle)[middle])
+
+    def first_ns(self) -> int | None:
+        """Time of the first sample that waits."""
+        self._order()
+        return int(self._times[0]) if len(self._times) else None
+
+    def take(self, until_ns: int) -> Taken | None:
+        """Give out all samples before a time; None when there are none."""
+        self._order()
+        count = int(np.searchsorted(self._times, until_ns))
+        if not count:
+            return None
+        taken = Taken(
+            self._times[:count], self._values[:count], self._given_ns, self._faults, self._clock_until(until_ns)
+        )
+        self._given_ns = int(self._times[count - 1])
+        self._times, self._values = self._times[count:].copy(), self._values[count:].copy()
+        self._faults = Faults()
+        return taken
+
+    def _clock_until(self, until_ns: int) -> Clock:
+        """Clock of the messages that begin before a time; as before when there are none."""
+        stamps, log = self._messages
+        here = stamps < until_ns
+        if here.any():
+            self._clock = clock_of(stamps[here], log[here])
+            self._messages = stamps[~here], log[~here]
+        return self._clock
+
+    def _note(self, faults: Faults) -> None:
+        if faults != _NONE:
+            self._faults += faults
+            self.total += faults
+
+    def _order(self) -> None:
+        """Put what was added into the order of time."""
+        if not self._pending:
+            return
+        columns = [np.concatenate(column) for column in list(zip(*self._pending, strict=True))[:5]]
+        self._pending = []
+        stamps, log, counts, times, values = columns
+        if not stamps.any():
+            self._note(Faults(undecodable=len(stamps)))
+            self.problem = self.problem or NO_STAMPS
+            return
+        times, values, stamps, log = self._one_clock(stamps, log, counts, times, values)
+        self._messages = np.concatenate((self._messages[0], stamps)), np.concatenate((self._messages[1], log))
+        self._merge(*self._usable(times, values))
+
+    def _one_clock(
+        self,
+        stamps: NDArray[np.int64],
+        log: NDArray[np.int64],
+        counts: NDArray[np.int64],
+        times: NDArray[np.int64],
+        values: NDArray[np.float64],
+    ) -> tuple[NDArray[np.int64], NDArray[np.float64], NDArray[np.int64], NDArray[np.int64]]:
+        """Drop the messages of another clock, and what a clock that was set back tells a second time."""
+        astray, steps, self._offset_ns = other_clocks(stamps, log, self._offset_ns)
+        if not astray.any() and not steps:
+            return times, values, stamps, log
+        sample_of = np.repeat(np.arange(len(stamps)), counts)
+        keep = ~astray[sample_of]
+        late = 0
+        for step in steps:
+            before, after = keep & (sample_of < step), sample_of >= step
+            passed = max(self._newest_ns, int(times[before].max(initial=self._newest_ns)))
+            again = keep & after & (times <= passed) if stamps[step] <= passed else np.zeros_like(keep)
+            late += int(np.count_nonzero(again))
+            keep &= ~again
+        self._note(Faults(astray=int(np.count_nonzero(astray)), late=late, clock_steps=len(steps)))
+        return times[keep], values[keep], stamps[~astray], log[~astray]
+
+    def _usable(
+        self, times: NDArray[np.int64], values: NDArray[np.float64]
+    ) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
+        """Drop samples that are not finite, and those for which it is too late."""
+        finite = np.isfinite(values).all(axis=1)
+        if not finite.all():
+            times, values = times[finite], values[finite]
+            self._note(Faults(invalid=int(np.count_nonzero(~finite))))
+        if self._given_ns is not None and len(times) and times.min() <= self._given_ns:
+            keep = times > self._given_ns
+            self._note(Faults(late=int(np.count_nonzero(~keep))))
+            times, values = times[keep], values[keep]
+        return times, values
+
+    def _merge(self, times: NDArray[np.int64], values: NDArray[np.float64]) -> None:
+        if not len(times):
+            return
+        reached = np.maximum.accumulate(np.concatenate(([self._newest_ns], times)))
+        self._newest_ns = int(reached[-1])
+        times, values = np.concatenate((self._times, times)), np.concatenate((self._values, values))
+        if not (np.diff(times) > 0).all():
+            behind = int(np.count_nonzero(times[len(self._times) :] < reached[:-1]))
+            order = np.argsort(times, kind="stable")
+            times, values = times[order], values[order]
+            first = np.concatenate(([True], np.diff(times) > 0))
+            self._note(Faults(disordered=behind, duplicates=int(np.count_nonzero(~first))))
+            times, values = times[first], values[first]
+        self._times, self._values = times, values
