@@ -4,11 +4,11 @@ from importlib import import_module
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from tbm_dynamics.integration.errors import SimulationError
     from tbm_dynamics.integration.simulator import Simulator
     from tbm_dynamics.machine import Machine, MachineError, OperatingPoint, load_machine, shipped_machines
     from tbm_dynamics.response import Response
     from tbm_dynamics.streaming.simulation import simulate
+    from tbm_msgs_py.base.errors import SimulationError
 
 __all__ = [
     "Machine",
@@ -28,7 +28,7 @@ _HOME = {
     "MachineError": "tbm_dynamics.machine",
     "OperatingPoint": "tbm_dynamics.machine",
     "Response": "tbm_dynamics.response",
-    "SimulationError": "tbm_dynamics.integration.errors",
+    "SimulationError": "tbm_msgs_py.base.errors",
     "Simulator": "tbm_dynamics.integration.simulator",
     "load_machine": "tbm_dynamics.machine",
     "shipped_machines": "tbm_dynamics.machine",

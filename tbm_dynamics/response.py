@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from tbm_dynamics.indicators import indicators
-from tbm_dynamics.machine.loading import MachineError
 from tbm_dynamics.machine.machine import Machine
+from tbm_msgs_py.base.errors import MachineError
 
 AXES = ("x", "y", "z", "rx", "ry", "rz")
 

@@ -5,8 +5,8 @@ from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from tbm_msgs_py.bags.bag import Bag, BagInfo
-    from tbm_msgs_py.bags.errors import RecordingError
     from tbm_msgs_py.bags.writing import BagWriter
+    from tbm_msgs_py.base.errors import RecordingError
     from tbm_msgs_py.base.operating_point import OperatingPoint
     from tbm_msgs_py.blocks import ACCELERATION, LOADS, Block, BlockError, BlockLayout, mesh_forces
     from tbm_msgs_py.recordings.mapping import Mapping, SensorMapping, load_mapping
@@ -56,7 +56,7 @@ _HOME = {
     "Mapping": "tbm_msgs_py.recordings.mapping",
     "OperatingPoint": "tbm_msgs_py.base.operating_point",
     "Recording": "tbm_msgs_py.recordings.recording",
-    "RecordingError": "tbm_msgs_py.bags.errors",
+    "RecordingError": "tbm_msgs_py.base.errors",
     "RecordingReader": "tbm_msgs_py.recordings.recording",
     "SensorMapping": "tbm_msgs_py.recordings.mapping",
     "load_mapping": "tbm_msgs_py.recordings.mapping",

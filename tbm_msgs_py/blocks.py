@@ -14,14 +14,16 @@ from typing import Any, Literal, Protocol
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-NANOSECONDS = 1_000_000_000
+from tbm_msgs_py.base.errors import InputError
+from tbm_msgs_py.base.units import NANOSECONDS
+
 LONGEST_S = 86400.0  # a sample further from its stamp is a damaged block
 FLOAT32, FLOAT64 = 7, 8  # sensor_msgs/PointField datatypes
 _DATATYPES = {"f4": FLOAT32, "f8": FLOAT64}
 _KNOWN = "t float64 then ax ay az float32, fx fy fz mx my mz float64 or f1 ... fn float64"
 
 
-class BlockError(ValueError):
+class BlockError(InputError):
     """A block that contradicts its own description, in one line."""
 
 

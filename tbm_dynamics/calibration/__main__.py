@@ -17,9 +17,10 @@ import numpy as np
 from scipy.optimize import Bounds, differential_evolution, minimize
 
 from tbm_dynamics.calibration.free_values import FREE_VALUES, with_values
-from tbm_dynamics.calibration.objective import G, objective
+from tbm_dynamics.calibration.objective import objective
 from tbm_dynamics.calibration.prediction import predict
 from tbm_dynamics.machine import Machine, MachineError, load_machine
+from tbm_msgs_py.base.units import STANDARD_GRAVITY
 
 
 def main() -> None:
@@ -62,7 +63,7 @@ def main() -> None:
     _say(f"objective {fine.fun:.4f} after {found.nfev + fine.nfev} machines")
     _say(f"F_x fluctuates by {thrust:.1%}, M_x by {torque:.1%}")
     for point, rms in prediction.rms.items():
-        _say(f"{point}: {', '.join(f'{value / G:.3f}' for value in rms)} g")
+        _say(f"{point}: {', '.join(f'{value / STANDARD_GRAVITY:.3f}' for value in rms)} g")
     heights = (f"{height / 1e3:.1f} kN at {frequency} Hz" for frequency, height in prediction.mesh_lines.items())
     _say("mesh-force lines: " + ", ".join(heights))
     _say("axial natural frequencies (Hz): " + ", ".join(f"{value:.1f}" for value in prediction.axial_frequencies))

@@ -14,8 +14,8 @@ import numpy as np
 
 from tbm_dynamics.calibration.prediction import Prediction
 from tbm_dynamics.calibration.targets import AXIAL_BAND_HZ, POWER_FLOW, PREDICTED_G
+from tbm_msgs_py.base.units import STANDARD_GRAVITY
 
-G = 9.80665
 LARGEST_FLUCTUATION = 0.20
 # The paper names these lines and gives no height: a fortieth of the static mesh force (assumed).
 MESH_LINE_N = 5e3
@@ -40,7 +40,9 @@ def objective(prediction: Prediction, fluctuation: float, torque_fluctuation: fl
     fluctuation, torque_fluctuation : float
         RMS of F_x and of M_x over their means.
     """
-    total = sum(np.log(prediction.rms[point][0] / (level * G)) ** 2 for point, level in PREDICTED_G.items())
+    total = sum(
+        np.log(prediction.rms[point][0] / (level * STANDARD_GRAVITY)) ** 2 for point, level in PREDICTED_G.items()
+    )
     for before, after in pairwise(POWER_FLOW):
         rise = np.log(prediction.rms[after] / prediction.rms[before]) + _DECAY_MARGIN
         total += 3.0 * np.sum(np.maximum(rise, 0.0) ** 2)

@@ -6,7 +6,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from tbm_dynamics.integration.errors import SimulationError
+from tbm_msgs_py.base.errors import SimulationError
 
 # A round must shrink the error of g at least this much.
 _SLOWEST = 0.5

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 import scipy.linalg
 
-from tbm_dynamics.integration.errors import SimulationError
+from tbm_msgs_py.base.errors import SimulationError
 
 # Beyond this the eigenvectors lose more digits than the indicators can spare.
 _WORST_CONDITION = 1e9

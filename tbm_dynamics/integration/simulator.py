@@ -11,14 +11,14 @@ import numpy as np
 
 from tbm_dynamics.integration import aligned
 from tbm_dynamics.integration.condensed import Condensed
-from tbm_dynamics.integration.errors import SimulationError
 from tbm_dynamics.integration.laws import Held, Laws, forces, lanes_for, widened
 from tbm_dynamics.integration.linear import INPUTS
 from tbm_dynamics.integration.lobatto import Lobatto
 from tbm_dynamics.integration.method import Method
 from tbm_dynamics.integration.output import Output
-from tbm_dynamics.machine.machine import OperatingPoint
 from tbm_dynamics.structure.system import DIRECTIONS, System
+from tbm_msgs_py.base.errors import SimulationError
+from tbm_msgs_py.base.operating_point import OperatingPoint
 
 DEFAULT_STEP = 1e-4
 MethodName = Literal["reduced", "full"]

@@ -10,8 +10,9 @@ import numpy as np
 
 from tbm_dynamics.loads.cutters import CutterError, CutterLoads
 from tbm_dynamics.loads.spectral import SpectralLoads
-from tbm_dynamics.machine.loading import MachineError
-from tbm_dynamics.machine.machine import Machine, OperatingPoint
+from tbm_dynamics.machine.machine import Machine
+from tbm_msgs_py.base.errors import MachineError
+from tbm_msgs_py.base.operating_point import OperatingPoint
 
 LoadLevel = Literal["spectral", "cutter"]
 _KEPT = 2  # operating points: a change runs from one to the next

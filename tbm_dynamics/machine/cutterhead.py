@@ -17,8 +17,8 @@ from tbm_dynamics.loads.cutters import (
     read_layout,
 )
 from tbm_dynamics.machine.cutters import BoulderEntry, FaceEntry
-from tbm_dynamics.machine.loading import MachineError
 from tbm_dynamics.machine.machine import Machine
+from tbm_msgs_py.base.errors import MachineError
 
 
 def cutter_loads(machine: Machine, seed: int) -> CutterLoads:

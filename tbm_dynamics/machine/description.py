@@ -26,6 +26,7 @@ from tbm_dynamics.machine.entries import (
     Vector3,
 )
 from tbm_msgs_py.base.texts import Line, Source
+from tbm_msgs_py.base.units import R_MIN
 
 
 class OperatingPointEntry(Entry):
@@ -48,7 +49,7 @@ class OperatingLimits(Entry):
 
     def problem(self, speed_r_min: float, torque_kn_m: float, thrust_kn: float) -> str | None:
         """Say in one line what of an operating point is beyond the limits; None if nothing is."""
-        power = torque_kn_m * speed_r_min * 2.0 * math.pi / 60.0
+        power = torque_kn_m * speed_r_min * R_MIN
         given = (
             ("speed", speed_r_min, self.speed_r_min, "r/min"),
             ("torque", torque_kn_m, self.torque_kn_m, "kN·m"),

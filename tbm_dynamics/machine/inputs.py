@@ -14,7 +14,7 @@ from typing import Any
 from pydantic import ValidationError
 
 from tbm_dynamics.machine.description import MachineDescription
-from tbm_dynamics.machine.loading import MachineError
+from tbm_msgs_py.base.errors import MachineError
 
 # (path in the description, factor from Table 4's unit to the file's)
 _VALUES: dict[str, tuple[str, float]] = {

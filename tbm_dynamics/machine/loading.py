@@ -10,12 +10,8 @@ import yaml
 from pydantic import ValidationError
 
 from tbm_dynamics.machine.description import MachineDescription
-from tbm_msgs_py.base.errors import InputError
+from tbm_msgs_py.base.errors import MachineError
 from tbm_msgs_py.base.strict_yaml import strict_yaml, yaml_problem
-
-
-class MachineError(InputError):
-    """A machine that cannot be built: the message is one line with file, key and what is allowed."""
 
 
 def shipped_machines() -> list[str]:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -14,21 +13,15 @@ import numpy as np
 
 from tbm_dynamics.machine.description import MachineDescription
 from tbm_dynamics.machine.inputs import apply_inputs
-from tbm_dynamics.machine.loading import MachineError, read_description
+from tbm_dynamics.machine.loading import read_description
+from tbm_msgs_py.base.errors import MachineError
+from tbm_msgs_py.base.operating_point import OperatingPoint
+from tbm_msgs_py.base.units import R_MIN
 
 if TYPE_CHECKING:
     from tbm_dynamics.loads.cutters import CutterLoads
     from tbm_dynamics.loads.spectral import SpectralLoads
     from tbm_dynamics.structure.system import System
-
-
-@dataclass(frozen=True)
-class OperatingPoint:
-    """Mean working condition: speed (rad/s), cutterhead torque (N·m), thrust (N), all about or along x."""
-
-    speed: float
-    torque: float
-    thrust: float
 
 
 @dataclass(frozen=True)
@@ -72,7 +65,7 @@ class Machine:
         """Mean working condition in SI units."""
         entry = self.description.operating_point
         return OperatingPoint(
-            speed=entry.speed_r_min * 2.0 * math.pi / 60.0,
+            speed=entry.speed_r_min * R_MIN,
             torque=entry.torque_kn_m * 1e3,
             thrust=entry.thrust_kn * 1e3,
         )
@@ -100,15 +93,13 @@ class Machine:
         Raises
         ------
         MachineError
-            A value that is no number, a speed that is not positive, a negative torque or thrust, more than the
+            A speed that is not positive, a negative torque or thrust, more than the
             `operating_limits` of the file allow; one line.
         """
-        if not all(map(math.isfinite, (point.speed, point.torque, point.thrust))):
-            raise MachineError("operating point: speed, torque and thrust must be finite numbers")
         if point.speed <= 0.0 or point.torque < 0.0 or point.thrust < 0.0:
             raise MachineError("operating point: speed must be positive, torque and thrust not negative")
         limits = self.description.operating_limits
-        given = point.speed * 60.0 / (2.0 * math.pi), point.torque / 1e3, point.thrust / 1e3
+        given = point.speed / R_MIN, point.torque / 1e3, point.thrust / 1e3
         problem = limits and limits.problem(*given)
         if problem:
             raise MachineError(f"operating point: {problem} for {self.name}")

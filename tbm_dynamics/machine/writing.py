@@ -8,8 +8,8 @@ from typing import Any
 
 import yaml
 
-from tbm_dynamics.machine.loading import MachineError
 from tbm_dynamics.machine.machine import Machine
+from tbm_msgs_py.base.errors import MachineError
 
 UPDATED = "updated"
 """Source of a value that was changed to explain a recording."""

@@ -12,7 +12,6 @@ from geometry_msgs.msg import AccelStamped
 from sensor_msgs.msg import JointState, PointCloud2
 from threadpoolctl import threadpool_limits
 
-from tbm_dynamics.integration.errors import SimulationError
 from tbm_dynamics.integration.simulator import Chunk
 from tbm_dynamics.loads.stepper import LOAD_LEVELS
 from tbm_dynamics.machine import Machine, MachineError, OperatingPoint, load_machine
@@ -23,9 +22,10 @@ from tbm_dynamics.streaming.streams import DynamicsStream, step_ns
 from tbm_dynamics.structure.drive import gear_pair
 from tbm_msgs_py import blocks, topics
 from tbm_msgs_py.base import operating_point
-from tbm_msgs_py.base.errors import InputError
+from tbm_msgs_py.base.errors import InputError, SimulationError
 from tbm_msgs_py.base.operating_point import OperatingPointError
-from tbm_msgs_py.blocks import NANOSECONDS, BlockError
+from tbm_msgs_py.base.units import NANOSECONDS
+from tbm_msgs_py.blocks import BlockError
 from tbm_msgs_py.nodes import messages, qos
 from tbm_msgs_py.nodes.faults import Faults
 from tbm_msgs_py.nodes.managed import ManagedNode, Parameter, run_node

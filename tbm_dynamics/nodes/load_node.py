@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import sys
 import time
 from collections.abc import Mapping
@@ -20,7 +19,7 @@ from tbm_dynamics.streaming.streams import LoadBlock, LoadStream, step_ns
 from tbm_msgs_py import blocks, topics
 from tbm_msgs_py.base import operating_point
 from tbm_msgs_py.base.operating_point import OperatingPointError
-from tbm_msgs_py.blocks import NANOSECONDS
+from tbm_msgs_py.base.units import NANOSECONDS, R_MIN
 from tbm_msgs_py.nodes import messages, qos
 from tbm_msgs_py.nodes.faults import Faults
 from tbm_msgs_py.nodes.managed import ManagedNode, Parameter, run_node
@@ -129,9 +128,7 @@ class LoadNode(ManagedNode):
         if not any(given):
             return None
         own = self._machine.operating_point
-        return OperatingPoint(
-            given[0] * 2.0 * math.pi / 60.0 or own.speed, given[1] * 1e3 or own.torque, given[2] * 1e3 or own.thrust
-        )
+        return OperatingPoint(given[0] * R_MIN or own.speed, given[1] * 1e3 or own.torque, given[2] * 1e3 or own.thrust)
 
     def check_parameters(self, values: Mapping[str, Any]) -> None:
         """Refuse an operating point that the machine, its rock or a schedule does not allow."""
@@ -246,7 +243,7 @@ class LoadNode(ManagedNode):
             "rate_hz": self._rate,
             "measured_rate_hz": self._sent.look(),
             "refused_operating_points": self._refused,
-            "speed_r_min": point.speed * 60.0 / (2.0 * math.pi),
+            "speed_r_min": point.speed / R_MIN,
             "torque_kn_m": point.torque / 1e3,
             "thrust_kn": point.thrust / 1e3,
         }

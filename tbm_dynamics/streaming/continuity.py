@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Iterable
 from typing import Generic, NamedTuple, TypeVar
 
-NANOSECONDS = 1_000_000_000
 # What does not continue the stream is believed when it goes on for so long, and the stream does not.
 BELIEVED_NS = 150_000_000
 MOST_RUNS = 16  # that wait, of as many publishers

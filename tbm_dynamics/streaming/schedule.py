@@ -12,13 +12,14 @@ from typing import Final
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from tbm_dynamics.machine.loading import MachineError
-from tbm_dynamics.machine.machine import OperatingPoint
+from tbm_msgs_py.base.errors import MachineError
+from tbm_msgs_py.base.operating_point import OperatingPoint
+from tbm_msgs_py.base.units import R_MIN
 
 COLUMNS: Final = {"time": "time_s", "speed": "speed_r_min", "torque": "torque_kn_m", "thrust": "thrust_kn"}
 """Column that each quantity is read from unless the caller names another; units are always these."""
 
-_TO_SI: Final = {"time": 1.0, "speed": 2.0 * math.pi / 60.0, "torque": 1e3, "thrust": 1e3}
+_TO_SI: Final = {"time": 1.0, "speed": R_MIN, "torque": 1e3, "thrust": 1e3}
 
 
 @dataclass(frozen=True, eq=False)

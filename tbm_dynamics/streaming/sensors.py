@@ -15,12 +15,12 @@ from scipy.spatial.transform import Rotation
 
 from tbm_dynamics.loads.noise import hashed_generator
 from tbm_msgs_py.base.errors import InputError
+from tbm_msgs_py.base.units import NANOSECONDS, STANDARD_GRAVITY
 
 FloatArray = NDArray[np.float64]
 
-GRAVITY = np.array([0.0, 0.0, 9.80665])  # m/s²; an accelerometer at rest reads its support, upwards
+GRAVITY = np.array([0.0, 0.0, STANDARD_GRAVITY])  # m/s²; an accelerometer at rest reads its support, upwards
 FILTER_ORDER = 8
-NANOSECONDS = 1_000_000_000
 
 
 class SensorParameters(BaseModel):

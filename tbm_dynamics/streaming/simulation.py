@@ -6,7 +6,6 @@ from collections.abc import Callable, Iterable
 
 import numpy as np
 
-from tbm_dynamics.integration.errors import SimulationError
 from tbm_dynamics.integration.simulator import DEFAULT_STEP, Chunk, MethodName, Simulator
 from tbm_dynamics.loads.stepper import LoadLevel
 from tbm_dynamics.machine.machine import Machine
@@ -14,6 +13,7 @@ from tbm_dynamics.response import Response, default_outputs
 from tbm_dynamics.streaming.schedule import Schedule
 from tbm_dynamics.streaming.streams import LoadStream
 from tbm_dynamics.structure.drive import gear_pair
+from tbm_msgs_py.base.errors import SimulationError
 
 _BLOCK_STEPS = 8192
 _CHANGE_S = 0.05  # blocks of a schedule: those of the load node

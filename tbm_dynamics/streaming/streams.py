@@ -11,14 +11,14 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from tbm_dynamics.integration.errors import SimulationError
 from tbm_dynamics.loads.stepper import LoadLevel, operated_loads
-from tbm_dynamics.machine.loading import MachineError
-from tbm_dynamics.machine.machine import Machine, OperatingPoint
+from tbm_dynamics.machine.machine import Machine
 from tbm_dynamics.response import default_outputs
-from tbm_dynamics.streaming.continuity import NANOSECONDS, Continuity, Piece
+from tbm_dynamics.streaming.continuity import Continuity, Piece
 from tbm_dynamics.streaming.schedule import Schedule
-from tbm_msgs_py.base.errors import InputError
+from tbm_msgs_py.base.errors import InputError, MachineError, SimulationError
+from tbm_msgs_py.base.operating_point import OperatingPoint
+from tbm_msgs_py.base.units import NANOSECONDS
 
 if TYPE_CHECKING:
     from tbm_dynamics.integration.simulator import Chunk, Simulator

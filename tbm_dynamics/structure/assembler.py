@@ -9,9 +9,9 @@ import numpy as np
 
 from tbm_dynamics.machine.description import MachineDescription
 from tbm_dynamics.machine.entries import ConnectionType, SixPositiveOrZero
-from tbm_dynamics.machine.loading import MachineError
 from tbm_dynamics.structure.beam import Section, beam_mass, beam_stiffness, circular_section, turned
 from tbm_dynamics.structure.connection import spring_rows, spring_stiffness
+from tbm_msgs_py.base.errors import MachineError
 
 
 @dataclass

@@ -6,7 +6,6 @@ import numpy as np
 import scipy.linalg
 
 from tbm_dynamics.machine.description import MachineDescription
-from tbm_dynamics.machine.loading import MachineError
 from tbm_dynamics.machine.machine import Machine
 from tbm_dynamics.structure.assembler import Assembler
 from tbm_dynamics.structure.couplings import build_couplings
@@ -20,6 +19,7 @@ from tbm_dynamics.structure.drive import (
     turn,
 )
 from tbm_dynamics.structure.system import Drives, System
+from tbm_msgs_py.base.errors import MachineError
 
 # A mode this far below the stiffest one has no energy: real machines stay above 1e-10.
 _ZERO_ENERGY = 1e-13

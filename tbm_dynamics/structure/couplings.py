@@ -11,7 +11,6 @@ import numpy as np
 
 from tbm_dynamics.machine.description import MachineDescription
 from tbm_dynamics.machine.drive import DriveTemplate
-from tbm_dynamics.machine.loading import MachineError
 from tbm_dynamics.mesh.error import composite_tolerances
 from tbm_dynamics.mesh.geometry import GearError, InternalPair
 from tbm_dynamics.mesh.ishikawa import mesh_stiffness
@@ -19,6 +18,7 @@ from tbm_dynamics.mesh.planetary import PlanetaryStage, StageLaw, stage_law
 from tbm_dynamics.mesh.stiffness import HARMONICS, rounded_variation
 from tbm_dynamics.mesh.waves import Waves, shifted
 from tbm_dynamics.structure.drive import DriveUnit, drive_angles, gear_pair
+from tbm_msgs_py.base.errors import MachineError
 
 STAGE_HARMONICS = 4
 

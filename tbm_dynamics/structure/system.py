@@ -9,9 +9,9 @@ from functools import cached_property
 import numpy as np
 import scipy.linalg
 
-from tbm_dynamics.machine.loading import MachineError
-from tbm_dynamics.machine.machine import OperatingPoint
 from tbm_dynamics.structure.couplings import Couplings
+from tbm_msgs_py.base.errors import MachineError
+from tbm_msgs_py.base.operating_point import OperatingPoint
 
 DIRECTIONS = ("ux", "uy", "uz", "rx", "ry", "rz")
 

@@ -11,12 +11,13 @@ from tbm_dynamics import Machine
 from tbm_gsa.comparison.expected import ExpectedLine
 from tbm_gsa.comparison.field_side import FieldSide
 from tbm_gsa.comparison.levels import Course
-from tbm_gsa.comparison.offline import AxisComparison, Comparison, G, PointComparison, Windows
+from tbm_gsa.comparison.offline import AxisComparison, Comparison, PointComparison, Windows
 from tbm_gsa.provenance import machine_sha256, package_versions
 from tbm_gsa.signals.estimates import SignalStatistics
 from tbm_gsa.signals.intervals import CONFIDENCE, Interval
 from tbm_msgs_py.bags.marks import is_synthetic
 from tbm_msgs_py.base.arrays import Array
+from tbm_msgs_py.base.units import STANDARD_GRAVITY
 from tbm_msgs_py.recordings.health import PointHealth
 from tbm_msgs_py.recordings.recording import RecordingReader
 
@@ -130,7 +131,7 @@ def _axis(point: PointComparison, compared: AxisComparison) -> dict[str, Any]:
     for side, statistics in (("field", compared.field), ("model", compared.model)):
         result |= {f"{side}_{name}": number(getattr(statistics, name)) for name in STATISTICS}
         intervals |= {f"{side}_{name}": _interval(statistics.intervals[name]) for name in STATISTICS}
-        result[f"{side}_rms_g"] = statistics.rms / G
+        result[f"{side}_rms_g"] = statistics.rms / STANDARD_GRAVITY
         result[f"{side}_band_rms"] = {name: number(value) for name, value in statistics.band_rms.items()}
         intervals[f"{side}_band_rms"] = {name: _interval(value) for name, value in statistics.band_intervals.items()}
         result[f"{side}_lines"] = _lines(statistics)

@@ -7,7 +7,6 @@ means lie within the tolerance are one level. Of the levels the `MOST_LEVELS` th
 others count as transient. A recording that was driven but never steady is taken as one level at its mean.
 """
 
-import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import Literal
@@ -18,12 +17,12 @@ from tbm_dynamics import Machine
 from tbm_gsa.signals.spectrum import LevelOf
 from tbm_msgs_py.base.arrays import Array, Integers
 from tbm_msgs_py.base.errors import InputError
+from tbm_msgs_py.base.units import R_MIN
 from tbm_msgs_py.recordings.operating import OperatingRecord
 
 TOLERANCE = 0.05
 SHORTEST_DWELL_S = 10.0
 MOST_LEVELS = 4
-R_MIN = 2.0 * math.pi / 60.0  # rad/s
 
 Kind = Literal["steady", "transient", "standstill"]
 

@@ -11,11 +11,11 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from tbm_gsa.comparison.levels import Kind
-from tbm_gsa.comparison.pace import NANOSECONDS
 from tbm_gsa.comparison.streams import SOURCES, ClosedWindow, PointStreams, Source, StreamCounters
 from tbm_gsa.signals.statistics import ratio, relative_error
 from tbm_msgs_py.base.arrays import Array, Integers
 from tbm_msgs_py.base.errors import InputError
+from tbm_msgs_py.base.units import NANOSECONDS
 
 LARGEST = 1e6  # m/s²: nothing that is bolted to a machine measures more, and a filter would not get over it
 

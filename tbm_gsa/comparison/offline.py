@@ -18,8 +18,6 @@ from tbm_gsa.signals.statistics import coverage, kurtosis, ratio, relative_error
 from tbm_msgs_py.base.arrays import Array, Integers
 from tbm_msgs_py.base.errors import InputError
 
-G = 9.80665  # m/s²
-
 
 class Record(Protocol):
     """What a comparison needs of a recording: time (n,) s, values (n, 3) m/s², nominal rate Hz."""

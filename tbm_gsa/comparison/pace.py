@@ -4,8 +4,8 @@ import numpy as np
 
 from tbm_gsa.signals.clock import GAP_PERIODS, RATE_TOLERANCE, sampling_rate
 from tbm_msgs_py.base.arrays import Integers
+from tbm_msgs_py.base.units import NANOSECONDS
 
-NANOSECONDS = 1_000_000_000
 EVIDENCE = 256  # samples; single ones whose stamps jitter by 40 % of a period (σ) say their rate within 15 %
 RATE_CHANGE = 0.15  # relative
 LEAST_BLOCKS = 8

@@ -7,11 +7,12 @@ from typing import Literal
 import numpy as np
 
 from tbm_dynamics.streaming.continuity import Continuity, Piece
-from tbm_gsa.comparison.pace import NANOSECONDS, Pace
+from tbm_gsa.comparison.pace import Pace
 from tbm_gsa.signals.clock import GAP_PERIODS, sampling_rate
 from tbm_gsa.signals.conditioning import HIGH_PASS_HZ, Band, CausalConditioner, common_band
 from tbm_gsa.signals.statistics import coverage, kurtosis, rms
 from tbm_msgs_py.base.arrays import Array, Integers
+from tbm_msgs_py.base.units import NANOSECONDS
 
 Source = Literal["model", "field"]
 SOURCES: tuple[Source, Source] = ("model", "field")

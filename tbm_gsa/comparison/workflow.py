@@ -16,8 +16,7 @@ from tbm_gsa.comparison.model_run import MODEL_RATE_HZ, run_model
 from tbm_gsa.comparison.offline import Comparison, PointComparison, compare_signals
 from tbm_gsa.signals.reduction import ReducedSignal, SignalReducer
 from tbm_gsa.signals.settings import Settings
-from tbm_msgs_py.bags.errors import RecordingError
-from tbm_msgs_py.base.errors import InputError
+from tbm_msgs_py.base.errors import InputError, RecordingError
 from tbm_msgs_py.recordings.mapping import Mapping as TopicMapping
 from tbm_msgs_py.recordings.recording import RecordingReader, open_recording
 

@@ -6,8 +6,8 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from tbm_msgs_py.bags.bag import Bag, BagInfo
     from tbm_msgs_py.bags.batch import RawMessage, Topic
-    from tbm_msgs_py.bags.errors import RecordingError
     from tbm_msgs_py.bags.writing import BagWriter
+    from tbm_msgs_py.base.errors import RecordingError
 
 __all__ = ["Bag", "BagInfo", "BagWriter", "RawMessage", "RecordingError", "Topic"]
 
@@ -17,7 +17,7 @@ _HOME = {
     "BagInfo": "tbm_msgs_py.bags.bag",
     "BagWriter": "tbm_msgs_py.bags.writing",
     "RawMessage": "tbm_msgs_py.bags.batch",
-    "RecordingError": "tbm_msgs_py.bags.errors",
+    "RecordingError": "tbm_msgs_py.base.errors",
     "Topic": "tbm_msgs_py.bags.batch",
 }
 

@@ -9,9 +9,9 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from tbm_msgs_py.bags.batch import RawMessage, Stretch, Topic
-from tbm_msgs_py.bags.errors import RecordingError
 from tbm_msgs_py.bags.folder import find_files
 from tbm_msgs_py.bags.mcap_file import McapFile
+from tbm_msgs_py.base.errors import RecordingError
 
 
 @dataclass(frozen=True)

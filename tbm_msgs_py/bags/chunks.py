@@ -12,12 +12,13 @@ import zstandard
 from isal import isal_zlib  # zlib's checksum, five times as fast
 
 from tbm_msgs_py.bags.records import LONGEST, Bytes
+from tbm_msgs_py.base.errors import InputError
 
 _HEAD = struct.Struct("<QQQII")  # first and last log time, size of the records, their CRC, length of the name
 _STEP = 1 << 20  # bytes that are decompressed at a time: no frame grows further than a chunk may
 
 
-class ChunkError(ValueError):
+class ChunkError(InputError):
     """A chunk that cannot be trusted, in one line."""
 
 

@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from tbm_msgs_py.bags import metadata
-from tbm_msgs_py.bags.errors import RecordingError
+from tbm_msgs_py.base.errors import RecordingError
 
 ALLOWED = "a rosbag2 folder with MCAP files or a .mcap file"
 

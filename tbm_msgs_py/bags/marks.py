@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any, Final
 
 from tbm_msgs_py.bags import metadata
-from tbm_msgs_py.bags.errors import RecordingError
+from tbm_msgs_py.base.errors import RecordingError
 
 SYNTHETIC: Final = {"synthetic": "true"}
 

@@ -24,8 +24,8 @@ from numpy.typing import NDArray
 
 from tbm_msgs_py.bags.batch import BATCH, POOL, Stretch, Topic, joined
 from tbm_msgs_py.bags.chunks import ChunkError, chunk_records
-from tbm_msgs_py.bags.errors import RecordingError
 from tbm_msgs_py.bags.records import CHUNK_HEAD, CUT, FOOTER, HEAD, LONGEST, MORE, Bytes, Walk, walk
+from tbm_msgs_py.base.errors import RecordingError
 
 MAGIC = b"\x89MCAP0\r\n"
 WINDOW = 4 << 20  # bytes read at a time

@@ -10,8 +10,8 @@ from typing import Any
 import yaml
 from rosbags.rosbag2.metadata import dump_qos_v9
 
-from tbm_msgs_py.bags.errors import RecordingError
 from tbm_msgs_py.bags.qos import rosbag_qos
+from tbm_msgs_py.base.errors import RecordingError
 from tbm_msgs_py.topics import Quality
 
 FILE_NAME = "metadata.yaml"

@@ -12,8 +12,8 @@ import yaml
 from mcap.writer import CompressionType, Writer
 
 from tbm_msgs_py.bags import metadata
-from tbm_msgs_py.bags.errors import RecordingError
 from tbm_msgs_py.bags.metadata import FileEntry, TopicEntry
+from tbm_msgs_py.base.errors import RecordingError
 
 Compression = Literal["none", "zstd"]
 CHUNK = 1 << 20  # bytes; a chunk ends earlier when it is flushed

@@ -15,10 +15,10 @@ from pathlib import Path
 from typing import Final
 
 from tbm_msgs_py.bags import metadata
-from tbm_msgs_py.bags.errors import RecordingError
 from tbm_msgs_py.bags.locking import lock
 from tbm_msgs_py.bags.marks import custom_data
 from tbm_msgs_py.bags.writing import BagWriter
+from tbm_msgs_py.base.errors import RecordingError
 
 KEEP: Final = "keep"  # a file of this name in its folder keeps a recording, also one that is being written
 _RECORDER: Final = {"recorder": "tbm_monitor"}

@@ -12,11 +12,11 @@ from rosbags.typesys.store import Typestore
 
 from tbm_msgs_py.bags.bag import Bag
 from tbm_msgs_py.bags.batch import Topic
-from tbm_msgs_py.bags.errors import RecordingError
 from tbm_msgs_py.bags.marks import SYNTHETIC, is_synthetic
 from tbm_msgs_py.bags.qos import offered_quality
 from tbm_msgs_py.bags.samples import typestore
 from tbm_msgs_py.bags.writing import BagWriter
+from tbm_msgs_py.base.errors import RecordingError
 
 UNKNOWN_HASH = "RIHS01_" + 64 * "0"  # of a definition that the library cannot parse
 _IDL = "=" * 80 + "\nIDL: "  # how a definition in IDL begins

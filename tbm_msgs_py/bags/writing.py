@@ -15,13 +15,14 @@ from numpy.typing import ArrayLike
 
 from tbm_msgs_py import blocks, topics
 from tbm_msgs_py.bags import metadata
-from tbm_msgs_py.bags.errors import RecordingError
 from tbm_msgs_py.bags.locking import lock
 from tbm_msgs_py.bags.metadata import TopicEntry
 from tbm_msgs_py.bags.part import Compression, Part
 from tbm_msgs_py.bags.samples import BLOCK_TYPE, JOINT_STATE_TYPE, typestore
+from tbm_msgs_py.base.errors import RecordingError
 from tbm_msgs_py.base.operating_point import OperatingPoint
-from tbm_msgs_py.blocks import NANOSECONDS, BlockLayout
+from tbm_msgs_py.base.units import NANOSECONDS
+from tbm_msgs_py.blocks import BlockLayout
 from tbm_msgs_py.topics import Quality
 
 

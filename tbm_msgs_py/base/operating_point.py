@@ -1,21 +1,23 @@
-"""The operating point of the machine and its place in a `sensor_msgs/JointState`, without ROS."""
+"""How a machine is driven, and its place in a `sensor_msgs/JointState`, without ROS."""
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
-from typing import Any
+from dataclasses import astuple, dataclass
+from typing import Protocol
+
+from tbm_msgs_py.base.errors import InputError
 
 CUTTERHEAD, THRUST = "cutterhead", "thrust"
 
 
-class OperatingPointError(ValueError):
-    """A joint state that is no operating point, in one line."""
+class OperatingPointError(InputError):
+    """Values, or a joint state, that are no operating point."""
 
 
 @dataclass(frozen=True)
 class OperatingPoint:
-    """How the machine is driven.
+    """How the machine is driven, about and along x.
 
     Attributes
     ----------
@@ -29,6 +31,11 @@ class OperatingPoint:
         Angle of the cutterhead, rad.
     advance : float
         Advance speed, m/s.
+
+    Raises
+    ------
+    OperatingPointError
+        A value that is not finite.
     """
 
     speed: float
@@ -36,6 +43,10 @@ class OperatingPoint:
     thrust: float
     head_angle: float = 0.0
     advance: float = 0.0
+
+    def __post_init__(self) -> None:
+        if not all(map(math.isfinite, astuple(self))):
+            raise OperatingPointError("operating point: a value that is not finite, allowed: finite numbers")
 
     def joints(self) -> tuple[list[str], list[float], list[float], list[float]]:
         """Names, positions, velocities and efforts of the joint state."""
@@ -47,8 +58,23 @@ class OperatingPoint:
         )
 
 
-def from_joint_state(message: Any) -> OperatingPoint:
-    """Read a `sensor_msgs/JointState` (of rclpy or of a bag library); positions may be left out."""
+class JointState(Protocol):
+    """A `sensor_msgs/JointState` of rclpy or of a library that reads recordings."""
+
+    name: list[str]
+    position: list[float]
+    velocity: list[float]
+    effort: list[float]
+
+
+def from_joint_state(message: JointState) -> OperatingPoint:
+    """Operating point of a joint state; positions may be left out.
+
+    Raises
+    ------
+    OperatingPointError
+        A joint is missing, or a value, or one is not finite.
+    """
     names = list(message.name)
     for name in (CUTTERHEAD, THRUST):
         if name not in names:
@@ -61,13 +87,10 @@ def from_joint_state(message: Any) -> OperatingPoint:
             f"operating point: {len(message.velocity)} velocities and {len(message.effort)} efforts, "
             f"allowed: {len(names)} each"
         )
-    point = OperatingPoint(
+    return OperatingPoint(
         speed=float(message.velocity[head]),
         torque=float(message.effort[head]),
         thrust=float(message.effort[thrust]),
         head_angle=float(message.position[head]) if len(message.position) == len(names) else 0.0,
         advance=float(message.velocity[thrust]),
     )
-    if not all(map(math.isfinite, (point.speed, point.torque, point.thrust, point.head_angle, point.advance))):
-        raise OperatingPointError("operating point: a value that is not finite, allowed: finite numbers")
-    return point

@@ -9,7 +9,7 @@ from multiprocessing import get_context
 from multiprocessing.connection import Connection
 from pathlib import Path
 
-from tbm_msgs_py.bags.errors import RecordingError
+from tbm_msgs_py.base.errors import RecordingError
 from tbm_msgs_py.importing.convert import Imported, import_recording
 from tbm_msgs_py.importing.description import Description
 

@@ -13,10 +13,11 @@ import yaml
 from numpy.typing import NDArray
 
 from tbm_msgs_py import topics
-from tbm_msgs_py.bags.errors import RecordingError
 from tbm_msgs_py.bags.writing import BagWriter
+from tbm_msgs_py.base.errors import RecordingError
 from tbm_msgs_py.base.operating_point import OperatingPoint
-from tbm_msgs_py.blocks import ACCELERATION, NANOSECONDS
+from tbm_msgs_py.base.units import NANOSECONDS
+from tbm_msgs_py.blocks import ACCELERATION
 from tbm_msgs_py.importing.description import Description, OperatingColumns, PointColumns, TimeColumn
 from tbm_msgs_py.importing.extra import complaints
 from tbm_msgs_py.importing.formats import open_source

@@ -12,7 +12,7 @@ from typing import NoReturn
 import numpy as np
 from numpy.typing import NDArray
 
-from tbm_msgs_py.bags.errors import RecordingError
+from tbm_msgs_py.base.errors import RecordingError
 from tbm_msgs_py.importing.description import CsvLayout, TimeColumn, to_ns
 from tbm_msgs_py.importing.source import PIECE_ROWS, Piece, nanoseconds, no_column, no_time_of_its_own
 

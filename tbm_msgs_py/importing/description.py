@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import re
 from collections.abc import Iterable, Mapping
 from datetime import UTC, datetime, timedelta
@@ -12,7 +11,8 @@ from typing import Annotated, Any, Literal
 from pydantic import AwareDatetime, BaseModel, ConfigDict, Field, ValidationError, field_validator, model_validator
 
 from tbm_msgs_py import topics
-from tbm_msgs_py.bags.errors import RecordingError
+from tbm_msgs_py.base.errors import RecordingError
+from tbm_msgs_py.base.units import R_MIN
 from tbm_msgs_py.recordings.mapping import SensorMapping, entry_problem, read_yaml
 
 Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
@@ -20,7 +20,7 @@ Column = Annotated[str, Field(min_length=1)]
 
 THRUST_UNITS = {"N": 1.0, "kN": 1e3, "MN": 1e6}
 TORQUE_UNITS = {"N.m": 1.0, "kN.m": 1e3, "MN.m": 1e6}
-SPEED_UNITS = {"rad/s": 1.0, "r/min": 2.0 * math.pi / 60.0}
+SPEED_UNITS = {"rad/s": 1.0, "r/min": R_MIN}
 _POINT_NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]*")
 ADVANCE_UNITS = {"m/s": 1.0, "mm/min": 1e-3 / 60.0}
 

@@ -10,7 +10,7 @@ from importlib import import_module
 from pathlib import Path
 from types import ModuleType
 
-from tbm_msgs_py.bags.errors import RecordingError
+from tbm_msgs_py.base.errors import RecordingError
 
 EXTRA = "import"
 _TALKATIVE = ("nptdms", "asammdf", "canmatrix")

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from pathlib import Path
 
-from tbm_msgs_py.bags.errors import RecordingError
+from tbm_msgs_py.base.errors import RecordingError
 from tbm_msgs_py.importing.csv_file import CsvFile
 from tbm_msgs_py.importing.description import Description
 from tbm_msgs_py.importing.matlab_file import MatlabFile

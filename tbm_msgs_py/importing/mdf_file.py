@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from tbm_msgs_py.bags.errors import RecordingError
+from tbm_msgs_py.base.errors import RecordingError
 from tbm_msgs_py.importing.description import TimeColumn, to_ns
 from tbm_msgs_py.importing.extra import library, reading
 from tbm_msgs_py.importing.source import Piece, array_pieces, nanoseconds, no_column

@@ -10,8 +10,8 @@ from typing import NoReturn, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from tbm_msgs_py.bags.errors import RecordingError
-from tbm_msgs_py.blocks import NANOSECONDS
+from tbm_msgs_py.base.errors import RecordingError
+from tbm_msgs_py.base.units import NANOSECONDS
 from tbm_msgs_py.importing.description import TimeColumn
 
 PIECE_ROWS = 50_000  # read at a time; a multiple of the samples of a block

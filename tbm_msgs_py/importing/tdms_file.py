@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tbm_msgs_py.bags.errors import RecordingError
-from tbm_msgs_py.blocks import NANOSECONDS
+from tbm_msgs_py.base.errors import RecordingError
+from tbm_msgs_py.base.units import NANOSECONDS
 from tbm_msgs_py.importing.description import TimeColumn
 from tbm_msgs_py.importing.extra import library, reading
 from tbm_msgs_py.importing.source import PIECE_ROWS, Piece, nanoseconds, no_column, require_finite

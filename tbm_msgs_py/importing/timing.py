@@ -9,8 +9,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from tbm_msgs_py.bags.errors import RecordingError
-from tbm_msgs_py.blocks import NANOSECONDS
+from tbm_msgs_py.base.errors import RecordingError
+from tbm_msgs_py.base.units import NANOSECONDS
 from tbm_msgs_py.recordings.faults import GAP_FACTOR
 
 

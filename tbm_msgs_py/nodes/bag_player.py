@@ -19,7 +19,7 @@ from rosgraph_msgs.msg import Clock as ClockMessage
 from tbm_msgs_py import topics
 from tbm_msgs_py.bags import Bag, RawMessage, RecordingError, Topic
 from tbm_msgs_py.bags.qos import offered_quality
-from tbm_msgs_py.blocks import NANOSECONDS
+from tbm_msgs_py.base.units import NANOSECONDS
 from tbm_msgs_py.nodes import messages, qos
 from tbm_msgs_py.nodes.managed import ManagedNode, Parameter, run_node
 

@@ -8,6 +8,8 @@ from typing import Any, Literal
 
 from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescriptor
 
+from tbm_msgs_py.base.errors import InputError
+
 _KINDS = {bool: "true or false", int: "a whole number", float: "a decimal number", str: "text", list: "a list"}
 ParameterValue = bool | int | float | str | list[str] | list[float]
 Changes = Literal["start", "unconfigured", "running"]
@@ -18,7 +20,7 @@ _WHEN = {
 }
 
 
-class ParameterError(ValueError):
+class ParameterError(InputError):
     """A parameter given a value that is not allowed, in one line."""
 
 

@@ -17,7 +17,8 @@ from numpy.typing import NDArray
 from tbm_msgs_py import blocks
 from tbm_msgs_py.bags.records import Bytes, gather, join
 from tbm_msgs_py.bags.samples import BLOCK_TYPE, ENCAPSULATION, UNDECODABLE, Samples, typestore
-from tbm_msgs_py.blocks import ACCELERATION, LONGEST_S, NANOSECONDS, BlockError
+from tbm_msgs_py.base.units import NANOSECONDS
+from tbm_msgs_py.blocks import ACCELERATION, LONGEST_S, BlockError
 from tbm_msgs_py.recordings.headers import read_headers
 
 

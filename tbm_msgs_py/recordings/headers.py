@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from tbm_msgs_py.bags.records import COMPILED, Bytes, number
 from tbm_msgs_py.bags.samples import ENCAPSULATION
-from tbm_msgs_py.blocks import NANOSECONDS
+from tbm_msgs_py.base.units import NANOSECONDS
 
 _HEADER = ENCAPSULATION + 12  # up to the text of the frame name
 

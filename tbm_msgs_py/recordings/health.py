@@ -6,7 +6,7 @@ from collections.abc import Mapping as Dictionary
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 
-from tbm_msgs_py.blocks import NANOSECONDS
+from tbm_msgs_py.base.units import NANOSECONDS
 from tbm_msgs_py.recordings.faults import CLOCK_JUMP_NS, Faults
 from tbm_msgs_py.recordings.mapping import Mapping
 from tbm_msgs_py.recordings.recording import AccelerationRecord, RecordingReader, open_recording

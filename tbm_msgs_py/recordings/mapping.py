@@ -14,10 +14,10 @@ from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_validator, model_validator
 from pydantic_core import ErrorDetails
 
-from tbm_msgs_py.bags.errors import RecordingError
+from tbm_msgs_py.base.errors import RecordingError
+from tbm_msgs_py.base.units import STANDARD_GRAVITY
 from tbm_msgs_py.topics import OPERATING_POINT, absolute
 
-STANDARD_GRAVITY = 9.80665  # m/s²
 FILE_NAME = "mapping.yaml"
 Axis = Literal["x", "y", "z", "-x", "-y", "-z"]
 

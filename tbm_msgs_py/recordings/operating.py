@@ -44,7 +44,7 @@ class OperatingPoints:
         for message in messages.raw():
             try:
                 state = typestore().deserialize_cdr(message.data, JOINT_STATE_TYPE)
-                entry = stamp_to_ns(state.header.stamp), from_joint_state(state)  # type: ignore[attr-defined]
+                entry = stamp_to_ns(state.header.stamp), from_joint_state(state)  # type: ignore[arg-type, attr-defined]
             except UNDECODABLE:
                 self.undecodable += 1
                 continue

@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 
 from tbm_msgs_py.bags.bag import Bag
 from tbm_msgs_py.bags.batch import Stretch, Topic
-from tbm_msgs_py.bags.errors import RecordingError
 from tbm_msgs_py.bags.samples import JOINT_STATE_TYPE
+from tbm_msgs_py.base.errors import RecordingError
 from tbm_msgs_py.recordings.cutting import Cutter
 from tbm_msgs_py.recordings.decoding import ACCELERATION_TYPES, decode_samples
 from tbm_msgs_py.recordings.faults import Faults, find_gaps, stuck_axes

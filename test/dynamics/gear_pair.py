@@ -2,10 +2,10 @@
 
 import numpy as np
 
-from tbm_dynamics.machine.machine import OperatingPoint
 from tbm_dynamics.mesh.waves import Waves
 from tbm_dynamics.structure.couplings import Couplings
 from tbm_dynamics.structure.system import Drives, System
+from tbm_msgs_py.base.operating_point import OperatingPoint
 
 NATURAL = 2.0 * np.pi * 100.0
 """ω_n of the closed mesh, rad/s: a hundred steps of the default size a cycle."""

@@ -14,7 +14,7 @@ from machine_files import TEXT, built, plain
 
 from tbm_dynamics import load_machine
 from tbm_dynamics.loads.cutters import CutterError, CutterLoads, Fracture
-from tbm_dynamics.machine.loading import MachineError
+from tbm_msgs_py.base.errors import MachineError
 
 RATE = 500.0
 

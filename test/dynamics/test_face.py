@@ -14,7 +14,7 @@ from machine_files import built, plain
 from tbm_dynamics import load_machine
 from tbm_dynamics.loads.cutters import Boulder, CutterError, CutterLoads, Face, Fracture, Layer, head_wrench
 from tbm_dynamics.loads.cutters.head import turned
-from tbm_dynamics.machine.loading import MachineError
+from tbm_msgs_py.base.errors import MachineError
 
 THRUST, SPEED = 12e6, 0.6
 

@@ -28,13 +28,13 @@ from tbm_gsa.app.cli.shipped import shipped_bag
 from tbm_gsa.sensitivity.study.outputs import parse_outputs
 from tbm_msgs_py.bags.marks import is_synthetic
 from tbm_msgs_py.base.errors import RunError
+from tbm_msgs_py.base.units import STANDARD_GRAVITY
 from tbm_msgs_py.recordings.mapping import default_mapping_file
 from tbm_msgs_py.recordings.recording import Recording, read_recording
 
 if TYPE_CHECKING:
     from tbm_gsa.app.nodes.watch import Seen, Watch
 
-G = 9.80665
 _LOOK_S = 0.2
 _ASKED_S = 10.0
 """Longest wait for a study to start after it was asked for, and for its result."""
@@ -172,8 +172,8 @@ def demo_document(machine: Machine, seen: Seen, seconds: float) -> dict[str, Any
         predicted, measured = seen.rms(point, "model_rms")[0], seen.rms(point, "field_rms")[0]
         points[point] = {
             "node": node,
-            "predicted_g": float(predicted / G),
-            "measured_g": float(measured / G),
+            "predicted_g": float(predicted / STANDARD_GRAVITY),
+            "measured_g": float(measured / STANDARD_GRAVITY),
             "relative_error": float(abs(measured - predicted) / measured) if measured > 0.0 else float("nan"),
             "windows": seen.windows[point]["relative_error"].count,
         }

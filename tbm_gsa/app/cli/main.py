@@ -15,6 +15,7 @@ import tbm_gsa
 from tbm_gsa.app.cli.commands import CommandLine
 from tbm_gsa.app.cli.output import notes, results
 from tbm_gsa.app.cli.start import ENDING, INTERRUPTED
+from tbm_msgs_py.base.errors import InputError, RunError
 
 app = typer.Typer(
     name="tbm-monitor",
@@ -40,7 +41,6 @@ def group(
 
 
 BAD_INPUT = 2
-_PACKAGES = ("tbm_dynamics", "tbm_gsa", "tbm_msgs_py")
 
 # typer may carry a click of its own: the class is found where typer's own exceptions come from.
 _UsageError: type[Exception] = next(kind for kind in typer.BadParameter.__mro__ if kind.__name__ == "ClickException")
@@ -106,21 +106,16 @@ def _run() -> int:  # noqa: PLR0911 - one for each kind of end
     except sqlite3.Error as error:
         _say(str(error))
         return BAD_INPUT
+    except (InputError, RunError) as error:
+        _say(str(error))
+        return BAD_INPUT
     except MemoryError as error:
         _say(f"not enough memory: {error}")
         return BAD_INPUT
     except Exception as error:  # noqa: BLE001 - never a traceback
-        if _is_ours(error):
-            _say(str(error))
-            return BAD_INPUT
         _say(f"fault of the program: {type(error).__name__}: {error}")
         return 1
     return code if isinstance(code, int) else 0
-
-
-def _is_ours(error: Exception) -> bool:
-    """Whether an error is one of our classes: those are lines for a user, a library's is a fault of the program."""
-    return type(error).__module__.partition(".")[0] in _PACKAGES
 
 
 def _usage_line(error: Exception) -> str:

@@ -34,6 +34,7 @@ from tbm_gsa.app.cli.supervision import Supervision
 from tbm_gsa.sensitivity.study.errors import StudyError
 from tbm_msgs_py import topics
 from tbm_msgs_py.base.errors import RunError
+from tbm_msgs_py.base.units import R_MIN
 
 if TYPE_CHECKING:
     from tbm_gsa.app.nodes.watch import Watch
@@ -134,7 +135,7 @@ def _operating_point(
     if speed is None and torque is None and thrust is None:
         return None
     return OperatingPoint(
-        own.speed if speed is None else speed * 2.0 * math.pi / 60.0,
+        own.speed if speed is None else speed * R_MIN,
         own.torque if torque is None else torque * 1e3,
         own.thrust if thrust is None else thrust * 1e3,
     )

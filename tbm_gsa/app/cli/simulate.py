@@ -28,8 +28,7 @@ from tbm_gsa.app.cli.output import (
     results,
 )
 from tbm_msgs_py.base.errors import InputError
-
-G = 9.80665
+from tbm_msgs_py.base.units import STANDARD_GRAVITY
 
 
 def simulate(
@@ -91,7 +90,7 @@ def simulation_document(machine: Machine, response: Response, seed: int, real_ti
     rms: dict[str, dict[str, float]] = {}
     peak: dict[str, dict[str, float]] = {}
     for point, node in machine.description.test_points.items():
-        values = response.acceleration(node)[:, :3] / G
+        values = response.acceleration(node)[:, :3] / STANDARD_GRAVITY
         values = values - values.mean(axis=0)
         rms[point] = dict(zip("xyz", np.sqrt(np.mean(values**2, axis=0)).tolist(), strict=True))
         peak[point] = dict(zip("xyz", np.abs(values).max(axis=0).tolist(), strict=True))

@@ -13,14 +13,15 @@ from tbm_gsa.app.nodes.health import Condition
 from tbm_gsa.app.nodes.history_writer import HistoryWriter
 from tbm_gsa.comparison import StreamCounters, WindowResult, dead_axes
 from tbm_gsa.comparison.levels import Kind
+from tbm_msgs_py.base.units import STANDARD_GRAVITY
 from tbm_msgs_py.nodes import messages
 
 _QUANTITIES = ("model_rms", "field_rms", "relative_error", "field_crest_factor", "field_kurtosis")
 _STRONGEST = 5
 _WHOLE = 0.9  # share of a window below which its holes are named
 _UNIT_FACTORS = {
-    1.0 / 9.80665: "values in g",
-    9.80665: "m/s² taken for g",
+    1.0 / STANDARD_GRAVITY: "values in g",
+    STANDARD_GRAVITY: "m/s² taken for g",
     1e3: "values in mm/s²",
     1e-3: "values in 1000 m/s²",
 }

@@ -8,10 +8,11 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from tbm_gsa.comparison.expected import ExpectedLine, Kind
-from tbm_gsa.comparison.offline import Comparison, G, PointComparison
+from tbm_gsa.comparison.offline import Comparison, PointComparison
 from tbm_gsa.signals.estimates import SignalStatistics
 from tbm_gsa.signals.statistics import Spectrum
 from tbm_msgs_py.base.arrays import Array
+from tbm_msgs_py.base.units import STANDARD_GRAVITY
 
 # Of Okabe and Ito, told apart by colour-blind readers too.
 FIELD: Final = "#D55E00"
@@ -31,7 +32,7 @@ def time_series(point: PointComparison) -> Figure:
     panels: list[Axes] = list(figure.subplots(2, 1, sharex=True, sharey=True))
     sides = (("measured", point.field.excerpt, FIELD), ("model", point.model.excerpt, MODEL))
     for panel, (name, series, colour) in zip(panels, sides, strict=True):
-        panel.plot(series.time, series.values / G, color=colour, linewidth=0.7)
+        panel.plot(series.time, series.values / STANDARD_GRAVITY, color=colour, linewidth=0.7)
         panel.set_title(name, loc="left", color=colour)
         panel.set_ylabel("g")
         panel.margins(x=0.0)
@@ -53,7 +54,7 @@ def spectra(comparison: Comparison, lines: Sequence[ExpectedLine]) -> Figure:
             low, high = side.density_factors
             panel.fill_between(frequency, low * density, high * density, color=colour, alpha=0.2, linewidth=0.0)
             panel.plot(frequency, density, color=colour, linewidth=0.8, label=label)
-        top = max(float(side.spectrum.density.max()) for side in (axis.field, axis.model)) / G**2
+        top = max(float(side.spectrum.density.max()) for side in (axis.field, axis.model)) / STANDARD_GRAVITY**2
         if top > 0.0:
             panel.set_yscale("log")
             panel.set_ylim(top * 10.0**-DECADES, 3.0 * top)
@@ -84,7 +85,7 @@ def _envelope(spectrum: Spectrum) -> tuple[Array, Array]:
     blocks = spectrum.density[: count * size].reshape(count, size)
     frequency = spectrum.frequency[: count * size].reshape(count, size)
     strongest = blocks.argmax(axis=1)[:, None]
-    return np.take_along_axis(frequency, strongest, axis=1)[:, 0], blocks.max(axis=1) / G**2
+    return np.take_along_axis(frequency, strongest, axis=1)[:, 0], blocks.max(axis=1) / STANDARD_GRAVITY**2
 
 
 def power_flow(comparison: Comparison) -> Figure:
@@ -114,7 +115,7 @@ def _bars(statistics: Sequence[SignalStatistics | None]) -> tuple[Array, Array]:
     values = np.array([np.nan if item is None else item.rms for item in statistics])
     limits = np.array([(np.nan, np.nan) if item is None else item.intervals["rms"] for item in statistics])
     reach = np.nan_to_num(np.abs(limits - values[:, None]).T)
-    return values / G, reach / G
+    return values / STANDARD_GRAVITY, reach / STANDARD_GRAVITY
 
 
 def windows(comparison: Comparison) -> Figure:
@@ -126,20 +127,31 @@ def windows(comparison: Comparison) -> Figure:
         axis = point.axes["x"]
         seen = axis.windows
         middle = seen.start + comparison.window_s / 2.0
-        levels.plot(middle, seen.field_rms / G, "-", color=_OUTSIDE, linewidth=0.8)
+        levels.plot(middle, seen.field_rms / STANDARD_GRAVITY, "-", color=_OUTSIDE, linewidth=0.8)
         inside = np.where(seen.level >= 0, seen.field_rms, np.nan)
         levels.plot(
-            middle, inside / G, "o-", color=FIELD, markersize=_dot(len(middle)), linewidth=1.0, label="measured"
+            middle,
+            inside / STANDARD_GRAVITY,
+            "o-",
+            color=FIELD,
+            markersize=_dot(len(middle)),
+            linewidth=1.0,
+            label="measured",
         )
         model = np.array([axis.levels[one].model.rms if one in axis.levels else np.nan for one in seen.level.tolist()])
         levels.plot(
-            middle, model / G, color=MODEL, linewidth=1.0, linestyle="--", label="model, whole run at the level"
+            middle,
+            model / STANDARD_GRAVITY,
+            color=MODEL,
+            linewidth=1.0,
+            linestyle="--",
+            label="model, whole run at the level",
         )
         levels.set_title(plain_text(f"{name}: axial RMS, g"), loc="left")
         percent = 100.0 * _finite(seen.relative_error)
         errors.plot(middle, percent, "o-", color="#333333", markersize=_dot(len(middle)), linewidth=1.0)
         errors.set_title(plain_text(f"{name}: relative error, %"), loc="left")
-        _from_zero(levels, seen.field_rms / G, np.array([axis.model.rms / G]))
+        _from_zero(levels, seen.field_rms / STANDARD_GRAVITY, np.array([axis.model.rms / STANDARD_GRAVITY]))
         _from_zero(errors, percent)
     for panel in rows[-1]:
         panel.set_xlabel("s")

@@ -13,10 +13,10 @@ from numpy.typing import NDArray
 
 from tbm_gsa.app.report.compare_figures import AXIS_NAMES, FIELD, MODEL, WIDTH, plain_text, tidy
 from tbm_gsa.comparison.alarm import SCATTERS
-from tbm_gsa.comparison.offline import G
 from tbm_gsa.history.baseline import Baseline, Usual
 from tbm_gsa.history.entries import Window
 from tbm_msgs_py.base.arrays import Array
+from tbm_msgs_py.base.units import STANDARD_GRAVITY
 
 POINTS_SHOWN: Final = 2000  # of a trend; more become means of neighbours
 HIGHEST_PERCENT: Final = 300.0  # a dead sensor would hide everything else
@@ -68,7 +68,7 @@ def trends(name: str, windows: Sequence[Window], baseline: Baseline | None) -> F
 def _draw_levels(panel: Axes, windows: Sequence[Window], title: str) -> None:
     for name, attribute, colour in (("measured", "field_rms", FIELD), ("model", "model_rms", MODEL)):
         time, values = _series(windows, attribute)
-        panel.plot(time, values / G, ".-", color=colour, markersize=3, linewidth=0.6, label=name)
+        panel.plot(time, values / STANDARD_GRAVITY, ".-", color=colour, markersize=3, linewidth=0.6, label=name)
     panel.set_title(plain_text(title), loc="left")
 
 

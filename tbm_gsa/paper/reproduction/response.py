@@ -12,12 +12,12 @@ from tbm_dynamics import Response, simulate
 from tbm_dynamics.calibration.targets import AXIAL_BAND_HZ
 from tbm_dynamics.structure.system import System
 from tbm_gsa.comparison.expected import expected_lines
-from tbm_gsa.comparison.offline import G
 from tbm_gsa.comparison.workflow import ComparisonResult, compare_recording
 from tbm_gsa.paper.load_summary import found_line
 from tbm_gsa.paper.reproduction.readings import Reading
 from tbm_gsa.paper.vibration import ACCELERATION_LINE_HZ, MESH_LINES_HZ
 from tbm_msgs_py.base.arrays import Array
+from tbm_msgs_py.base.units import STANDARD_GRAVITY
 
 RUN_S: Final = 40.0
 MODEL_S: Final = 60.0
@@ -107,14 +107,14 @@ def gather_response(reading: Reading, bag: Path, seed: int, seconds: float, mode
     machine = reading.machine
     response = simulate(machine, seconds, seed)
     points = machine.description.test_points
-    head = response.acceleration(points["cutterhead"], "x") / G
+    head = response.acceleration(points["cutterhead"], "x") / STANDARD_GRAVITY
     head = head - head.mean()
     force = response.mesh_force[:, 0] / 1e3
     wanted = [number * machine.mesh_frequency for number in range(1, MULTIPLES + 1)]
     return ResponseEvidence(
         reading=reading,
         seconds=seconds,
-        rms_g={name: _rms(response.acceleration(node)[:, :3] / G) for name, node in points.items()},
+        rms_g={name: _rms(response.acceleration(node)[:, :3] / STANDARD_GRAVITY) for name, node in points.items()},
         peak_g=float(np.abs(head).max()),
         acceleration=_excerpt(response.time, head),
         mesh_force=_excerpt(response.time, force),

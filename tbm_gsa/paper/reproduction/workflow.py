@@ -19,6 +19,7 @@ from tbm_gsa.paper.reproduction.sensitivity import SensitivityEvidence, gather_s
 from tbm_gsa.paper.reproduction.studies import Campaign, fitted_study, whole_study
 from tbm_gsa.paper.reproduction.surrogates import surrogate_rows
 from tbm_gsa.paper.surrogates import TEST, TRAIN
+from tbm_gsa.sensitivity.study.campaign import Progress as CampaignProgress
 from tbm_gsa.sensitivity.study.errors import StudyError
 from tbm_gsa.sensitivity.study.run import StudyResult
 
@@ -134,9 +135,11 @@ def reproduce(
     studies = []
     for campaign in campaigns:
         with clock.measure(f"campaign and surrogates, {campaign.reading.name}"):
-            own = folder / campaign.reading.name, workers, _simulations(campaign.reading.name, progress)
-            whole = campaign.reading.own and chosen.whole_study
-            study = whole_study(campaign, *own, report) if whole else fitted_study(campaign, *own)
+            place, told = folder / campaign.reading.name, _simulations(campaign.reading.name, progress)
+            if campaign.reading.own and chosen.whole_study:
+                study = whole_study(campaign, place, workers, told, report)
+            else:
+                study = fitted_study(campaign, place, workers, told)
             studies.append(gather_sensitivity(campaign.reading, study))
     progress("loads", None)
     with clock.measure("loads"):
@@ -151,7 +154,7 @@ def reproduce(
     return Reproduction(document, rows, both, mesh, loads, tuple(responses), tuple(studies))
 
 
-def _simulations(name: str, progress: Progress) -> Callable[[int, int, int], None]:
+def _simulations(name: str, progress: Progress) -> CampaignProgress:
     """Progress of the campaign of a reading."""
 
     def report(done: int, total: int, failed: int) -> None:
