@@ -10,10 +10,11 @@ from machine_files import TEXT
 
 from tbm_dynamics import Machine, load_machine, simulate
 from tbm_dynamics.calibration.free_values import FREE_VALUES, with_values
-from tbm_dynamics.calibration.objective import G, objective
+from tbm_dynamics.calibration.objective import objective
 from tbm_dynamics.calibration.prediction import Prediction, predict
 from tbm_dynamics.calibration.targets import PREDICTED_G
 from tbm_dynamics.machine.description import MachineDescription
+from tbm_msgs_py.base.units import STANDARD_GRAVITY
 
 
 @pytest.fixture(scope="module")
@@ -37,7 +38,7 @@ def test_predicted_levels_against_a_run(machine, prediction):
 def test_the_shipped_machine_is_the_calibrated_one(machine, prediction):
     # What docs/calibration.md says was reached.
     for point, level in PREDICTED_G.items():
-        assert prediction.rms[point][0] / G == pytest.approx(level, rel=0.15)
+        assert prediction.rms[point][0] / STANDARD_GRAVITY == pytest.approx(level, rel=0.15)
     assert np.any((prediction.axial_frequencies > 125.0) & (prediction.axial_frequencies < 135.0))
     fx = machine.description.loads.fx
     assert fx.fluctuation_rms < 0.2 * abs(fx.mean)
@@ -47,8 +48,14 @@ def test_the_shipped_machine_is_the_calibrated_one(machine, prediction):
     assert prediction.mesh_lines[130.3] > 2.5e3
 
 
+POINTS = ("cutterhead", "girder", "gripper", "shield")
+
+
 def levels(**axial):
-    return {point: np.full(3, axial.get(point, 0.1) * G) for point in ("cutterhead", "girder", "gripper", "shield")}
+    return {
+        point: np.full(3, axial.get(point, 0.1) * STANDARD_GRAVITY)
+        for point in ("cutterhead", "girder", "gripper", "shield")
+    }
 
 
 def test_objective_is_zero_at_the_papers_numbers_and_counts_each_miss():

@@ -153,16 +153,16 @@ def test_on_the_cutter_level_the_discs_give_the_torque(machine):
         (OperatingPoint(0.7, 6e6, 9e6), "power 4200 kW, allowed are up to 3500"),
         (OperatingPoint(0.0, 1e6, 9e6), "speed must be positive"),
         (OperatingPoint(0.3, -1.0, 9e6), "torque and thrust not negative"),
-        (OperatingPoint(np.nan, 1e6, 9e6), "finite"),
     ],
 )
 def test_operating_points_beyond_the_machine(machine, point, message):
     with pytest.raises(MachineError, match=f"^operating point: .*{message}"):
         LoadStream(machine, 0, TIME_STEP, SAMPLES).set_operating_point(point)
-    if np.isfinite(point.speed):
-        columns = zip(vars(machine.operating_point).values(), vars(point).values(), strict=True)
-        with pytest.raises(MachineError, match=f"^schedule: row 2: operating point: .*{message}"):
-            LoadStream(machine, 0, TIME_STEP, SAMPLES, schedule=Schedule([0.0, 1.0], *columns))
+    columns = (
+        [getattr(one, name) for one in (machine.operating_point, point)] for name in ("speed", "torque", "thrust")
+    )
+    with pytest.raises(MachineError, match=f"^schedule: row 2: operating point: .*{message}"):
+        LoadStream(machine, 0, TIME_STEP, SAMPLES, schedule=Schedule([0.0, 1.0], *columns))
 
 
 def test_a_thrust_that_friction_takes_up_is_no_point_of_the_cutter_level(machine):

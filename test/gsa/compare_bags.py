@@ -5,9 +5,9 @@ from functools import cache
 import numpy as np
 
 from tbm_dynamics import load_machine, simulate
-from tbm_gsa.comparison.offline import G
 from tbm_msgs_py import ACCELERATION
 from tbm_msgs_py.bags import BagWriter
+from tbm_msgs_py.base.units import STANDARD_GRAVITY as G
 
 START_NS = 1_700_000_000_000_000_000
 RATE = 2000

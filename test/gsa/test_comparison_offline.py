@@ -6,8 +6,8 @@ import scipy.signal
 import scipy.stats
 
 from tbm_gsa.comparison import Settings, compare_records
-from tbm_gsa.comparison.offline import G
 from tbm_gsa.signals.conditioning import common_band, condition
+from tbm_msgs_py.base.units import STANDARD_GRAVITY as G
 
 UPWARDS = np.array([0.0, 0.0, G])
 RNG = np.random.default_rng(5)

@@ -112,7 +112,7 @@ def test_operating_point(host_node, peer, clock):
 
     for refused, reason in [
         (OperatingPoint(-0.5, 3e6, 1e7), "speed must be positive"),
-        (OperatingPoint(0.5, float("nan"), 1e7), "not finite"),
+        (JointState(name=["cutterhead", "thrust"], velocity=[0.5, 0.0], effort=[math.nan, 1e7]), "not finite"),
         (JointState(name=["cutter"], velocity=[1.0], effort=[1.0]), "cutter, allowed: both cutterhead, thrust"),
     ]:
         message = refused if isinstance(refused, JointState) else messages.operating_point_message(0, refused)
