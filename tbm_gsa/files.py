@@ -1,35 +1,25 @@
-"""Writing of results: whole or not at all, and JSON that any reader takes."""
+"""Files of results: where one may be written, and JSON that any reader takes."""
 
 import json
 import math
 from pathlib import Path
-from typing import Any
+from typing import Any, Final
 
 from tbm_gsa.errors import InputError
+from tbm_msgs_py.files import write_whole
 
-
-def write_whole(path: Path, content: bytes) -> None:
-    """Write a file so that a reader sees the old one or the new one, never half of it.
-
-    Raises
-    ------
-    OSError
-        It cannot be written; the error names this file.
-    """
-    unfinished = path.with_name(f".{path.name}.new")
-    try:
-        try:
-            unfinished.write_bytes(content)
-            unfinished.replace(path)
-        finally:
-            unfinished.unlink(missing_ok=True)
-    except OSError as error:
-        raise OSError(error.errno, error.strerror, str(path)) from None
+BEGINNINGS: Final = {"page": b"<!DOCTYPE html>", "PNG picture": b"\x89PNG\r\n", "SVG picture": b"<?xml"}
 
 
 def write_json(path: Path, document: Any) -> None:
     """Write a JSON document whole; numbers that are not finite become null."""
-    write_whole(path, json.dumps(plain(document), indent=1, ensure_ascii=False, allow_nan=False).encode())
+    write_whole(path, json_text(document, indent=1).encode())
+
+
+def json_text(document: Any, indent: int) -> str:
+    """JSON of a document, with escapes for what a terminal would obey; numbers that are not finite become null."""
+    text = json.dumps(plain(document), indent=indent, ensure_ascii=False, allow_nan=False)
+    return "".join(one if one.isprintable() or one == "\n" else json.dumps(one)[1:-1] for one in text)
 
 
 def plain(value: Any) -> Any:
@@ -43,7 +33,32 @@ def plain(value: Any) -> Any:
     return value
 
 
-def check_folder(path: Path | None) -> None:
-    """Refuse a file in a folder that is not there, before the work that would fill it."""
-    if path is not None and not path.parent.is_dir():
+def check_result(path: Path | None, kind: str) -> None:
+    """Refuse a file that must not be written, before the work that would fill it.
+
+    Parameters
+    ----------
+    path : Path or None
+        None where none was asked for.
+    kind : str
+        Key of `BEGINNINGS`. What is there already is replaced by another of its kind, and by nothing else.
+
+    Raises
+    ------
+    InputError
+        No such folder, or something else is there.
+    """
+    if path is None:
+        return
+    if not path.parent.is_dir():
         raise InputError(f"{path}: no folder {path.parent}, allowed: a file in a folder that is there")
+    if (path.exists() or path.is_symlink()) and not _is_a(kind, path):
+        raise InputError(f"{path}: exists already and is no {kind}, allowed: a new file, or an earlier {kind}")
+
+
+def _is_a(kind: str, path: Path) -> bool:
+    """Whether a file, not a link or a device, is empty or begins as one of a kind does."""
+    if path.is_symlink() or not path.is_file():
+        return False
+    with path.open("rb") as file:
+        return file.read(len(BEGINNINGS[kind])) in (b"", BEGINNINGS[kind])  # an empty one has nothing to lose

@@ -6,9 +6,9 @@ from typing import Any, Final
 
 from tbm_gsa.comparison.document import axial_rows, stuck_texts
 from tbm_gsa.comparison.workflow import ComparisonResult
-from tbm_gsa.files import write_whole
 from tbm_gsa.report import compare_figures
 from tbm_gsa.report.page import embed_figure, render_page
+from tbm_msgs_py.files import write_whole
 from tbm_msgs_py.health import COUNTS
 
 LOW_COVERAGE: Final = 0.9

@@ -12,10 +12,10 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from tbm_gsa.explanation.verdict import verdict
-from tbm_gsa.files import write_whole
 from tbm_gsa.report.page import embed_figure, render_page
 from tbm_gsa.study.distributions import LogUniform, distribution_from
 from tbm_gsa.study.inputs import PAPER_INPUTS
+from tbm_msgs_py.files import write_whole
 
 BEFORE, AFTER, RANGE = "#D55E00", "#0072B2", "#d8dee6"
 

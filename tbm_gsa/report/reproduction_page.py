@@ -6,7 +6,6 @@ from typing import Any, Final
 
 from matplotlib.figure import Figure
 
-from tbm_gsa.files import write_whole
 from tbm_gsa.paper.vibration import ACCELERATION_LINE_HZ
 from tbm_gsa.report import compare_figures, gsa_figures
 from tbm_gsa.report.load_figure import load_figure
@@ -17,6 +16,7 @@ from tbm_gsa.reproduction.row import SOURCES, Row, Value
 from tbm_gsa.reproduction.verdict import VERDICTS
 from tbm_gsa.reproduction.workflow import Reproduction
 from tbm_gsa.study.inputs import PAPER_INPUTS
+from tbm_msgs_py.files import write_whole
 
 TITLES: Final = {
     "Table 1": "Mean values and main frequencies of the loads",

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from tbm_gsa.files import write_json, write_whole
+from tbm_gsa.files import write_json
 from tbm_gsa.report.gsa_page import gsa_page
 from tbm_gsa.report.gsa_tables import gsa_tables
 from tbm_gsa.study.analysis import OutputAnalysis, analyse, check_methods
@@ -17,6 +17,7 @@ from tbm_gsa.study.problem import Problem
 from tbm_gsa.study.store import Store
 from tbm_gsa.study.worker import Evaluate
 from tbm_gsa.surrogates import SURROGATES
+from tbm_msgs_py.files import write_whole
 
 
 @dataclass(frozen=True, eq=False)

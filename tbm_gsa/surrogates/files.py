@@ -17,10 +17,10 @@ import numpy as np
 
 from tbm_gsa.arrays import Array
 from tbm_gsa.errors import InputError
-from tbm_gsa.files import write_whole
 from tbm_gsa.surrogates.base import Surrogate
 from tbm_gsa.surrogates.expansion import Expansion, KernelExpansion, PolynomialExpansion
 from tbm_gsa.surrogates.samples import checked_samples
+from tbm_msgs_py.files import write_whole
 
 FORMAT: Final = "tbm_monitor surrogate 1"
 _WRITTEN: Final = "a file that `save_surrogate` wrote"

@@ -18,6 +18,7 @@ from tbm_msgs_py.bags.errors import RecordingError
 from tbm_msgs_py.bags.mapping import contract_sensor
 from tbm_msgs_py.bags.writing import BagWriter
 from tbm_msgs_py.blocks import ACCELERATION, NANOSECONDS
+from tbm_msgs_py.files import write_whole
 from tbm_msgs_py.importing.description import Description, OperatingColumns, PointColumns, TimeColumn
 from tbm_msgs_py.importing.extra import complaints
 from tbm_msgs_py.importing.formats import open_source
@@ -116,7 +117,7 @@ def _import(path: Path, description: Description, out: Path, progress: Callable[
         if stated and out.suffix != ".mcap":
             content = mapping.Mapping(topics=stated).model_dump(mode="json", exclude_none=True)
             text = yaml.safe_dump(content, sort_keys=False)
-            (out / mapping.FILE_NAME).write_text(text, encoding="utf-8")
+            write_whole(out / mapping.FILE_NAME, text.encode())
     return Imported(streams, warnings)
 
 
