@@ -50,7 +50,7 @@ def reproduce(
         print_json(result.document)
     else:
         _print(result.document)
-    notes.print(f"page: {out / PAGE_NAME}", markup=False, highlight=False)
+    notes.print(f"page: {out / PAGE_NAME}", highlight=False)
 
 
 def _print(document: dict[str, Any]) -> None:
