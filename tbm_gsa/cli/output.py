@@ -11,6 +11,7 @@ import typer
 from rich.console import Console, ConsoleOptions, RenderableType
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 from rich.segment import Segment
+from rich.table import Table
 
 from tbm_gsa.files import json_text
 from tbm_msgs_py.texts import printable
@@ -18,6 +19,12 @@ from tbm_msgs_py.texts import printable
 
 class _Printable(Console):
     """Console that shows control characters in texts, which may be of others, and obeys only its own."""
+
+    def print(self, *objects: Any, **options: Any) -> None:
+        """Print as rich does; columns of tables are as wide as what is shown in them."""
+        for column in (column for table in objects if isinstance(table, Table) for column in table.columns):
+            column._cells = [printable(str(cell), "\n") for cell in column.cells]
+        super().print(*objects, **options)
 
     def render(self, renderable: RenderableType, options: ConsoleOptions | None = None) -> Iterable[Segment]:
         """Segments of what is printed."""

@@ -55,7 +55,16 @@ def test_no_control_reaches_a_terminal(control, capsys):
         console.print(Text(text))
         console.print(table)
     print_json({text: text})
-    assert not controls("".join(capsys.readouterr()))
+    caught = capsys.readouterr()
+    assert not controls(caught.out + caught.err)
+
+
+@pytest.mark.parametrize("control", sorted(set(CONTROLS) - set("\n\a\b\v\f\r")), ids=ascii)  # those rich leaves out
+def test_what_is_shown_in_a_table_is_whole(control, capsys):
+    table = Table("name")
+    table.add_row(Text(f"a{control}b"))
+    results.print(table)
+    assert f" a{printable(control)}b " in capsys.readouterr().out
 
 
 def test_names_in_a_recording_steer_no_terminal(tmp_path, monkeypatch, capsys):
