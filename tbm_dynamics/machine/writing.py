@@ -52,7 +52,12 @@ def write_machine(path: str | Path, text: str) -> None:
     """
     try:
         with Path(path).open("x", encoding="utf-8") as file:
-            file.write(text)
+            try:
+                file.write(text)
+                file.flush()
+            except OSError:
+                Path(path).unlink()  # half of a machine is none
+                raise
     except FileExistsError:
         raise MachineError(f"{path}: exists already, allowed: a new file") from None
     except OSError as error:

@@ -5,7 +5,7 @@ from tbm_gsa.history.entries import KINDS, Entry, Group, Kind, Source, Window, l
 from tbm_gsa.history.errors import HistoryError, HistoryLockedError
 from tbm_gsa.history.queries import Queries, Selection
 from tbm_gsa.history.reading import HistoryReader
-from tbm_gsa.history.store import History, default_history
+from tbm_gsa.history.store import History, check_history, default_history
 
 __all__ = [
     "BY_ORIGIN",
@@ -22,6 +22,7 @@ __all__ = [
     "Selection",
     "Source",
     "Window",
+    "check_history",
     "default_history",
     "live_entries",
     "make_baseline",

@@ -14,6 +14,7 @@ from tbm_gsa.history.errors import HistoryError, unusable
 from tbm_gsa.history.queries import ENTRY_COLUMNS, SOURCE_COLUMNS, Queries
 from tbm_gsa.history.reading import check_file
 from tbm_gsa.history.schema import bring_up_to_date, version_of
+from tbm_msgs_py.base.files import data_folder
 
 WAIT_S: Final = 5.0  # for another writer
 _ROW: Final = ", ".join("?" * (1 + len(fields(Entry))))  # with its source
@@ -25,11 +26,20 @@ def default_history() -> Path:
     named = os.environ.get("TBM_HISTORY")
     if named:
         return Path(named)
-    data = os.environ.get("XDG_DATA_HOME")
     try:
-        return (Path(data) if data else Path.home() / ".local" / "share") / "tbm_monitor" / "history.sqlite"
+        return data_folder() / "history.sqlite"
     except RuntimeError:
         raise HistoryError("no home folder for the history, allowed: a file in TBM_HISTORY") from None
+
+
+def check_history(path: Path) -> None:
+    """Refuse a file that `History` would, and make none: one that is not there needs a folder that can be written."""
+    if path.exists():
+        History(path).close()
+        return
+    folder = next(folder for folder in path.absolute().parents if folder.exists())
+    if not (folder.is_dir() and os.access(folder, os.W_OK | os.X_OK)):
+        raise HistoryError(f"{path}: no file can be made in {folder}, allowed: a folder that can be written")
 
 
 class History(Queries):

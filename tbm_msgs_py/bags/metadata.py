@@ -12,6 +12,7 @@ from rosbags.rosbag2.metadata import dump_qos_v9
 
 from tbm_msgs_py.bags.qos import rosbag_qos
 from tbm_msgs_py.base.errors import RecordingError
+from tbm_msgs_py.base.files import write_whole
 from tbm_msgs_py.topics import Quality
 
 FILE_NAME = "metadata.yaml"
@@ -135,12 +136,7 @@ def dump(described: Mapping[str, Any]) -> str:
 def write(folder: Path, described: Mapping[str, Any]) -> None:
     """Put `metadata.yaml` into its place in one step: a reader never sees half of it."""
     text = str(yaml.dump({ROOT: dict(described)}, Dumper=_Dumper, sort_keys=False))
-    fresh = folder / f"{FILE_NAME}.tmp"
-    try:
-        fresh.write_text(text, encoding="utf-8")
-        fresh.replace(folder / FILE_NAME)
-    finally:
-        fresh.unlink(missing_ok=True)
+    write_whole(folder / FILE_NAME, text.encode())
 
 
 def read(folder: Path) -> dict[str, Any]:

@@ -20,6 +20,7 @@ from tbm_msgs_py.bags.metadata import TopicEntry
 from tbm_msgs_py.bags.part import Compression, Part
 from tbm_msgs_py.bags.samples import BLOCK_TYPE, JOINT_STATE_TYPE, typestore
 from tbm_msgs_py.base.errors import RecordingError
+from tbm_msgs_py.base.files import hidden_beside
 from tbm_msgs_py.base.operating_point import OperatingPoint
 from tbm_msgs_py.base.units import NANOSECONDS
 from tbm_msgs_py.blocks import BlockLayout
@@ -272,7 +273,7 @@ class BagWriter:
         """Start the next file; it is there before the metadata name it."""
         if self._bare:
             # Beside the result, so that the finished file moves into its place in one step.
-            file = self.path.with_name(f".{self.path.stem}.{os.getpid()}.mcap")
+            file = hidden_beside(self.path, bare_label(self.path, os.getpid()))
         else:
             file = self.path / (f"{self.path.name}_{self._number}.mcap" if self._split else f"{self.path.name}.mcap")
         self._number += 1
@@ -305,6 +306,11 @@ class BagWriter:
         if self._part is None:
             raise RecordingError(f"{self.path}: the recording is not open, allowed: to write between open and close")
         return self._part
+
+
+def bare_label(path: Path, process: int) -> str:
+    """Begin of the name that a bare file has while a process writes it, after its dot."""
+    return f"{path.stem}.{process}."
 
 
 def _header(stamp_ns: int, frame_id: str = "") -> Any:

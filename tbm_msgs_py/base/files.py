@@ -1,11 +1,24 @@
-"""Writing of results: whole or not at all, and JSON that any reader takes."""
+"""Files that are there whole or not at all, and the folder of those that the user names no other for."""
 
-import json
-import math
+from __future__ import annotations
+
+import os
+import secrets
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
 
-from tbm_msgs_py.base.errors import InputError
+
+def data_folder() -> Path:
+    """``tbm_monitor`` in the user's data folder (``$XDG_DATA_HOME``).
+
+    Raises
+    ------
+    RuntimeError
+        The user has none.
+    """
+    data = os.environ.get("XDG_DATA_HOME")
+    return (Path(data) if data else Path.home() / ".local" / "share") / "tbm_monitor"
 
 
 def write_whole(path: Path, content: bytes) -> None:
@@ -16,34 +29,34 @@ def write_whole(path: Path, content: bytes) -> None:
     OSError
         It cannot be written; the error names this file.
     """
-    unfinished = path.with_name(f".{path.name}.new")
+    with unfinished(path) as fresh:
+        fresh.write_bytes(content)
+
+
+@contextmanager
+def unfinished(path: Path) -> Iterator[Path]:
+    """Empty new file beside `path` that takes its place at the end of the `with` block, or goes with an error.
+
+    Its name cannot be guessed and it is made exclusively, so that nobody can have put a link in its way. What is at
+    `path` is replaced, be it a link; what the link led to stays as it is.
+
+    Raises
+    ------
+    OSError
+        Something cannot be written; the error names `path`.
+    """
+    fresh = hidden_beside(path)
     try:
+        fresh.open("xb").close()
         try:
-            unfinished.write_bytes(content)
-            unfinished.replace(path)
+            yield fresh
+            fresh.replace(path)
         finally:
-            unfinished.unlink(missing_ok=True)
+            fresh.unlink(missing_ok=True)
     except OSError as error:
         raise OSError(error.errno, error.strerror, str(path)) from None
 
 
-def write_json(path: Path, document: Any) -> None:
-    """Write a JSON document whole; numbers that are not finite become null."""
-    write_whole(path, json.dumps(plain(document), indent=1, ensure_ascii=False, allow_nan=False).encode())
-
-
-def plain(value: Any) -> Any:
-    """Give what JSON can hold: numbers that are not finite become null."""
-    if isinstance(value, dict):
-        return {str(key): plain(item) for key, item in value.items()}
-    if isinstance(value, list | tuple):
-        return [plain(item) for item in value]
-    if isinstance(value, float) and not math.isfinite(value):
-        return None
-    return value
-
-
-def check_folder(path: Path | None) -> None:
-    """Refuse a file in a folder that is not there, before the work that would fill it."""
-    if path is not None and not path.parent.is_dir():
-        raise InputError(f"{path}: no folder {path.parent}, allowed: a file in a folder that is there")
+def hidden_beside(path: Path, label: str = "") -> Path:
+    """Path of no file yet, in the same folder and with the same suffix, under a name that cannot be guessed."""
+    return path.with_name(f".{label}{secrets.token_hex(8)}{path.suffix}")

@@ -5,10 +5,12 @@ from __future__ import annotations
 import shutil
 import signal
 import sys
+from glob import escape
 from multiprocessing import get_context
 from multiprocessing.connection import Connection
 from pathlib import Path
 
+from tbm_msgs_py.bags.writing import bare_label
 from tbm_msgs_py.base.errors import RecordingError
 from tbm_msgs_py.importing.convert import Imported, import_recording
 from tbm_msgs_py.importing.description import Description
@@ -37,7 +39,8 @@ def import_apart(path: Path, description: Description, out: Path) -> Imported:
         child.join()
         if result is None:  # one that was refused has removed what it made, and `out` may be another's
             shutil.rmtree(out, ignore_errors=True)
-            out.with_name(f".{out.stem}.{child.pid}.mcap").unlink(missing_ok=True)
+            for left in out.parent.glob(f".{escape(bare_label(out, child.pid or 0))}*{out.suffix}"):
+                left.unlink(missing_ok=True)
     if isinstance(result, RecordingError):
         raise result
     return result

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from tbm_msgs_py import topics
 from tbm_msgs_py.bags.writing import BagWriter
 from tbm_msgs_py.base.errors import RecordingError
+from tbm_msgs_py.base.files import write_whole
 from tbm_msgs_py.base.operating_point import OperatingPoint
 from tbm_msgs_py.base.units import NANOSECONDS
 from tbm_msgs_py.blocks import ACCELERATION
@@ -117,7 +118,7 @@ def _import(path: Path, description: Description, out: Path, progress: Callable[
         if stated and out.suffix != ".mcap":
             content = mapping.Mapping(topics=stated).model_dump(mode="json", exclude_none=True)
             text = yaml.safe_dump(content, sort_keys=False)
-            (out / mapping.FILE_NAME).write_text(text, encoding="utf-8")
+            write_whole(out / mapping.FILE_NAME, text.encode())
     return Imported(streams, warnings)
 
 

@@ -19,6 +19,7 @@ from rosgraph_msgs.msg import Clock as ClockMessage
 from tbm_msgs_py import topics
 from tbm_msgs_py.bags import Bag, RawMessage, RecordingError, Topic
 from tbm_msgs_py.bags.qos import offered_quality
+from tbm_msgs_py.base.files import write_whole
 from tbm_msgs_py.base.units import NANOSECONDS
 from tbm_msgs_py.nodes import messages, qos
 from tbm_msgs_py.nodes.managed import ManagedNode, Parameter, run_node
@@ -38,7 +39,7 @@ PARAMETERS = (
     Parameter("wait_for_subscribers", 1, "subscriptions to the played topics before the first message", 0, 1000),
     Parameter("wait_timeout", 5.0, "longest wait for these subscriptions, s", 0.0, 3600.0),
     Parameter("exit_at_end", True, "end the process after the last message"),
-    Parameter("summary", "", "file that gets the result as JSON at the end; empty for none"),
+    Parameter("summary", "", "file that gets the result as JSON at the end; empty for none", changes="start"),
 )
 
 
@@ -93,7 +94,7 @@ class BagPlayer(ManagedNode):
                 "loops": self._loops,
                 "ended": self._next is None,
             }
-            Path(self.value("summary")).write_text(json.dumps(document), encoding="utf-8")
+            write_whole(Path(self.value("summary")), json.dumps(document).encode())
 
     def _stop(self) -> None:
         if self._timer is not None:

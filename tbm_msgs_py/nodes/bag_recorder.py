@@ -10,16 +10,18 @@ from typing import Any, NamedTuple
 
 from diagnostic_msgs.msg import DiagnosticStatus
 from rclpy.event_handler import SubscriptionEventCallbacks
-from rclpy.logging import get_logger
 
 from tbm_msgs_py import topics
 from tbm_msgs_py.bags import BagWriter, RecordingError
 from tbm_msgs_py.bags.quota import enforce, mark
 from tbm_msgs_py.bags.samples import typestore
+from tbm_msgs_py.base.files import write_whole
 from tbm_msgs_py.nodes import messages, qos
 from tbm_msgs_py.nodes.faults import Faults
 from tbm_msgs_py.nodes.following import Offer, TopicFollower
+from tbm_msgs_py.nodes.logs import get_logger
 from tbm_msgs_py.nodes.managed import ManagedNode, Parameter, run_node
+from tbm_msgs_py.nodes.parameters import ROOT
 from tbm_msgs_py.topics import Quality
 
 DISCOVERY = 0.05  # s between looks for topics that are not there yet
@@ -30,7 +32,8 @@ DEPTH = 1000  # messages that may wait while the disk is slow
 MEGABYTE = 1e6
 
 PARAMETERS = (
-    Parameter("output", "", "new rosbag2 folder"),
+    Parameter("output", "", "new rosbag2 folder", written=True),
+    ROOT,
     Parameter("topics", [""], "topics recorded, relative to the namespace or absolute; at least one"),
     Parameter("duration", 0.0, "s after which the recording ends; 0 for never", minimum=0.0),
     Parameter("flush_period", 0.5, "longest time a message stays unwritten, s", 0.05, 0.5),
@@ -43,7 +46,7 @@ PARAMETERS = (
         "MB that the output and what was recorded beside it with a quota take at most, the oldest files go; 0 for all",
         minimum=0.0,
     ),
-    Parameter("summary", "", "file that gets the result as JSON at the end; empty for none"),
+    Parameter("summary", "", "file that gets the result as JSON at the end; empty for none", changes="start"),
 )
 
 
@@ -121,7 +124,7 @@ class BagRecorder(ManagedNode):
         self._writer, self._types = None, {}
         if self.value("summary"):
             document = {"lost": self._lost + len(self._arrived), "deleted": self._deleted, "problem": self._problem}
-            Path(self.value("summary")).write_text(json.dumps(document), encoding="utf-8")
+            write_whole(Path(self.value("summary")), json.dumps(document).encode())
 
     def _discover(self) -> None:
         for name in self._wanted:

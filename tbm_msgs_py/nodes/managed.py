@@ -16,9 +16,12 @@ from rclpy.exceptions import ParameterException
 from rclpy.lifecycle import LifecycleNode, TransitionCallbackReturn
 from rclpy.task import Future
 
+from tbm_msgs_py.base.files import data_folder
 from tbm_msgs_py.nodes import messages, qos
+from tbm_msgs_py.nodes.confining import check_below
 from tbm_msgs_py.nodes.guarding import Guard
-from tbm_msgs_py.nodes.parameters import AUTOSTART, Parameter, ParameterError, ParameterValue
+from tbm_msgs_py.nodes.logs import PrintableLogger, get_logger
+from tbm_msgs_py.nodes.parameters import AUTOSTART, DATA_ROOT, Parameter, ParameterError, ParameterValue
 from tbm_msgs_py.nodes.running import run_node
 from tbm_msgs_py.topics import DIAGNOSTICS, NAMESPACE, status_name
 
@@ -67,10 +70,12 @@ class ManagedNode(LifecycleNode):  # type: ignore[misc]  # rclpy is untyped
         self._clock_seen = 0
         self.clock_stands = False  # at the last look, a second ago at most
         self._declared = {parameter.name: parameter for parameter in (AUTOSTART, *parameters)}
+        self._stated: dict[str, Any] = {}  # values that the start gave
         self.add_on_set_parameters_callback(self._check)
         self.add_post_set_parameters_callback(self._after_set)
         for parameter in self._declared.values():
             self._declare(parameter)
+            self._stated[parameter.name] = self.get_parameter(parameter.name).value
         self._diagnostics = self.create_publisher(
             DiagnosticArray, DIAGNOSTICS, qos.DIAGNOSTICS, qos_overriding_options=qos.overridable()
         )
@@ -122,6 +127,10 @@ class ManagedNode(LifecycleNode):  # type: ignore[misc]  # rclpy is untyped
     def status_name(self, task: str) -> str:
         """Name on `/diagnostics` of a task of this machine."""
         return status_name(task, self.get_namespace().strip("/") or self.get_name())
+
+    def get_logger(self) -> PrintableLogger:
+        """Logger of the node, which shows control characters in texts of others."""
+        return get_logger(super().get_logger().name)
 
     def create_publisher(self, kind: Any, topic: str, profile: Any, *args: Any, **kwargs: Any) -> Any:
         """Create a publisher as rclpy does; the profile given stays as it is."""
@@ -286,6 +295,7 @@ class ManagedNode(LifecycleNode):  # type: ignore[misc]  # rclpy is untyped
     def _check(self, candidates: Sequence[Any]) -> SetParametersResult:
         known = [(self._declared[new.name], new.value) for new in candidates if new.name in self._declared]
         problems = [problem for parameter, value in known if (problem := parameter.problem(value))]
+        problems += [problem for parameter, value in known if (problem := self._outside(parameter, value))]
         if self._stage and not problems:
             problems = [
                 f"parameter {parameter.name}: fixed while the node is configured; clean up, set, configure"
@@ -298,6 +308,18 @@ class ManagedNode(LifecycleNode):  # type: ignore[misc]  # rclpy is untyped
             except ValueError as error:
                 problems = [str(error)]
         return SetParametersResult(successful=not problems, reason="; ".join(problems))
+
+    def _outside(self, parameter: Parameter, value: Any) -> str:
+        """Why a path that is set after the start is not taken; empty if it is."""
+        if not parameter.written or parameter.name not in self._stated or value in parameter.no_path:
+            return ""
+        stated = self._stated[parameter.name]
+        try:
+            root = self._stated.get(DATA_ROOT) or str(data_folder())
+            check_below(parameter.name, value, [root, "" if stated in parameter.no_path else stated])
+        except (ParameterError, RuntimeError) as error:
+            return str(error)
+        return ""
 
     def _after_set(self, changed: Sequence[Any]) -> None:
         names = frozenset(new.name for new in changed if new.name in self._declared)

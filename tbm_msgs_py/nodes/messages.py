@@ -24,6 +24,7 @@ from std_msgs.msg import Header
 
 from tbm_msgs_py import blocks
 from tbm_msgs_py.base.operating_point import OperatingPoint
+from tbm_msgs_py.base.printing import printable
 from tbm_msgs_py.blocks import BlockLayout
 
 Level = Literal["ok", "warn", "error", "stale"]
@@ -149,6 +150,7 @@ def status(
 ) -> DiagnosticStatus:
     """One diagnostic status; floats are written with six significant digits."""
     pairs = [KeyValue(key=key, value=_text(value)) for key, value in (values or {}).items()]
+    message = printable(message)  # it may hold what others have sent
     return DiagnosticStatus(level=_LEVELS[level], name=name, message=message, hardware_id=hardware_id, values=pairs)
 
 
@@ -158,4 +160,4 @@ def diagnostics(stamp_ns: int, statuses: Iterable[DiagnosticStatus]) -> Diagnost
 
 
 def _text(value: Any) -> str:
-    return f"{value:.6g}" if isinstance(value, float) else str(value)
+    return f"{value:.6g}" if isinstance(value, float) else printable(str(value))

@@ -11,6 +11,7 @@ from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescri
 from tbm_msgs_py.base.errors import InputError
 
 _KINDS = {bool: "true or false", int: "a whole number", float: "a decimal number", str: "text", list: "a list"}
+DATA_ROOT = "data_root"
 ParameterValue = bool | int | float | str | list[str] | list[float]
 Changes = Literal["start", "unconfigured", "running"]
 _WHEN = {
@@ -42,6 +43,10 @@ class Parameter:
         Allowed values of a string.
     changes : "start", "unconfigured" or "running"
         When another value is taken: at the start only (read-only), between `cleanup` and `configure`, or always.
+    written : bool
+        It is a path at which the node makes files: after the start only one below the data root is taken.
+    no_path : tuple of str
+        Values of such a parameter that are no path.
     """
 
     name: str
@@ -51,6 +56,8 @@ class Parameter:
     maximum: float | None = None
     choices: tuple[str, ...] = ()
     changes: Changes = "unconfigured"
+    written: bool = False
+    no_path: tuple[str, ...] = ("",)
 
     def descriptor(self) -> ParameterDescriptor:
         """Descriptor with range, description and read-only flag."""
@@ -109,4 +116,10 @@ def _text(value: Any) -> str:
 
 AUTOSTART = Parameter(
     "autostart", True, "configure and activate at the start, without a lifecycle manager", changes="start"
+)
+ROOT = Parameter(
+    DATA_ROOT,
+    "",
+    "folder below which paths written to may be set while the node runs; empty: tbm_monitor in the user's data folder",
+    changes="start",
 )

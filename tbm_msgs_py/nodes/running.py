@@ -13,8 +13,8 @@ from typing import TYPE_CHECKING, Any
 import rclpy
 from rclpy.exceptions import InvalidHandle, ParameterException
 from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
-from rclpy.logging import get_logger
 
+from tbm_msgs_py.nodes.logs import get_logger
 from tbm_msgs_py.nodes.transport import avoid_shared_memory
 
 if TYPE_CHECKING:

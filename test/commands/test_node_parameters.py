@@ -84,6 +84,18 @@ def test_bad_parameters_are_one_line(node, parameters, named, process, tmp_path)
     assert sorted(tmp_path.rglob("*")) == before
 
 
+@pytest.mark.parametrize(
+    ("node", "parameter"),
+    [(BagPlayer, "bag"), (LoadNode, "machine"), (AnalysisNode, "mapping"), (LoadNode, "schedule")],
+)
+def test_a_log_line_steers_no_terminal(node, parameter, process):
+    """Texts of others in the log of a node: erase the screen, another line, right to left."""
+    code, said = process(node, "-p", f'{parameter}:="/no\\e[2J\\u009b31m\\n[INFO] all is well\\u202e.csv"')
+    assert code == 2
+    assert [one for one in said if not one.isprintable()] == ["\n"], ascii(said)
+    assert r"\x1b[2J\x9b31m" in said
+
+
 def test_a_process_with_bad_parameters_ends_with_2():
     command = [sys.executable, "-m", "tbm_gsa.app.nodes.start", "tbm_msgs_py.nodes.bag_player"]
     done = subprocess.run(command, capture_output=True, text=True, check=False)

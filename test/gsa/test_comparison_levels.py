@@ -5,9 +5,10 @@ import pytest
 from compare_bags import START_NS, model_values, noise, write_bag
 
 from tbm_dynamics import load_machine
-from tbm_gsa.comparison.levels import MOST_LEVELS, R_MIN, NeverDrivenError, machine_course, recorded_course
+from tbm_gsa.comparison.levels import MOST_LEVELS, NeverDrivenError, machine_course, recorded_course
 from tbm_gsa.comparison.workflow import compare_recording
 from tbm_msgs_py import OperatingPoint
+from tbm_msgs_py.base.units import R_MIN
 from tbm_msgs_py.recordings.operating import OperatingRecord
 
 SECOND = 1_000_000_000

@@ -13,8 +13,9 @@ from matplotlib.figure import Figure
 from tbm_gsa.app.report import explanation_page
 from tbm_gsa.app.report.picture import write_picture
 from tbm_gsa.sensitivity.surrogates.files import save_surrogate
-from tbm_msgs_py.base.files import write_json
+from tbm_msgs_py.base.results import write_json
 
+BEFORE = b"\x89PNG\r\nbefore"  # an earlier picture
 WRITERS = {
     "document": lambda path, _: write_json(path, {"a": 1}),
     "picture": lambda path, _: write_picture(lambda: Figure(figsize=(1.0, 1.0)), path),
@@ -26,7 +27,7 @@ WRITERS = {
 @pytest.mark.parametrize("name", WRITERS)
 def test_a_full_disk_leaves_what_was_there(tmp_path, monkeypatch, fitted, name):
     model, path = fitted("krg", "ishigami", 30), tmp_path / "result.png"
-    path.write_bytes(b"before")
+    path.write_bytes(BEFORE)
     write = Path.write_bytes
 
     def half(self, content):
@@ -38,12 +39,12 @@ def test_a_full_disk_leaves_what_was_there(tmp_path, monkeypatch, fitted, name):
     with pytest.raises(OSError, match="No space left") as caught:
         WRITERS[name](path, model)
     assert caught.value.filename == str(path)
-    assert path.read_bytes() == b"before"
+    assert path.read_bytes() == BEFORE
     assert list(tmp_path.iterdir()) == [path]
     monkeypatch.undo()
     monkeypatch.setattr(explanation_page, "explanation_page", lambda _: "page")
     WRITERS[name](path, model)
-    assert path.read_bytes() != b"before"
+    assert path.read_bytes() != BEFORE
     assert list(tmp_path.iterdir()) == [path]
 
 

@@ -50,6 +50,43 @@ def file(tmp_path):
     return path
 
 
+@pytest.mark.parametrize("there", ["history", "link", "device", "text"])
+@pytest.mark.parametrize("command", ["history --html", "history --png", "machine show --out", "compare --html"])
+def test_a_result_replaces_only_its_kind(run, file, tmp_path, command, there):
+    """One rule for all that write a page or a picture: another file, or what a link leads to, stays as it is."""
+    suffix = ".html" if command.endswith("html") else ".png"
+    target, other = tmp_path / f"result{suffix}", tmp_path / "other"
+    other.write_text("theirs")
+    kinds = {
+        "history": lambda: target.write_bytes(file.read_bytes()),
+        "link": lambda: target.symlink_to(other),
+        "device": lambda: target.symlink_to("/dev/null"),
+        "text": lambda: target.write_text("theirs"),
+    }
+    kinds[there]()
+    before = target.read_bytes()
+    words = command.split()
+    first = {"history": ["history", "--history", file], "machine": ["machine", "show", "open380"]}
+    start = first.get(words[0]) or ["compare", write_bag(tmp_path / "bag", {"shield": noise(6.0)})]
+    code, out, err = run(*start, words[-1], target)
+    assert (code, out) == (2, "")
+    assert "exists already" in err
+    assert len(err.splitlines()) == 1
+    assert target.read_bytes() == before
+    target.unlink()
+    if words[0] != "compare":
+        assert [run(*start, words[-1], target)[0] for _ in range(2)] == [0, 0]  # an earlier one of ours goes
+
+
+def test_a_compare_that_fails_leaves_no_history(run, tmp_path):
+    bag = write_bag(tmp_path / "bag", {"shield": noise(6.0)})
+    before = sorted(tmp_path.rglob("*"))
+    command = ("compare", bag, "--history", tmp_path / "new" / "h.sqlite")
+    for wrong in (["--machine", "nowhere"], ["--mapping", tmp_path / "no.yaml"], ["--window", "0"]):
+        assert run(*command, *wrong)[0] == 2
+        assert sorted(tmp_path.rglob("*")) == before
+
+
 def test_compare_puts_its_windows_into_the_history(run, tmp_path):
     bag = write_bag(tmp_path / "bag", {"shield": noise(6.0)})
     history = tmp_path / "h.sqlite"

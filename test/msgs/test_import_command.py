@@ -10,10 +10,10 @@ import pytest
 import scipy.io
 
 from tbm_gsa.app.cli.main import main
-from tbm_msgs_py import RecordingError, read_recording
+from tbm_msgs_py import BagWriter, RecordingError, read_recording
+from tbm_msgs_py.base.units import STANDARD_GRAVITY
 from tbm_msgs_py.importing import apart, describe, import_recording
 from tbm_msgs_py.importing.apart import _import as import_apart_as_it_is
-from tbm_msgs_py.recordings.mapping import STANDARD_GRAVITY
 
 START = "2026-03-01T08:00:00+01:00"
 POINT = {"columns": ["a", "b", "c"], "units": "g", "gravity": "removed", "frame": "fixed"}
@@ -95,10 +95,7 @@ def test_bad_input_is_one_line(command, tmp_path, arguments, named):
 
 def crash(answer, path, description, out):
     """Stands for a library that ends with a segmentation fault when the output has been begun."""
-    if out.suffix == ".mcap":
-        out.with_name(f".{out.stem}.{os.getpid()}.mcap").touch()
-    else:
-        out.mkdir()
+    BagWriter(out).open()
     os.kill(os.getpid(), signal.SIGKILL)
 
 

@@ -211,13 +211,14 @@ class Peer:
         """
         names = self.call(ListParameters, f"{namespace}/{node}/list_parameters").result.names
         own = [name for name in names if not name.startswith(NOT_OURS)]
-        assert set(own) == {known.name for known in (AUTOSTART, *import_module(NODES[node]).PARAMETERS)}
+        known = {one.name: one for one in (AUTOSTART, *import_module(NODES[node]).PARAMETERS)}
+        assert set(own) == set(known)
         request = DescribeParameters.Request(names=own)
         found = self.call(DescribeParameters, f"{namespace}/{node}/describe_parameters", request).descriptors
         for described in found:
             assert described.description, described.name
             assert described.additional_constraints, described.name
-            assert described.read_only == (described.name == "autostart"), described.name
+            assert described.read_only == (known[described.name].changes == "start"), described.name
             ranges = [*described.integer_range, *described.floating_point_range]
             if described.type in (ParameterType.PARAMETER_INTEGER, ParameterType.PARAMETER_DOUBLE):
                 (limits,) = ranges

@@ -70,7 +70,7 @@ def nodes(tmp_path_factory):
     parameters = {
         AnalysisNode: {"history": "none"},
         BagPlayer: {"bag": Path(__file__).parents[2] / "bags" / "field_dz101"},
-        BagRecorder: {"output": folder / "first", "topics": "[/diagnostics]"},
+        BagRecorder: {"output": folder / "first", "data_root": folder, "topics": "[/diagnostics]"},
         LiveView: {"port": 0},
         Faulty: {},
     }

@@ -1,6 +1,7 @@
 """Messages on this computer: over sockets that nobody else reaches, not memory that a killed process could hold up."""
 
 import os
+import re
 from pathlib import Path
 
 import psutil
@@ -49,6 +50,31 @@ def test_nodes_meet_and_share_memory_only_when_told_to(run_node, stated, theirs)
         if not theirs:
             sockets = psutil.Process(node).net_connections("udp")
             assert {socket.laddr.ip for socket in sockets} == {"127.0.0.1"}
+
+
+def firewalled():
+    """Ports of the rule that the documentation gives."""
+    text = (Path(__file__).parents[2] / "docs" / "operation.md").read_text(encoding="utf-8")
+    low, high = re.search(r"ufw deny proto udp from any to any port (\d+):(\d+)", text).groups()
+    return range(int(low), int(high) + 1)
+
+
+def test_the_firewall_rule_names_every_port_of_rtps():
+    """DDSI-RTPS 2.5, 9.6.2: PB + DG * domain + offset + PG * participant, with its defaults."""
+    ports = {7400 + 250 * domain + offset for domain in range(233) for offset in (0, 1)}
+    ports |= {7400 + 250 * domain + 10 + 2 * n + one for domain in range(232) for n in range(119) for one in (0, 1)}
+    assert ports <= set(firewalled())
+
+
+def test_the_firewall_rule_names_every_open_port(run_node, stated):
+    """What a node of the default range, the subnet, really listens on: Fast DDS has ports of its own beside RTPS's."""
+    stated({RANGE: "SUBNET"})
+    node = run_node("tbm_dynamics.nodes.load_node")
+    with Peer() as peer:
+        peer.wait_for(lambda: "tbm: loads" in peer.diagnostics)
+        sockets = psutil.Process(node.process.pid).net_connections("udp")
+        assert {socket.laddr.ip for socket in sockets} > {"0.0.0.0"}
+        assert {socket.laddr.port for socket in sockets} <= set(firewalled())
 
 
 @pytest.mark.parametrize(

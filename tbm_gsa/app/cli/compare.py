@@ -15,10 +15,10 @@ from tbm_gsa.app.cli.selection import HISTORY_HELP
 from tbm_gsa.app.cli.shipped import RECORDING_ARGUMENT, recording_path
 from tbm_gsa.comparison.document import axial_rows, stuck_texts
 from tbm_gsa.comparison.workflow import ComparisonResult, compare_recording
-from tbm_gsa.history import History, HistoryError, Kind, Source, default_history, recording_entries
+from tbm_gsa.history import History, HistoryError, Kind, Source, check_history, default_history, recording_entries
 from tbm_gsa.signals.settings import Settings
 from tbm_msgs_py.bags.marks import is_synthetic
-from tbm_msgs_py.base.files import check_folder
+from tbm_msgs_py.base.results import check_result
 from tbm_msgs_py.recordings.health import COUNTS
 
 
@@ -41,11 +41,11 @@ def compare(
 ) -> None:
     """Compare a recording with the model at every test point."""
     bag = recording_path(bag)
-    check_folder(html)
+    check_result(html, "page")
     synthetic = is_synthetic(bag)
     kept = not synthetic if keep is None else keep
     if kept and history is not None:
-        History(history).close()  # a bad one is refused before the work
+        check_history(history)  # a bad one is refused before the work
     with progress_bar("comparing") as bar:
         task = bar.add_task("", total=None)
         result = compare_recording(
@@ -72,9 +72,9 @@ def compare(
     else:
         print_tables(result.document)
     for point, reason in result.document["skipped"].items():
-        notes.print(f"test point {point!r} not compared: {reason}", markup=False, highlight=False)
+        notes.print(f"test point {point!r} not compared: {reason}", highlight=False)
     if html is not None:
-        notes.print(f"page: {html}", markup=False, highlight=False)
+        notes.print(f"page: {html}", highlight=False)
 
 
 def _keep(result: ComparisonResult, kind: Kind, path: Path | None) -> None:
@@ -93,7 +93,7 @@ def _keep(result: ComparisonResult, kind: Kind, path: Path | None) -> None:
     except (HistoryError, sqlite3.Error) as error:
         if path is not None:
             raise
-        notes.print(f"not put into the history: {error}", markup=False, highlight=False)
+        notes.print(f"not put into the history: {error}", highlight=False)
 
 
 def print_tables(document: dict[str, Any]) -> None:

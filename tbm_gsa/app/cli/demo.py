@@ -126,7 +126,7 @@ def _play(watching: Watch, nodes: NodeProcesses, length: float) -> None:
             nodes.check(ending="bag_player")
             bar.update(task, completed=min(count.stream_time for count in progress.values()))
             if not announced and watching.seen.gsa.get("state") == "running":
-                notes.print(f"sensitivity analysis {watching.seen.gsa_message}", highlight=False, markup=False)
+                notes.print(f"sensitivity analysis {watching.seen.gsa_message}", highlight=False)
                 announced = True
 
 
@@ -214,4 +214,4 @@ def print_tables(document: dict[str, Any], *, synthetic: bool) -> None:
     results.print(table)
     lost = sum(count["lost"] for count in document["blocks"].values())
     results.print(f"{document['seconds']:.0f} s, {lost} blocks lost", highlight=False)
-    results.print(f"report: {document['report']}", highlight=False, markup=False)
+    results.print(f"report: {document['report']}", highlight=False)

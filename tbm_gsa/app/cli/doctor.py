@@ -51,7 +51,7 @@ def doctor(json: Annotated[bool, JSON_OPTION] = False) -> None:
 
 
 def _print_check(name: str, check: dict[str, Any]) -> None:
-    results.print(f"{'ok  ' if check['ok'] else 'FAIL'} {name}: {check['detail']}", highlight=False, markup=False)
+    results.print(f"{'ok  ' if check['ok'] else 'FAIL'} {name}: {check['detail']}", highlight=False)
 
 
 def _attempt(check: Callable[[], str]) -> dict[str, Any]:

@@ -56,7 +56,7 @@ def explain(
         print_json(found)
     else:
         _print(found)
-    notes.print(f"page: {page}", markup=False, highlight=False)
+    notes.print(f"page: {page}", highlight=False)
 
 
 def _comparison(file: Path) -> dict[str, Any]:

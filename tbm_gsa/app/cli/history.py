@@ -16,7 +16,8 @@ from tbm_gsa.app.cli.selection import File, Of, Origin, Point, Since, Until, sel
 from tbm_gsa.history import Baseline, HistoryReader, Selection, Window, default_history
 from tbm_gsa.history.summary import history_document
 from tbm_msgs_py.base.errors import InputError
-from tbm_msgs_py.base.files import check_folder, write_whole
+from tbm_msgs_py.base.files import write_whole
+from tbm_msgs_py.base.results import check_result
 
 app = typer.Typer(add_completion=False, invoke_without_command=True)
 app.add_typer(baseline.app, name="baseline")
@@ -42,8 +43,8 @@ def show(
     if context.invoked_subcommand is not None:
         _refuse_options(context)
         return
-    for file in (html, png):
-        check_folder(file)
+    check_result(html, "page")
+    check_result(png, "PNG picture")
     chosen = selection(point, since, until, source, machine)
     plotted = html is not None or png is not None
     with HistoryReader(history or default_history()) as opened:
@@ -56,7 +57,7 @@ def show(
     else:
         _print_tables(document)
     for file in filter(None, (html, png)):
-        notes.print(f"written: {file}", markup=False, highlight=False)
+        notes.print(f"written: {file}", highlight=False)
 
 
 def _refuse_options(context: typer.Context) -> None:

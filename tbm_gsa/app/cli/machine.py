@@ -30,7 +30,7 @@ def list_machines(json: Annotated[bool, JSON_OPTION] = False) -> None:
         print_json({"machines": names})
         return
     for name in names:
-        results.print(name, markup=False, highlight=False)
+        results.print(name, highlight=False)
 
 
 @app.command()
@@ -57,7 +57,7 @@ def show(
     else:
         print_tables(document)
     if out is not None:
-        notes.print(f"drawing: {out}", markup=False, highlight=False)
+        notes.print(f"drawing: {out}", highlight=False)
 
 
 @app.command()
@@ -111,7 +111,7 @@ def loads(
     else:
         print_loads(run.document)
     if out is not None:
-        notes.print(f"drawing: {out}", markup=False, highlight=False)
+        notes.print(f"drawing: {out}", highlight=False)
 
 
 app.command()(update)

@@ -63,7 +63,7 @@ def _add(table: Table, cells: Iterable[object]) -> None:
 
 
 def _say(line: str) -> None:
-    results.print(line, markup=False, highlight=False)
+    results.print(line, highlight=False)
 
 
 def _short(value: float) -> str:

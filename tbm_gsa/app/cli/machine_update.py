@@ -47,7 +47,7 @@ def update(
     if json:
         print_json({"machine": machine, "out": str(out), "inputs": values})
     else:
-        results.print(f"{out}: " + ", ".join(map(_change, accepted)), markup=False, highlight=False)
+        results.print(f"{out}: " + ", ".join(map(_change, accepted)), highlight=False)
 
 
 def read_explanation(source: Path) -> dict[str, Any]:

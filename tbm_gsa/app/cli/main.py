@@ -126,7 +126,7 @@ def _usage_line(error: Exception) -> str:
 
 
 def _say(message: str) -> None:
-    notes.print(f"tbm-monitor: {' '.join(message.split())}", markup=False, highlight=False)
+    notes.print(f"tbm-monitor: {' '.join(message.split())}", highlight=False)
 
 
 if __name__ == "__main__":

@@ -2,21 +2,39 @@
 
 from __future__ import annotations
 
-import json
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from typing import Any
 
 import typer
-from rich.console import Console
+from rich.console import Console, ConsoleOptions, RenderableType
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
+from rich.segment import Segment
+from rich.table import Table
 
-from tbm_msgs_py.base.files import plain
+from tbm_msgs_py.base.printing import printable
+from tbm_msgs_py.base.results import json_text
+
+
+class _Printable(Console):
+    """Console that shows control characters in texts, which may be of others, and obeys only its own."""
+
+    def print(self, *objects: Any, **options: Any) -> None:
+        """Print as rich does; columns of tables are as wide as what is shown in them."""
+        for column in (column for table in objects if isinstance(table, Table) for column in table.columns):
+            column._cells = [printable(str(cell), "\n") for cell in column.cells]
+        super().print(*objects, **options)
+
+    def render(self, renderable: RenderableType, options: ConsoleOptions | None = None) -> Iterable[Segment]:
+        """Segments of what is printed."""
+        for segment in super().render(renderable, options):
+            yield segment if segment.control else Segment(printable(segment.text, "\n"), segment.style)
+
 
 # Paths are never wrapped: rich would break them at 80 columns when its output is piped.
-results = Console(soft_wrap=True, emoji=False)
-notes = Console(stderr=True, soft_wrap=True, emoji=False)
+results = _Printable(soft_wrap=True, emoji=False, markup=False)
+notes = _Printable(stderr=True, soft_wrap=True, emoji=False, markup=False)
 
 JSON_OPTION = typer.Option("--json", help="Print exactly one JSON document on stdout.")
 SEED_OPTION = typer.Option("--seed", min=0, max=2**31 - 1, help="Seed of everything random.")
@@ -47,14 +65,14 @@ def split_names(given: str | None) -> tuple[str, ...]:
 
 def print_json(document: Any) -> None:
     """Write one JSON document to stdout; numbers that are not finite become null."""
-    sys.stdout.write(json.dumps(plain(document), indent=2, ensure_ascii=False, allow_nan=False) + "\n")
+    sys.stdout.write(json_text(document, indent=2) + "\n")
 
 
 @contextmanager
 def progress_bar(title: str = "") -> Iterator[Progress]:
     """Progress on stderr, shown only on a terminal; add a task to it, whose description follows the title."""
     columns = (
-        TextColumn(f"{title} {{task.description}}".lstrip()),
+        TextColumn(f"{title} {{task.description}}".lstrip(), markup=False),
         BarColumn(),
         TextColumn("{task.percentage:>3.0f} %"),
     )

@@ -11,7 +11,7 @@ from rich.table import Table
 from tbm_gsa.app.cli.output import JSON_OPTION, MACHINE_OPTION, SEED_OPTION, notes, print_json, progress_bar, results
 from tbm_gsa.app.cli.shipped import shipped_bag
 from tbm_gsa.app.cli.workers import Workers, anonymous_main
-from tbm_msgs_py.base.files import write_json
+from tbm_msgs_py.base.results import write_json
 
 DOCUMENT_NAME = "reproduction.json"
 PAGE_NAME = "reproduction.html"
@@ -52,7 +52,7 @@ def reproduce(
         print_json(result.document)
     else:
         _print(result.document)
-    notes.print(f"page: {out / PAGE_NAME}", markup=False, highlight=False)
+    notes.print(f"page: {out / PAGE_NAME}", highlight=False)
 
 
 def _print(document: dict[str, Any]) -> None:

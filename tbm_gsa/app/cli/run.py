@@ -235,4 +235,4 @@ def _print_table(document: dict[str, Any]) -> None:
     first = document["first_block_seconds"]
     results.print("no block" if first is None else f"first block after {first:.1f} s")
     for name, status in document["diagnostics"].items():
-        results.print(f"{name}: {status['message']}", highlight=False, markup=False)
+        results.print(f"{name}: {status['message']}", highlight=False)

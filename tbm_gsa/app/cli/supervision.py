@@ -35,4 +35,4 @@ class Supervision:
             _, text, _ = self._diagnostics.get(status_name(name), (0, said, {}))
             if text != said:
                 self._said[name] = text
-                notes.print(f"{name}: {text}", highlight=False, markup=False)
+                notes.print(f"{name}: {text}", highlight=False)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import sys
 import time
 from collections.abc import Mapping as AnyMapping
@@ -20,6 +19,7 @@ from sensor_msgs.msg import JointState, PointCloud2
 from std_srvs.srv import Trigger
 
 from tbm_dynamics.machine import Machine, load_machine
+from tbm_gsa.app.nodes.analysis_parameters import PARAMETERS
 from tbm_gsa.app.nodes.field_topics import FieldTopics
 from tbm_gsa.app.nodes.gsa_process import GsaOptions, GsaProcess, GsaStatus
 from tbm_gsa.app.nodes.health import Condition, StreamHealth
@@ -41,66 +41,9 @@ from tbm_msgs_py.base.errors import InputError
 from tbm_msgs_py.base.operating_point import OperatingPointError
 from tbm_msgs_py.blocks import BlockError
 from tbm_msgs_py.nodes import messages, qos
-from tbm_msgs_py.nodes.managed import ManagedNode, Parameter, run_node
+from tbm_msgs_py.nodes.managed import ManagedNode, run_node
 from tbm_msgs_py.recordings.mapping import Mapping, SensorMapping, contract_sensor, load_mapping
 
-MOST_WORKERS = max(2, os.cpu_count() or 1)
-PARAMETERS = (
-    Parameter("machine", "dz101", "machine: name of a shipped one, or path of a machine file"),
-    Parameter(
-        "window", topics.WINDOW, "length of a comparison window (s)", minimum=0.1, maximum=3600.0, changes="running"
-    ),
-    Parameter(
-        "threshold",
-        topics.ERROR_THRESHOLD,
-        "relative error that counts (1)",
-        minimum=0.001,
-        maximum=100.0,
-        changes="running",
-    ),
-    Parameter(
-        "threshold_windows",
-        topics.ERROR_WINDOWS,
-        "windows in a row over the threshold that raise the alarm",
-        minimum=1,
-        maximum=10000,
-        changes="running",
-    ),
-    Parameter(
-        "alarm_axes", ["x"], "axes whose error is watched; the paper compares the axial one, x", changes="running"
-    ),
-    Parameter(
-        "mapping", "", "mapping file of the field topics; empty: the topics of the contract, m/s², gravity removed"
-    ),
-    Parameter(
-        "history",
-        "",
-        "history file of the windows; empty: tbm_monitor/history.sqlite in the user's data folder; none: not kept",
-    ),
-    Parameter("history_days", 90.0, "age at which live windows go; 0: never (d)", minimum=0.0, maximum=36500.0),
-    Parameter(
-        "baseline",
-        "",
-        "baseline in the history whose errors alarms are set against; empty: the threshold is absolute",
-        changes="running",
-    ),
-    Parameter("gsa.on_threshold", True, "start the sensitivity analysis when the alarm is raised", changes="running"),
-    Parameter(
-        "gsa.pause",
-        60.0,
-        "least time from the start of a study to one that an alarm starts (min)",
-        minimum=0.0,
-        maximum=100000.0,
-        changes="running",
-    ),
-    Parameter("gsa.samples", 200, "training simulations", minimum=10, maximum=100000, changes="running"),
-    Parameter("gsa.test", 20, "test simulations", minimum=2, maximum=100000, changes="running"),
-    Parameter("gsa.duration", 3.0, "length of a simulation (s)", minimum=0.1, maximum=600.0, changes="running"),
-    Parameter("gsa.outputs", [""], "outputs analysed; empty: the eight indicators of Table 3", changes="running"),
-    Parameter("gsa.seed", 0, "seed of design and loads", minimum=0, maximum=2**31 - 1, changes="running"),
-    Parameter("gsa.workers", 2, "processes, one a core at most", minimum=1, maximum=MOST_WORKERS, changes="running"),
-    Parameter("gsa.folder", "tbm_gsa_studies", "folder that gets one folder a study", changes="running"),
-)
 _AXES = ("x", "y", "z")
 _APART: tuple[Kind, ...] = ("standstill", "transient")  # what says more comes first
 
@@ -194,7 +137,7 @@ class AnalysisNode(ManagedNode):
             outputs=tuple(self.value("gsa.outputs")),
             seed=int(self.value("gsa.seed")),
             workers=int(self.value("gsa.workers")),
-            folder=Path(self.value("gsa.folder")).absolute(),
+            folder=Path(self.value("gsa.folder")).resolve(),
         )
 
     def _create_publishers(self) -> None:

@@ -14,7 +14,8 @@ from matplotlib.backends.backend_svg import FigureCanvasSVG
 from matplotlib.figure import Figure
 
 from tbm_msgs_py.base.errors import InputError
-from tbm_msgs_py.base.files import check_folder, write_whole
+from tbm_msgs_py.base.files import write_whole
+from tbm_msgs_py.base.results import check_result
 
 FORMATS: Final = (".png", ".svg")
 PNG_DPI: Final = 150
@@ -26,11 +27,11 @@ def check_path(path: Path) -> None:
     Raises
     ------
     InputError
-        Another format, or no such folder.
+        Another format, no such folder, or something else is there.
     """
     if path.suffix not in FORMATS:
         raise InputError(f"{path}: unknown kind of picture, allowed: a name that ends in {' or '.join(FORMATS)}")
-    check_folder(path)
+    check_result(path, f"{path.suffix[1:].upper()} picture")
 
 
 def write_picture(draw: Callable[[], Figure], path: Path) -> None:

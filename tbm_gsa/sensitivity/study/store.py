@@ -5,6 +5,7 @@ A simulation is committed when it finishes, so a killed campaign loses only what
 
 import json
 import sqlite3
+from contextlib import closing
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Final, Literal, Self
@@ -16,6 +17,7 @@ from tbm_gsa.sensitivity.study.errors import StudyError
 from tbm_gsa.sensitivity.study.problem import Problem, difference
 from tbm_gsa.sensitivity.study.worker import Outcome
 from tbm_msgs_py.base.arrays import Array
+from tbm_msgs_py.base.files import unfinished
 
 Part = Literal["train", "test"]
 SCHEMA: Final = """
@@ -103,12 +105,8 @@ class Store:
             store._take_over(problem)
             return store
         path.parent.mkdir(parents=True, exist_ok=True)
-        unfinished = path.with_name(path.name + ".new")
-        unfinished.unlink(missing_ok=True)
-        connection = _connect(unfinished)
-        _write_problem(connection, problem)
-        connection.close()
-        unfinished.rename(path)  # a store exists with its whole design or not at all
+        with unfinished(path) as fresh, closing(_connect(fresh)) as connection:
+            _write_problem(connection, problem)  # a store exists with its whole design or not at all
         return cls.open(path)
 
     @classmethod

@@ -66,7 +66,7 @@ def import_(
         else:
             imported = import_recording(file, description, out, lambda samples: bar.advance(task, samples))
     for warning in imported.warnings:
-        notes.print(f"warning: {warning}", highlight=False, markup=False)
+        notes.print(f"warning: {warning}", highlight=False)
     document = import_document(out, imported)
     if json:
         print_json(document)

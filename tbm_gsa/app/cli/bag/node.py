@@ -65,5 +65,5 @@ def _say(log: Path, said: int) -> int:
     end = text.rfind("\n") + 1
     for line in text[said:end].splitlines():
         if not line.startswith(_FAULTS):
-            notes.print(line, highlight=False, markup=False)
+            notes.print(line, highlight=False)
     return max(said, end)

@@ -56,4 +56,4 @@ def play(
     else:
         lost = f", {document['lost']} lost" if document["lost"] else ""
         how = "" if document["ended"] else ", stopped before its end"
-        results.print(f"{bag}: {document['played']} messages played{lost}{how}", highlight=False, markup=False)
+        results.print(f"{bag}: {document['played']} messages played{lost}{how}", highlight=False)

@@ -63,7 +63,7 @@ def record(
     }
     silent = [name for name in dict.fromkeys(map(absolute, names)) if name not in document["topics"]]
     if silent:
-        notes.print(f"warning: no message on {', '.join(silent)}", highlight=False, markup=False)
+        notes.print(f"warning: no message on {', '.join(silent)}", highlight=False)
     if json:
         print_json(document)
     else:
@@ -72,7 +72,6 @@ def record(
             f"{out}: {document['messages']} messages of {count} topic{'s' * (count != 1)} over "
             f"{document['duration']:.3f} s in {files} file{'s' * (files > 1)}, {document['lost']} lost",
             highlight=False,
-            markup=False,
         )
 
 
