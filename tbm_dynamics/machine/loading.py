@@ -12,6 +12,7 @@ from pydantic import ValidationError
 from tbm_dynamics.errors import InputError
 from tbm_dynamics.machine.description import MachineDescription
 from tbm_dynamics.machine.strict_yaml import strict_yaml, yaml_problem
+from tbm_msgs_py.texts import LONGEST_NAME, quoted, read_text, shortened
 
 
 class MachineError(InputError):
@@ -56,7 +57,7 @@ def _read_text(machine: str | Path) -> tuple[str, str]:
             f"{machine}: no such machine; shipped are {', '.join(shipped_machines())}, or give the path of a YAML file"
         )
     try:
-        return str(machine), path.read_text("utf-8")
+        return str(machine), read_text(path)
     except OSError as error:
         raise MachineError(f"{machine}: cannot be read: {error.strerror}") from None
     except UnicodeDecodeError:
@@ -67,9 +68,9 @@ def _one_line(label: str, error: ValidationError) -> str:
     # A misspelt key is also a missing one: the misspelling comes first.
     problems = error.errors(include_url=False)
     first, *rest = sorted(problems, key=lambda problem: problem["type"] != "extra_forbidden")
-    key = ".".join(str(part) for part in first["loc"]) or "machine"
+    key = shortened(".".join(map(str, first["loc"])), LONGEST_NAME) or "machine"
     given = first.get("input")
-    shown = f" (given: {given!r})" if isinstance(given, int | float | str) else ""
+    shown = f" (given: {quoted(given)})" if isinstance(given, int | float | str) else ""
     more = f" (and {len(rest)} more)" if rest else ""
     message = first["msg"].removeprefix("Value error, ")
     if first["type"] == "extra_forbidden":

@@ -15,6 +15,7 @@ import tbm_gsa
 from tbm_gsa.cli.commands import CommandLine
 from tbm_gsa.cli.output import notes, results
 from tbm_gsa.cli.start import ENDING, INTERRUPTED
+from tbm_msgs_py.texts import shortened
 
 app = typer.Typer(
     name="tbm-monitor",
@@ -131,7 +132,7 @@ def _usage_line(error: Exception) -> str:
 
 
 def _say(message: str) -> None:
-    notes.print(f"tbm-monitor: {' '.join(message.split())}", markup=False, highlight=False)
+    notes.print(f"tbm-monitor: {shortened(' '.join(message.split()))}", markup=False, highlight=False)
 
 
 if __name__ == "__main__":

@@ -20,6 +20,7 @@ from tbm_gsa.errors import InputError
 from tbm_msgs_py.bags.errors import RecordingError
 from tbm_msgs_py.bags.mapping import Mapping as TopicMapping
 from tbm_msgs_py.recording import RecordingReader, open_recording
+from tbm_msgs_py.texts import listed
 
 LONGEST_MODEL_S = 3600.0
 SHORTEST_MODEL_S = 1.0
@@ -133,8 +134,8 @@ def _shared_points(reader: RecordingReader, machine: Machine) -> list[str]:
     shared = [point for point in machine.description.test_points if point in reader.points]
     if not shared:
         raise RecordingError(
-            f"{reader.path}: test points {', '.join(map(repr, reader.points))}: none is one of machine "
-            f"{machine.name}, allowed: {', '.join(machine.description.test_points)}"
+            f"{reader.path}: test points {listed(map(repr, reader.points))}: none is one of machine "
+            f"{machine.name}, allowed: {listed(machine.description.test_points)}"
         )
     return shared
 
@@ -191,5 +192,5 @@ def _compare_each(
             failed[point] = str(error)
     if not compared:
         reasons = (f"test point {point}: {reason}" for point, reason in failed.items())
-        raise RecordingError(f"{reader.path}: {'; '.join(reasons)}")
+        raise RecordingError(f"{reader.path}: {listed(reasons, separator='; ')}")
     return Comparison(compared, settings.window_s), failed

@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike
 from tbm_gsa.arrays import Array
 from tbm_gsa.study.distributions import Distribution, Uniform, distribution_from
 from tbm_gsa.study.errors import StudyError
+from tbm_msgs_py.texts import quoted
 
 Kind = Literal["absolute", "multiplier"]
 TEXTS: Final = ("code", "name", "symbol", "unit", "kind")
@@ -97,7 +98,7 @@ class InputSet:
         for item in self.inputs:
             if item.code == code:
                 return item
-        raise StudyError(f"unknown input {code!r}, allowed: {', '.join(self.codes)}")
+        raise StudyError(f"unknown input {quoted(code)}, allowed: {', '.join(self.codes)}")
 
     @property
     def codes(self) -> tuple[str, ...]:
@@ -165,7 +166,7 @@ def check_groups(groups: Mapping[str, Sequence[str]], codes: Sequence[str]) -> N
             raise StudyError(f"group {name}: no input, allowed: at least one")
         for code in members:
             if code not in codes:
-                raise StudyError(f"group {name}: unknown input {code!r}, allowed: {', '.join(codes)}")
+                raise StudyError(f"group {name}: unknown input {quoted(code)}, allowed: {', '.join(codes)}")
             if code in seen:
                 raise StudyError(f"group {name}: input {code} is in group {seen[code]} already, allowed: one group")
             seen[code] = name

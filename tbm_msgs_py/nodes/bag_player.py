@@ -22,6 +22,7 @@ from tbm_msgs_py.bags.quality import offered_quality
 from tbm_msgs_py.blocks import NANOSECONDS
 from tbm_msgs_py.nodes import messages, qos
 from tbm_msgs_py.nodes.managed import ManagedNode, Parameter, run_node
+from tbm_msgs_py.texts import listed
 
 TICK = 0.005  # s of wall time: messages are at most this late, /clock comes at 200 Hz
 DELIVERY = 2.0  # s that subscribers get to acknowledge the last messages
@@ -135,7 +136,7 @@ class BagPlayer(ManagedNode):
         chosen = self.value("topics") or {topic.name for topic in recorded}
         names = {topic.name for topic in recorded}
         if missing := sorted(set(chosen) - names):
-            raise RecordingError(f"parameter topics: {missing[0]}, allowed: {', '.join(sorted(names))}")
+            raise RecordingError(f"parameter topics: {missing[0]}, allowed: {listed(sorted(names))}")
         for topic in sorted(recorded, key=recorded.__getitem__, reverse=True):
             if topic.name not in chosen or (topic.name == topics.CLOCK and self.value("clock")):
                 continue
