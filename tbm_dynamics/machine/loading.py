@@ -34,6 +34,11 @@ def read_description(machine: str | Path) -> MachineDescription:
         No such machine, not YAML, or a value that is not allowed.
     """
     label, text = _read_text(machine)
+    return described_by(text, label)
+
+
+def described_by(text: str, label: str) -> MachineDescription:
+    """Take the description from the text of a machine file, which messages call `label`; see `read_description`."""
     try:
         data = strict_yaml(text)
     except yaml.YAMLError as error:

@@ -15,7 +15,6 @@ import tbm_gsa
 from tbm_gsa.cli.commands import CommandLine
 from tbm_gsa.cli.output import notes, results
 from tbm_gsa.cli.start import ENDING, INTERRUPTED
-from tbm_msgs_py.texts import shortened
 
 app = typer.Typer(
     name="tbm-monitor",
@@ -132,6 +131,8 @@ def _usage_line(error: Exception) -> str:
 
 
 def _say(message: str) -> None:
+    from tbm_msgs_py.texts import shortened  # noqa: PLC0415 - the help needs none of the package
+
     notes.print(f"tbm-monitor: {shortened(' '.join(message.split()))}", markup=False, highlight=False)
 
 

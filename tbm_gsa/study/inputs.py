@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from tbm_gsa.arrays import Array
-from tbm_gsa.study.distributions import Distribution, Uniform, distribution_from
+from tbm_gsa.study.distributions import Distribution, Uniform, distribution_from, number
 from tbm_gsa.study.errors import StudyError
 from tbm_msgs_py.texts import quoted
 
@@ -63,8 +63,11 @@ class Input:
     def from_dict(cls, given: Mapping[str, Any]) -> Self:
         """Inverse of `to_dict`."""
         law = {key: value for key, value in given.items() if key not in {*TEXTS, "initial"}}
-        texts = {key: given[key] for key in TEXTS}
-        return cls(**texts, initial=given["initial"], distribution=distribution_from(law))
+        texts: dict[str, Any] = {key: given.get(key) for key in TEXTS}
+        for key, text in texts.items():
+            if not isinstance(text, str):
+                raise StudyError(f"{key} of an input: {quoted(text)}, allowed: a text")
+        return cls(**texts, initial=number("initial", given.get("initial")), distribution=distribution_from(law))
 
 
 @dataclass(frozen=True)

@@ -76,7 +76,7 @@ class McapFile:
             No MCAP file, or one that unpacks to far more than it holds.
         """
         self.restart()
-        self._spare = spare or self._spare
+        self._spare = spare or Spare()
         with self.path.open("rb", buffering=0) as file:
             at = self._begin(file)
             buffer, searching = np.empty(WINDOW, np.uint8), at == 0

@@ -102,7 +102,8 @@ def test_no_scheduler(store):
 
 
 @pytest.mark.parametrize(
-    ("greeting", "told"), [(b"", "no answer within 0.2 s, allowed: a Dask scheduler"), (b"HTTP/1.1", "cannot be reached")]
+    ("greeting", "told"),
+    [(b"", "no answer within 0.2 s, allowed: a Dask scheduler"), (b"HTTP/1.1", "cannot be reached")],
 )
 def test_what_is_no_scheduler_is_one_line(store, monkeypatch, capfd, greeting, told):
     monkeypatch.setattr(cluster_module, "CONNECT_TIMEOUT_S", 0.2 if not greeting else LONG_S)
