@@ -25,7 +25,8 @@ from tbm_dynamics.machine.entries import (
     SixPositiveOrZero,
     Vector3,
 )
-from tbm_msgs_py.base.texts import Line, Source
+from tbm_msgs_py.base.bounds import LONGEST_NAME
+from tbm_msgs_py.base.texts import Label, Source
 from tbm_msgs_py.base.units import R_MIN
 
 
@@ -144,7 +145,7 @@ class Connection(Entry):
     Six stiffnesses: x, y, z (N/m) and about x, y, z (N·m/rad). A node elsewhere follows through a rigid arm.
     """
 
-    name: Line
+    name: Label
     between: tuple[Node, Node | Literal["ground"]]
     type: ConnectionType
     stiffness: SixPositiveOrZero
@@ -173,8 +174,8 @@ class Subsystem(Entry):
 class MachineDescription(Entry):
     """A whole machine: three subsystems, the connections between them, and the loads on the cutterhead."""
 
-    name: Annotated[str, Field(pattern=r"^[A-Za-z0-9_\-]+$")]
-    title: Line
+    name: Annotated[str, Field(max_length=LONGEST_NAME, pattern=r"^[A-Za-z0-9_\-]+$")]
+    title: Label
     operating_point: OperatingPointEntry
     operating_limits: OperatingLimits | None = None
     steel: Material
@@ -185,7 +186,7 @@ class MachineDescription(Entry):
     carrier_girder: Subsystem
     connections: tuple[Connection, ...]
     load_node: Node
-    test_points: dict[Line, Node]
+    test_points: dict[Label, Node]
     loads: LoadDescription
     cutters: CuttersEntry | None = None
 

@@ -10,6 +10,7 @@ import yaml
 from pydantic import ValidationError
 
 from tbm_dynamics.machine.description import MachineDescription
+from tbm_msgs_py.base.bounds import LONGEST_NAME, quoted, read_text, shortened
 from tbm_msgs_py.base.errors import MachineError
 from tbm_msgs_py.base.strict_yaml import strict_yaml, yaml_problem
 
@@ -29,6 +30,11 @@ def read_description(machine: str | Path) -> MachineDescription:
         No such machine, not YAML, or a value that is not allowed.
     """
     label, text = _read_text(machine)
+    return described_by(text, label)
+
+
+def described_by(text: str, label: str) -> MachineDescription:
+    """Take the description from the text of a machine file, which messages call `label`; see `read_description`."""
     try:
         data = strict_yaml(text)
     except yaml.YAMLError as error:
@@ -52,7 +58,7 @@ def _read_text(machine: str | Path) -> tuple[str, str]:
             f"{machine}: no such machine; shipped are {', '.join(shipped_machines())}, or give the path of a YAML file"
         )
     try:
-        return str(machine), path.read_text("utf-8")
+        return str(machine), read_text(path)
     except OSError as error:
         raise MachineError(f"{machine}: cannot be read: {error.strerror}") from None
     except UnicodeDecodeError:
@@ -63,9 +69,9 @@ def _one_line(label: str, error: ValidationError) -> str:
     # A misspelt key is also a missing one: the misspelling comes first.
     problems = error.errors(include_url=False)
     first, *rest = sorted(problems, key=lambda problem: problem["type"] != "extra_forbidden")
-    key = ".".join(str(part) for part in first["loc"]) or "machine"
+    key = shortened(".".join(map(str, first["loc"])), LONGEST_NAME) or "machine"
     given = first.get("input")
-    shown = f" (given: {given!r})" if isinstance(given, int | float | str) else ""
+    shown = f" (given: {quoted(given)})" if isinstance(given, int | float | str) else ""
     more = f" (and {len(rest)} more)" if rest else ""
     message = first["msg"].removeprefix("Value error, ")
     if first["type"] == "extra_forbidden":

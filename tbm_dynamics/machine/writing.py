@@ -1,4 +1,4 @@
-"""Write a machine file with some inputs changed: every value and its source, and why it was changed."""
+"""Text of a machine file with some inputs changed: every value and its source, and why it was changed."""
 
 from __future__ import annotations
 
@@ -9,7 +9,6 @@ from typing import Any
 import yaml
 
 from tbm_dynamics.machine.machine import Machine
-from tbm_msgs_py.base.errors import MachineError
 
 UPDATED = "updated"
 """Source of a value that was changed to explain a recording."""
@@ -40,28 +39,6 @@ def machine_text(machine: Machine, inputs: Mapping[str, float], name: str, reaso
         cutters["layout"] = str(layout.resolve())  # it stays beside the file that it came with
     comments = "".join(f"# {' '.join(reason.split())}\n" for reason in reasons)
     return comments + yaml.safe_dump(after, sort_keys=False, allow_unicode=True, width=120)
-
-
-def write_machine(path: str | Path, text: str) -> None:
-    """Write the text of a machine file to a file that is not there yet.
-
-    Raises
-    ------
-    MachineError
-        A file that is there, or cannot be written.
-    """
-    try:
-        with Path(path).open("x", encoding="utf-8") as file:
-            try:
-                file.write(text)
-                file.flush()
-            except OSError:
-                Path(path).unlink()  # half of a machine is none
-                raise
-    except FileExistsError:
-        raise MachineError(f"{path}: exists already, allowed: a new file") from None
-    except OSError as error:
-        raise MachineError(f"{path}: {error.strerror}, allowed: a file in a folder that can be written") from None
 
 
 def _mark(before: Any, after: Any) -> bool:

@@ -12,6 +12,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from tbm_msgs_py.base.bounds import LARGEST_TABLE, listed, quoted, read_text
 from tbm_msgs_py.base.errors import MachineError
 from tbm_msgs_py.base.operating_point import OperatingPoint
 from tbm_msgs_py.base.units import R_MIN
@@ -102,26 +103,34 @@ def read_schedule(
     if Path(path).exists() and not Path(path).is_file():
         raise MachineError(f"{path}: no regular file, allowed: a CSV file")
     try:
-        lines = Path(path).read_text(encoding="utf-8-sig").splitlines()
+        lines = read_text(Path(path), "utf-8-sig", LARGEST_TABLE).splitlines()
     except (OSError, UnicodeDecodeError) as error:
         reason = error.strerror if isinstance(error, OSError) else "no UTF-8 text"
         raise MachineError(f"{path}: {reason}, allowed: a CSV file") from None
+    try:
+        return _schedule(path, lines, chosen, where or {})
+    except csv.Error as error:  # a cell of more than 131 072 characters
+        raise MachineError(f"{path}: {error}, allowed: a CSV file") from None
+
+
+def _schedule(path: str | Path, lines: Iterable[str], chosen: Mapping[str, str], where: Mapping[str, str]) -> Schedule:
+    """Take the chosen columns, in SI units, of the rows that have what is asked for."""
     rows = csv.DictReader(lines)
     header = [name.strip() for name in rows.fieldnames or ()]
     rows.fieldnames = header
-    wanted_columns = (*chosen.values(), *(where or {}))
+    wanted_columns = (*chosen.values(), *where)
     for name in wanted_columns:
         if name not in header:
             # Of a file without any of them nothing is quoted: over ROS anybody may name it.
-            there = f", there are {', '.join(header)}" if set(header) & set(wanted_columns) else ""
+            there = f", there are {listed(header)}" if set(header) & set(wanted_columns) else ""
             raise MachineError(f"{path}: line 1: no column {name!r}{there}")
     taken = [
         (f"{path}: line {rows.line_num}", row)
         for row in rows
-        if all((row[name] or "").strip() == text for name, text in (where or {}).items())
+        if all((row[name] or "").strip() == text for name, text in where.items())
     ]
     if not taken:
-        wanted = " and ".join(f"{name} = {text!r}" for name, text in (where or {}).items())
+        wanted = " and ".join(f"{name} = {text!r}" for name, text in where.items())
         raise MachineError(f"{path}: no row{f' with {wanted}' if wanted else ''}")
     table = {
         key: np.array([_number(place, column, row[column]) for place, row in taken]) * _TO_SI[key]
@@ -143,7 +152,7 @@ def pairs(name: str, given: Iterable[str]) -> dict[str, str]:
     for text in given:
         key, sign, value = text.partition("=")
         if not sign:
-            raise MachineError(f"{name}: {text!r}, allowed is key=value")
+            raise MachineError(f"{name}: {quoted(text)}, allowed is key=value")
         found[key.strip()] = value.strip()
     return found
 
@@ -154,6 +163,6 @@ def _number(place: str, column: str, cell: str | None) -> float:
     except ValueError:
         value = math.nan
     if not math.isfinite(value):
-        given = repr(cell) if cell and cell.strip() else "empty"
+        given = quoted(cell) if cell and cell.strip() else "empty"
         raise MachineError(f"{place}, column {column}: {given}, allowed is a finite number")
     return value

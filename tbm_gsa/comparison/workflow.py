@@ -16,6 +16,7 @@ from tbm_gsa.comparison.model_run import MODEL_RATE_HZ, run_model
 from tbm_gsa.comparison.offline import Comparison, PointComparison, compare_signals
 from tbm_gsa.signals.reduction import ReducedSignal, SignalReducer
 from tbm_gsa.signals.settings import Settings
+from tbm_msgs_py.base.bounds import listed
 from tbm_msgs_py.base.errors import InputError, RecordingError
 from tbm_msgs_py.recordings.mapping import Mapping as TopicMapping
 from tbm_msgs_py.recordings.recording import RecordingReader, open_recording
@@ -132,8 +133,8 @@ def _shared_points(reader: RecordingReader, machine: Machine) -> list[str]:
     shared = [point for point in machine.description.test_points if point in reader.points]
     if not shared:
         raise RecordingError(
-            f"{reader.path}: test points {', '.join(map(repr, reader.points))}: none is one of machine "
-            f"{machine.name}, allowed: {', '.join(machine.description.test_points)}"
+            f"{reader.path}: test points {listed(map(repr, reader.points))}: none is one of machine "
+            f"{machine.name}, allowed: {listed(machine.description.test_points)}"
         )
     return shared
 
@@ -190,5 +191,5 @@ def _compare_each(
             failed[point] = str(error)
     if not compared:
         reasons = (f"test point {point}: {reason}" for point, reason in failed.items())
-        raise RecordingError(f"{reader.path}: {'; '.join(reasons)}")
+        raise RecordingError(f"{reader.path}: {listed(reasons, separator='; ')}")
     return Comparison(compared, settings.window_s), failed

@@ -36,7 +36,7 @@ class Statistic:
     @property
     def log_ratio(self) -> float:
         """Logarithm of field over model."""
-        return math.log(self.field / self.model)
+        return math.log(self.field) - math.log(self.model)
 
 
 @dataclass(frozen=True)
@@ -102,5 +102,5 @@ def _one(name: str, sides: list[tuple[float | None, list[float] | None]], confid
         if not value or interval is None or interval[0] <= 0.0:
             return
         values.append(value)
-        variance += (math.log(interval[1] / interval[0]) / reach) ** 2
+        variance += ((math.log(interval[1]) - math.log(interval[0])) / reach) ** 2
     yield Statistic(name, values[0], values[1], math.sqrt(variance))

@@ -15,6 +15,8 @@ import numpy as np
 from tbm_gsa.history.baseline import Baseline, Usual
 from tbm_gsa.history.entries import KINDS, Entry, Group, Source, Window
 from tbm_gsa.history.errors import HistoryError
+from tbm_gsa.history.sound import AXES, BASELINE, USUAL, WINDOW
+from tbm_msgs_py.base.bounds import LONGEST_LINE
 
 SOURCE_COLUMNS: Final = "kind, name, digest, machine, machine_sha256"
 ENTRY_COLUMNS: Final = ", ".join(field.name for field in fields(Entry))
@@ -82,7 +84,7 @@ class Queries:
 
     def windows(self, selection: Selection | None = None, newest: int | None = None) -> list[Window]:
         """Windows in the order of time, of the newest so many only if a number is given."""
-        condition, values = (selection or Selection()).condition()
+        condition, values = self._sound(selection)
         limit = "" if newest is None else f" LIMIT {int(newest)}"
         rows = self._connection.execute(
             f"SELECT {SOURCE_COLUMNS}, {ENTRY_COLUMNS} FROM windows JOIN sources ON source = id WHERE {condition} "  # noqa: S608
@@ -99,7 +101,7 @@ class Queries:
 
     def groups(self, columns: Sequence[str], selection: Selection | None = None) -> Iterator[Group]:
         """Windows that have these columns in common, which begin with point and axis; one group is read at a time."""
-        condition, values = (selection or Selection()).condition()
+        condition, values = self._sound(selection)
         chosen = f"FROM windows JOIN sources ON source = id WHERE {condition}"
         names = ", ".join(columns)
         same = f"({names}) = ({', '.join('?' * len(columns))})"
@@ -110,8 +112,24 @@ class Queries:
             if read.size:  # not discarded meanwhile
                 yield Group(key, *(read[name] for name, _ in _COLUMNS))
 
+    def _sound(self, selection: Selection | None) -> tuple[str, list[Any]]:
+        """Condition of a selection and its values; a HistoryError where a window is none that this program wrote."""
+        condition, values = (selection or Selection()).condition()
+        self._refuse(f"windows JOIN sources ON source = id WHERE ({condition}) AND NOT ({WINDOW})", "window", values)
+        return condition, values
+
+    def _refuse(self, found: str, what: str, values: Sequence[Any] = ()) -> None:
+        """Refuse rows of other types than this program writes: SQLite takes any."""
+        if self._connection.execute(f"SELECT 1 FROM {found} LIMIT 1", values).fetchone():  # noqa: S608
+            raise HistoryError(
+                f"{self.path}: a {what} that is not one of tbm_monitor, allowed: texts of up to {LONGEST_LINE} "
+                f"characters, axes {', '.join(AXES)}, whole times, numbers"
+            )
+
     def baselines(self) -> list[Baseline]:
         """All baselines, the oldest first."""
+        self._refuse(f"baselines WHERE NOT ({BASELINE})", "baseline")
+        self._refuse(f"usual_errors WHERE NOT ({USUAL})", "baseline")
         rows = self._connection.execute(
             "SELECT name, machine, machine_sha256, created_ns, since_ns, until_ns, kind FROM baselines "
             "ORDER BY created_ns, name, machine"

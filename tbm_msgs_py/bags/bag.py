@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from tbm_msgs_py.bags.batch import RawMessage, Stretch, Topic
+from tbm_msgs_py.bags.chunks import Spare, UnpackingError
 from tbm_msgs_py.bags.folder import find_files
 from tbm_msgs_py.bags.mcap_file import McapFile
 from tbm_msgs_py.base.errors import RecordingError
@@ -105,9 +106,12 @@ class Bag:
         self._read_through = False
         for file in self.files:
             file.restart()  # one that is not reached holds nothing of the reading before
+        spare = Spare()
         for file in self.files:
             try:
-                yield from file.stretches()
+                yield from file.stretches(spare)
+            except UnpackingError:
+                raise
             except RecordingError as error:  # one of several files is none
                 problem, file.damaged = error, 1
         self._read_through = True

@@ -12,14 +12,44 @@ import zstandard
 from isal import isal_zlib  # zlib's checksum, five times as fast
 
 from tbm_msgs_py.bags.records import LONGEST, Bytes
-from tbm_msgs_py.base.errors import InputError
+from tbm_msgs_py.base.errors import InputError, RecordingError
 
 _HEAD = struct.Struct("<QQQII")  # first and last log time, size of the records, their CRC, length of the name
 _STEP = 1 << 20  # bytes that are decompressed at a time: no frame grows further than a chunk may
 
 
+DENSEST = 256
+"""Bytes that a byte of a chunk may stand for: the most that LZ4 can say, many times what any measurement comes to."""
+
+SPARE = 1 << 30
+"""Bytes that the chunks of one reading may unpack to beyond that, for silence and black pictures: seconds of work."""
+
+
 class ChunkError(InputError):
     """A chunk that cannot be trusted, in one line."""
+
+
+class Spare:
+    """What the chunks of one reading may still unpack to beyond `DENSEST` times what is stored.
+
+    A few bytes can stand for a chunk of the largest size: without a limit, a small file of many takes minutes.
+    """
+
+    def __init__(self) -> None:
+        self._left = SPARE
+
+    def take(self, stored: int, size: int) -> None:
+        """Take note of a chunk before it is unpacked; a RecordingError when nothing is left."""
+        self._left -= max(0, size - DENSEST * stored)
+        if self._left < 0:
+            raise UnpackingError(
+                f"unpacks to far more than it holds, allowed: chunks of up to {DENSEST} times what is stored, "
+                f"and {SPARE >> 20} MiB beyond that"
+            )
+
+
+class UnpackingError(RecordingError):
+    """A recording that unpacks to more than anybody would wait for."""
 
 
 class ChunkRecords(NamedTuple):
@@ -31,7 +61,7 @@ class ChunkRecords(NamedTuple):
     whole: bool
 
 
-def chunk_records(data: Bytes, first: int, end: int) -> ChunkRecords:
+def chunk_records(data: Bytes, first: int, end: int, spare: Spare) -> ChunkRecords:
     """Open the chunk whose body is ``data[first:end]``, cut off or not.
 
     A chunk that is whole and does not have the stated size or checksum is a `ChunkError`: some of it is wrong, and
@@ -45,6 +75,7 @@ def chunk_records(data: Bytes, first: int, end: int) -> ChunkRecords:
     stored = int.from_bytes(data[start - 8 : start].tobytes(), "little")
     whole = end - start >= stored
     if compression:
+        spare.take(min(stored, end - start), size)
         data = _decompressed(data[start : start + stored].tobytes(), compression, size)
         start, end = 0, len(data)
     if whole and (end - start != size or (crc and isal_zlib.crc32(data[start:end]) != crc)):

@@ -23,7 +23,7 @@ from mcap.records import Channel, Schema, Statistics
 from numpy.typing import NDArray
 
 from tbm_msgs_py.bags.batch import BATCH, POOL, Stretch, Topic, joined
-from tbm_msgs_py.bags.chunks import ChunkError, chunk_records
+from tbm_msgs_py.bags.chunks import ChunkError, Spare, UnpackingError, chunk_records
 from tbm_msgs_py.bags.records import CHUNK_HEAD, CUT, FOOTER, HEAD, LONGEST, MORE, Bytes, Walk, walk
 from tbm_msgs_py.base.errors import RecordingError
 
@@ -62,9 +62,21 @@ class McapFile:
         self._stated: dict[int, Topic] | None = None  # channels by the end of the file, once it was looked at
         self.restart()
 
-    def stretches(self) -> Iterator[Stretch]:
-        """Messages in file order, a window at a time; the bytes of one are valid until the next is asked for."""
+    def stretches(self, spare: Spare | None = None) -> Iterator[Stretch]:
+        """Messages in file order, a window at a time; the bytes of one are valid until the next is asked for.
+
+        Parameters
+        ----------
+        spare : Spare, optional
+            What the files of a recording share.
+
+        Raises
+        ------
+        RecordingError
+            No MCAP file, or one that unpacks to far more than it holds.
+        """
         self.restart()
+        self._spare = spare or Spare()
         with self.path.open("rb", buffering=0) as file:
             at = self._begin(file)
             buffer, searching = np.empty(WINDOW, np.uint8), at == 0
@@ -116,6 +128,7 @@ class McapFile:
 
     def restart(self) -> None:
         """Forget what the last reading found."""
+        self._spare = Spare()
         self.messages, self.lost, self.damaged, self.truncated = 0, 0, 0, False
         self.declared: int | None = None
         self._schemas: dict[int, Schema] = {}
@@ -170,10 +183,12 @@ class McapFile:
     def _chunk(self, data: Bytes, first: int, end: int) -> tuple[Bytes, NDArray[np.int64]]:
         """Messages of the chunk with the body ``data[first:end]``, and the bytes that hold them."""
         try:
-            records = chunk_records(data, first, end)
+            records = chunk_records(data, first, end, self._spare)
         except (ChunkError, struct.error):
             self._settle(0, 1)
             return data, np.empty((4, 0), np.int64)
+        except UnpackingError as error:
+            raise UnpackingError(f"{self.path}: {error}") from None
         inner = walk(records.data, records.first, records.end, records.end)
         for opcode, at, size in inner.others.T.tolist():
             self._record(opcode, records.data[at : at + size].tobytes())

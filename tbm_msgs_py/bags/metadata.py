@@ -20,7 +20,7 @@ ROOT = "rosbag2_bagfile_information"
 DISTRIBUTION = "jazzy"  # whose definitions and type hashes are written
 _Dumper = getattr(yaml, "CSafeDumper", yaml.SafeDumper)
 _Loader = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
-_LONGEST = 16 << 20  # bytes that are read
+_LONGEST = 4 << 20  # bytes that are read
 
 
 @dataclass(frozen=True)

@@ -4,6 +4,8 @@ from typing import Annotated, Final
 
 from pydantic import AfterValidator, Field
 
+from tbm_msgs_py.base.bounds import LONGEST_LINE, LONGEST_NAME
+
 
 def _printable(text: str) -> str:
     """Text that a terminal, a picture and a page can show."""
@@ -12,7 +14,8 @@ def _printable(text: str) -> str:
     return text
 
 
-Line = Annotated[str, Field(min_length=1), AfterValidator(_printable)]
+Label = Annotated[str, Field(min_length=1, max_length=LONGEST_NAME), AfterValidator(_printable)]
+Line = Annotated[str, Field(min_length=1, max_length=LONGEST_LINE), AfterValidator(_printable)]
 Source = Line
 """Where a value is from: one of `SOURCES`, or the user's own words, as `drawing 4711, rev. B`."""
 

@@ -7,14 +7,17 @@ from collections.abc import Callable, Iterator, Sequence
 from datetime import datetime
 from itertools import islice
 from pathlib import Path
-from typing import NoReturn
+from typing import IO, Final, NoReturn
 
 import numpy as np
 from numpy.typing import NDArray
 
+from tbm_msgs_py.base.bounds import LONGEST_NAME, quoted, shortened
 from tbm_msgs_py.base.errors import RecordingError
 from tbm_msgs_py.importing.description import CsvLayout, TimeColumn, to_ns
 from tbm_msgs_py.importing.source import PIECE_ROWS, Piece, nanoseconds, no_column, no_time_of_its_own
+
+_LONGEST_LINE: Final = 1 << 20  # characters
 
 # Parsed apart: float64 would round them.
 _EXACT: dict[str, Callable[[str], int]] = {"ns": int, "datetime": lambda text: to_ns(_moment(text))}
@@ -40,7 +43,7 @@ class CsvFile:
         self._layout = layout
         try:
             with path.open(encoding=layout.encoding, newline="") as file:
-                line = next(islice(file, layout.header - 1, None), None)
+                line = next(islice(_lines_of(path, file), layout.header - 1, None), None)
         except (UnicodeError, LookupError) as error:
             raise RecordingError(f"{path}: encoding {layout.encoding}: {error}, allowed: that of the file") from error
         if line is None or not line.strip():
@@ -76,7 +79,7 @@ class CsvFile:
         """Lines of rows, some at a time; empty lines may only follow the last row."""
         layout = self._layout
         with self.path.open(encoding=layout.encoding, newline="") as file:
-            rows = islice(file, layout.first_line - 1, None)
+            rows = islice(_lines_of(self.path, file), layout.first_line - 1, None)
             try:
                 while lines := list(islice(rows, PIECE_ROWS)):
                     ended = len(lines) < PIECE_ROWS
@@ -123,8 +126,8 @@ class CsvFile:
             for column in wanted:
                 if not _is_number(cells[column]):
                     raise RecordingError(
-                        f"{self.path}: {row}, column {self.columns[column]}: "
-                        f"{cells[column].strip()!r}, allowed: a finite number"
+                        f"{self.path}: {row}, column {shortened(self.columns[column], LONGEST_NAME)}: "
+                        f"{quoted(cells[column].strip())}, allowed: a finite number"
                     )
         raise RecordingError(f"{self.path}: {self.row(first)} and after: not rows of numbers, allowed: finite numbers")
 
@@ -141,7 +144,7 @@ class CsvFile:
             except (ValueError, OverflowError) as error:
                 allowed = "a whole number of ns" if time.unit == "ns" else "ISO 8601 with its zone"
                 raise RecordingError(
-                    f"{self.path}: {row}, column {time.column}: {cell!r}, allowed: {allowed}"
+                    f"{self.path}: {row}, column {time.column}: {quoted(cell)}, allowed: {allowed}"
                 ) from error
         return times
 
@@ -158,6 +161,14 @@ class CsvFile:
             return next(csv.reader([line], delimiter=self._layout.delimiter), [])
         except csv.Error as error:
             raise RecordingError(f"{self.path}: {place}: {error}, allowed: cells of a CSV file") from error
+
+
+def _lines_of(path: Path, file: IO[str]) -> Iterator[str]:
+    """Lines of a file; one that does not end is none of a table."""
+    while line := file.readline(_LONGEST_LINE + 1):
+        if len(line) > _LONGEST_LINE:
+            raise RecordingError(f"{path}: a line of more than {_LONGEST_LINE} characters, allowed: up to that many")
+        yield line
 
 
 def _is_number(cell: str) -> bool:

@@ -11,12 +11,12 @@ from typing import Annotated, Any, Literal
 from pydantic import AwareDatetime, BaseModel, ConfigDict, Field, ValidationError, field_validator, model_validator
 
 from tbm_msgs_py import topics
+from tbm_msgs_py.base.bounds import LONGEST_NAME, quoted, shortened
 from tbm_msgs_py.base.errors import RecordingError
 from tbm_msgs_py.base.units import R_MIN
-from tbm_msgs_py.recordings.mapping import SensorMapping, entry_problem, read_yaml
+from tbm_msgs_py.recordings.mapping import Name, SensorMapping, entry_problem, read_yaml
 
 Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
-Column = Annotated[str, Field(min_length=1)]
 
 THRUST_UNITS = {"N": 1.0, "kN": 1e3, "MN": 1e6}
 TORQUE_UNITS = {"N.m": 1.0, "kN.m": 1e3, "MN.m": 1e6}
@@ -42,7 +42,7 @@ class TimeColumn(_Strict):
         A time that steps back begins a new run, put this many s after the row before; None: it is an error.
     """
 
-    column: Column
+    column: Name
     unit: Literal["s", "ms", "us", "ns", "datetime"]
     restart_gap: Positive | None = None
 
@@ -64,7 +64,7 @@ class PointColumns(SensorMapping):
         Value in `units` of a reading of 1; a WAV file, whose readings are shares of full scale, needs it.
     """
 
-    columns: tuple[Column | None, Column | None, Column | None]
+    columns: tuple[Name | None, Name | None, Name | None]
     full_scale: Annotated[float, Field(gt=0, allow_inf_nan=False)] | None = None
 
     @field_validator("columns")
@@ -96,7 +96,7 @@ class PointColumns(SensorMapping):
 class Thrust(_Strict):
     """Column of the thrust force."""
 
-    column: Column
+    column: Name
     unit: Literal["N", "kN", "MN"]
 
     @property
@@ -108,7 +108,7 @@ class Thrust(_Strict):
 class Torque(_Strict):
     """Column of the cutterhead torque."""
 
-    column: Column
+    column: Name
     unit: Literal["N.m", "kN.m", "MN.m"]
 
     @property
@@ -120,7 +120,7 @@ class Torque(_Strict):
 class Speed(_Strict):
     """Column of the cutterhead speed."""
 
-    column: Column
+    column: Name
     unit: Literal["rad/s", "r/min"]
 
     @property
@@ -132,7 +132,7 @@ class Speed(_Strict):
 class Advance(_Strict):
     """Column of the advance speed."""
 
-    column: Column
+    column: Name
     unit: Literal["m/s", "mm/min"]
 
     @property
@@ -167,7 +167,7 @@ class CsvLayout(_Strict):
 
     delimiter: Annotated[str, Field(min_length=1, max_length=1)] = ","
     decimal: Literal[".", ","] = "."
-    encoding: str = "utf-8-sig"
+    encoding: Name = "utf-8-sig"
     header: Annotated[int, Field(ge=1)] = 1
     first: Annotated[int, Field(ge=2)] | None = None
 
@@ -206,7 +206,7 @@ class Description(_Strict):
         For CSV files.
     """
 
-    points: dict[str, PointColumns] = {}
+    points: dict[Name, PointColumns] = {}
     operating_point: OperatingColumns | None = None
     time: TimeColumn | Literal["file"] | None = None
     rate: Positive | None = None
@@ -232,7 +232,7 @@ class Description(_Strict):
         for key, point in self.points.items():
             if not _POINT_NAME.fullmatch(key) or point.point != key or key == topics.OPERATING_POINT:
                 raise ValueError(
-                    f"point {key!r}, allowed: a name of letters, digits and _, such as {topics.TEST_POINTS[0]}"
+                    f"point {quoted(key)}, allowed: a name of letters, digits and _, such as {topics.TEST_POINTS[0]}"
                 )
         if (self.time is None) == (self.rate is None):
             given = "missing" if self.time is None else "both stated"
@@ -274,7 +274,7 @@ def describe(path: str | Path | None, changes: Mapping[str, Any] | None = None) 
     except ValidationError as error:
         # A misspelt key is also a missing one: the misspelling comes first.
         first = min(error.errors(), key=lambda problem: problem["type"] != "extra_forbidden")
-        place = ".".join(str(key) for key in first["loc"])
+        place = shortened(".".join(map(str, first["loc"])), LONGEST_NAME)
         problem = entry_problem(first, _keys(first["loc"]))
         raise RecordingError(f"{where}: {f'{place}: ' if place else ''}{problem}") from error
 

@@ -10,13 +10,13 @@ from typing import NoReturn, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from tbm_msgs_py.base.bounds import listed
 from tbm_msgs_py.base.errors import RecordingError
 from tbm_msgs_py.base.units import NANOSECONDS
 from tbm_msgs_py.importing.description import TimeColumn
 
 PIECE_ROWS = 50_000  # read at a time; a multiple of the samples of a block
 _SECONDS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
-_LISTED = 12
 
 
 @dataclass(frozen=True)
@@ -113,8 +113,8 @@ def nanoseconds(values: NDArray[np.generic], unit: str) -> NDArray[np.int64]:
 
 def no_column(path: Path, column: str, there: Sequence[str]) -> NoReturn:
     """Refuse a column that the file does not have."""
-    listed = ", ".join(there[:_LISTED]) + (f" and {len(there) - _LISTED} more" if len(there) > _LISTED else "")
-    raise RecordingError(f"{path}: column {column} is not there, allowed: {listed or 'none, the file has no columns'}")
+    allowed = listed(there) or "none, the file has no columns"
+    raise RecordingError(f"{path}: column {column} is not there, allowed: {allowed}")
 
 
 def no_time_of_its_own(path: Path, kind: str) -> NoReturn:

@@ -19,6 +19,7 @@ from rosgraph_msgs.msg import Clock as ClockMessage
 from tbm_msgs_py import topics
 from tbm_msgs_py.bags import Bag, RawMessage, RecordingError, Topic
 from tbm_msgs_py.bags.qos import offered_quality
+from tbm_msgs_py.base.bounds import listed
 from tbm_msgs_py.base.files import write_whole
 from tbm_msgs_py.base.units import NANOSECONDS
 from tbm_msgs_py.nodes import messages, qos
@@ -136,7 +137,7 @@ class BagPlayer(ManagedNode):
         chosen = self.value("topics") or {topic.name for topic in recorded}
         names = {topic.name for topic in recorded}
         if missing := sorted(set(chosen) - names):
-            raise RecordingError(f"parameter topics: {missing[0]}, allowed: {', '.join(sorted(names))}")
+            raise RecordingError(f"parameter topics: {missing[0]}, allowed: {listed(sorted(names))}")
         for topic in sorted(recorded, key=recorded.__getitem__, reverse=True):
             if topic.name not in chosen or (topic.name == topics.CLOCK and self.value("clock")):
                 continue

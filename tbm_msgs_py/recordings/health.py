@@ -136,11 +136,12 @@ class PointHealth:
 
     def _hold(self, axis: str, begin: float, end: float, first: bool) -> None:
         """Note a stretch; one that begins a piece may go on with one that ended the piece before."""
-        before = [place for place, (known, _, last) in enumerate(self.stuck) if known == axis and last == self.duration]
-        if first and before:
-            self.stuck[before[0]] = (axis, self.stuck[before[0]][1], end)
-        else:
-            self.stuck.append((axis, begin, end))
+        if first:
+            for place, (known, start, last) in enumerate(self.stuck):
+                if known == axis and last == self.duration:
+                    self.stuck[place] = (axis, start, end)
+                    return
+        self.stuck.append((axis, begin, end))
 
 
 class Tally:
@@ -164,8 +165,9 @@ class Tally:
     def finish(self) -> dict[str, PointHealth]:
         """Give the test points in the order of the mapping, with the faults behind their last samples."""
         found = {point: self.points[point] for point in self._reader.points if point in self.points}
+        faults = self._reader.faults
         for point, health in found.items():
-            health.faults = self._reader.faults[point]
+            health.faults = faults[point]
         return found
 
 

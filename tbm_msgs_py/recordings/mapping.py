@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import re
+from collections import Counter
 from collections.abc import Iterable
 from pathlib import Path
 from typing import Annotated, Literal
@@ -14,11 +15,14 @@ from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_validator, model_validator
 from pydantic_core import ErrorDetails
 
+from tbm_msgs_py.base.bounds import LONGEST_NAME, quoted, read_text, shortened
 from tbm_msgs_py.base.errors import RecordingError
 from tbm_msgs_py.base.units import STANDARD_GRAVITY
 from tbm_msgs_py.topics import OPERATING_POINT, absolute
 
 FILE_NAME = "mapping.yaml"
+_Loader = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
+Name = Annotated[str, Field(min_length=1, max_length=LONGEST_NAME)]
 Axis = Literal["x", "y", "z", "-x", "-y", "-z"]
 
 
@@ -45,7 +49,7 @@ class SensorMapping(BaseModel):
 
     model_config = ConfigDict(frozen=True, extra="forbid")
 
-    point: Annotated[str, Field(min_length=1)]
+    point: Name
     units: Literal["m/s2", "g"]
     gravity: Literal["included", "removed"]
     frame: Literal["fixed", "rotating"]
@@ -85,15 +89,14 @@ class Mapping(BaseModel):
 
     model_config = ConfigDict(frozen=True, extra="forbid")
 
-    topics: dict[str, SensorMapping]
-    operating_point: str = absolute(OPERATING_POINT)
+    topics: dict[Name, SensorMapping]
+    operating_point: Name = absolute(OPERATING_POINT)
 
     @model_validator(mode="after")
     def _one_topic_a_point(self) -> Mapping:
-        points = [sensor.point for sensor in self.topics.values()]
-        for point in points:
-            if points.count(point) > 1:
-                raise ValueError(f"point {point}: {points.count(point)} topics, allowed: one")
+        for point, count in Counter(sensor.point for sensor in self.topics.values()).items():
+            if count > 1:
+                raise ValueError(f"point {point}: {count} topics, allowed: one")
         return self
 
 
@@ -105,12 +108,14 @@ def contract_sensor(point: str) -> SensorMapping:
 def contract_mapping(names: Iterable[str]) -> Mapping:
     """Map the topics that follow the contract; a block goes before single samples of the same point."""
     sensors: dict[str, SensorMapping] = {}
+    given: set[str] = set()
     for name in sorted(names, key=lambda name: not name.endswith("/block")):
         head, _, kind = name.rpartition("/")
         prefix, _, point = head.rpartition("/")
         if prefix != absolute("field") or kind not in ("block", "accel") or not point:
             continue
-        if all(sensor.point != point for sensor in sensors.values()):
+        if point not in given:
+            given.add(point)
             sensors[name] = contract_sensor(point)
     return Mapping(topics=sensors)
 
@@ -127,7 +132,7 @@ def read_yaml(path: str | Path, what: str, keys: Iterable[str]) -> dict[str, obj
     if path.exists() and not path.is_file():
         raise RecordingError(f"{path}: no regular file, allowed: {what}")
     try:
-        content = yaml.safe_load(path.read_text(encoding="utf-8"))
+        content = yaml.load(read_text(path), Loader=_Loader)  # noqa: S506  a safe one
     except OSError as error:
         raise RecordingError(f"{path}: {error.strerror}, allowed: a readable file with {what}") from None
     except UnicodeDecodeError:
@@ -152,7 +157,7 @@ def load_mapping(path: str | Path) -> Mapping:
     except ValidationError as error:
         # A misspelt key is also a missing one: the misspelling comes first.
         first = min(error.errors(), key=lambda problem: problem["type"] != "extra_forbidden")
-        where = ".".join(str(key) for key in first["loc"]) or "mapping"
+        where = shortened(".".join(map(str, first["loc"])), LONGEST_NAME) or "mapping"
         keys = SensorMapping.model_fields if len(first["loc"]) > 1 else Mapping.model_fields
         raise RecordingError(f"{path}: {where}: {entry_problem(first, keys)}") from error
 
@@ -166,7 +171,7 @@ def entry_problem(found: ErrorDetails, keys: Iterable[str]) -> str:
     allowed = re.sub(r"^(Value error, |\w+ should (be|have) )", "", found["msg"])
     if isinstance(found["input"], dict) and found["type"] == "value_error":
         return allowed  # of a whole entry: which of its values is wrong is in the text
-    return f"{found['input']!r}, allowed: {allowed}"
+    return f"{quoted(found['input'])}, allowed: {allowed}"
 
 
 def default_mapping_file(recording: Path) -> Path | None:

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from tbm_msgs_py.bags.bag import Bag
 from tbm_msgs_py.bags.batch import Stretch, Topic
 from tbm_msgs_py.bags.samples import JOINT_STATE_TYPE
+from tbm_msgs_py.base.bounds import listed
 from tbm_msgs_py.base.errors import RecordingError
 from tbm_msgs_py.recordings.cutting import Cutter
 from tbm_msgs_py.recordings.decoding import ACCELERATION_TYPES, decode_samples
@@ -144,6 +145,7 @@ class RecordingReader:
         self.points: Dictionary[str, SensorMapping] = {sensor.point: sensor for sensor in sensors}
         self._bag = bag
         self._topics = {mapping.topics[name].point: topic for name, topic in topics.items()}
+        self._points = {(topic.name, topic.type): point for point, topic in self._topics.items()}
         self._mapping = mapping
         self._restart()
 
@@ -217,7 +219,7 @@ class RecordingReader:
             yield from map(self._records, cutter.due())
         yield from map(self._records, cutter.rest())
         if not self._given:
-            raise RecordingError(f"{self.path}: {'; '.join(self.problems.values())}")
+            raise RecordingError(f"{self.path}: {listed(self.problems.values(), separator='; ')}")
 
     def _restart(self) -> None:
         self._lines = {point: Timeline() for point in self.points}
@@ -225,9 +227,8 @@ class RecordingReader:
         self._given: set[str] = set()
 
     def _add(self, stretch: Stretch) -> None:
-        points = {(topic.name, topic.type): point for point, topic in self._topics.items()}
         for topic, messages in stretch.by_topic():
-            if point := points.get((topic.name, topic.type)):
+            if point := self._points.get((topic.name, topic.type)):
                 self._lines[point].add(decode_samples(topic.type, messages))
             elif topic.name == self._mapping.operating_point and topic.type == JOINT_STATE_TYPE:
                 self._operating.add(messages)
@@ -327,8 +328,11 @@ def _topics(bag: Bag) -> list[Topic]:
 def _mapped(bag: Bag, found: list[Topic], mapping: Mapping) -> dict[str, Topic]:
     """Topic of each mapped name that is in the recording."""
     mapped: dict[str, Topic] = {}
+    by_name: dict[str, list[Topic]] = {}
+    for topic in found:
+        by_name.setdefault(topic.name, []).append(topic)
     for name in mapping.topics:
-        there = [topic for topic in found if topic.name == name]
+        there = by_name.get(name, [])
         usable = [topic for topic in there if topic.type in ACCELERATION_TYPES]
         if there and not usable:
             raise RecordingError(
@@ -377,4 +381,4 @@ def _point_of(topic: str) -> str:
 
 
 def _listing(found: list[Topic]) -> str:
-    return "allowed: " + ", ".join(f"{topic.name} ({topic.type})" for topic in sorted(found, key=lambda t: t.name))
+    return "allowed: " + listed(f"{topic.name} ({topic.type})" for topic in sorted(found, key=lambda t: t.name))

@@ -1,6 +1,9 @@
 """A campaign on a real Dask scheduler and worker, started as processes on this computer."""
 
+import socket
 import sys
+import threading
+from contextlib import suppress
 
 import numpy as np
 import pytest
@@ -96,6 +99,30 @@ def test_no_scheduler(store):
             run_campaign(store, analytic, scheduler=address)
     with pytest.raises(StudyError, match="cannot be reached"):
         run_campaign(store, analytic, scheduler="tcp://127.0.0.1:99999")
+
+
+@pytest.mark.parametrize(
+    ("greeting", "told"),
+    [(b"", "no answer within 0.2 s, allowed: a Dask scheduler"), (b"HTTP/1.1", "cannot be reached")],
+)
+def test_what_is_no_scheduler_is_one_line(store, monkeypatch, capfd, greeting, told):
+    monkeypatch.setattr(cluster_module, "CONNECT_TIMEOUT_S", 0.2 if not greeting else LONG_S)
+    with socket.create_server(("127.0.0.1", 0)) as port:
+        address = f"tcp://127.0.0.1:{port.getsockname()[1]}"
+        threading.Thread(target=_accept, args=(port, greeting), daemon=True).start()
+        with pytest.raises(StudyError, match=told) as caught:
+            run_campaign(store, analytic, scheduler=address)
+    assert len(str(caught.value).splitlines()) == 1
+    assert "Traceback" not in capfd.readouterr().err
+
+
+def _accept(port, greeting):
+    """Take every connection, say one thing and no more, until the port is closed."""
+    taken = []
+    with suppress(OSError):
+        while True:
+            taken.append(port.accept()[0])
+            taken[-1].sendall(greeting)
 
 
 def test_without_the_extra(store, monkeypatch):

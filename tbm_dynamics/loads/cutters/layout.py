@@ -17,15 +17,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tbm_dynamics.loads.cutters.errors import CutterError
+from tbm_msgs_py.base.bounds import LONGEST_NAME, listed, quoted, read_text, shortened
 
 FloatArray = NDArray[np.float64]
 
 COLUMNS: Final = ("cutter", "type", "radius_m", "angle_deg", "tilt_deg")
 TYPES: Final = ("centre", "face", "gauge")
+MOST_CUTTERS: Final = 1000
 
 # Contact points nearer to each other than this are one place: a ring's tip is 10 to 20 mm wide.
 _NEAREST = 0.03
 _MOST_TILTED = 80.0
+_DIGITS = 9  # of the number of a cutter
 
 
 @dataclass(frozen=True, eq=False)
@@ -83,7 +86,9 @@ def read_layout(path: str | Path, head_radius: float) -> CutterLayout:
         raise CutterError(f"{name}: holds no cutter")
     header = tuple(cell.strip() for cell in lines[0][1].split(","))
     if header != COLUMNS:
-        raise CutterError(f"{name}: line {lines[0][0]}: columns {', '.join(header)}; must be {', '.join(COLUMNS)}")
+        raise CutterError(f"{name}: line {lines[0][0]}: columns {listed(header)}; must be {', '.join(COLUMNS)}")
+    if len(lines) > 1 + MOST_CUTTERS:
+        raise CutterError(f"{name}: {len(lines) - 1} cutters; allowed are up to {MOST_CUTTERS}")
     rows = [_row(f"{name}: line {number}", line, head_radius) for number, line in lines[1:]]
     if not rows:
         raise CutterError(f"{name}: holds no cutter")
@@ -98,20 +103,23 @@ def _text(path: str | Path) -> tuple[str, str]:
     if Path(path).name == str(path) and shipped.is_file():
         return shipped.name, shipped.read_text("utf-8")
     try:
-        return str(path), Path(path).read_text("utf-8")
+        return str(path), read_text(Path(path))
     except (OSError, UnicodeDecodeError) as error:
         reason = error.strerror if isinstance(error, OSError) else "no UTF-8 text"
         raise CutterError(f"{path}: {reason}") from None
 
 
 def _row(where: str, line: str, head_radius: float) -> tuple[int, str, float, float, float]:
-    cells = [cell.strip() for cell in next(csv.reader([line]))]
+    try:
+        cells = [cell.strip() for cell in next(csv.reader([line]))]
+    except csv.Error as error:
+        raise CutterError(f"{where}: {error}") from None
     if len(cells) != len(COLUMNS):
         raise CutterError(f"{where}: {len(cells)} cells; must be {len(COLUMNS)}: {', '.join(COLUMNS)}")
-    if not cells[0].isascii() or not cells[0].isdecimal():
-        raise CutterError(f"{where}, column cutter: {cells[0]!r} is no number of a cutter")
+    if not cells[0].isascii() or not cells[0].isdecimal() or len(cells[0]) > _DIGITS:
+        raise CutterError(f"{where}, column cutter: {quoted(cells[0])} is no number of a cutter")
     if cells[1] not in TYPES:
-        raise CutterError(f"{where}, column type: {cells[1]!r}; allowed are {', '.join(TYPES)}")
+        raise CutterError(f"{where}, column type: {quoted(cells[1])}; allowed are {', '.join(TYPES)}")
     limits = ((0.0, head_radius), (-360.0, 360.0), (0.0, _MOST_TILTED))
     radius, angle, tilt = (
         _number(f"{where}, column {column}", cell, *allowed)
@@ -126,7 +134,9 @@ def _number(where: str, cell: str, low: float, high: float) -> float:
     except ValueError:
         value = math.nan
     if not low <= value <= high:
-        raise CutterError(f"{where}: {cell or 'empty'}; allowed is a number from {low:g} to {high:g}")
+        raise CutterError(
+            f"{where}: {shortened(cell, LONGEST_NAME) or 'empty'}; allowed is a number from {low:g} to {high:g}"
+        )
     return value
 
 

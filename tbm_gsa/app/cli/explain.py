@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json as json_module
 import math
 from pathlib import Path
 from typing import Annotated, Any
@@ -12,8 +11,9 @@ from rich.table import Table
 
 from tbm_gsa.app.cli.output import JSON_OPTION, SEED_OPTION, notes, print_json, progress_bar, results
 from tbm_gsa.app.cli.workers import Scheduler, Workers, anonymous_main, campaign_progress
+from tbm_gsa.explanation.forms import COMPARISON, ComparisonForm
 from tbm_gsa.explanation.verdict import verdict
-from tbm_gsa.sensitivity.study.errors import StudyError
+from tbm_gsa.reading import read_document
 
 _SHOWN = 8
 
@@ -37,7 +37,7 @@ def explain(
     from tbm_gsa.explanation.workflow import ExplainOptions  # noqa: PLC0415
     from tbm_gsa.explanation.workflow import explain as find  # noqa: PLC0415
 
-    document = _comparison(comparison)
+    document = read_document(comparison, ComparisonForm, COMPARISON)
     out.mkdir(parents=True, exist_ok=True)
     with progress_bar() as bar, anonymous_main():
         options = ExplainOptions(
@@ -57,17 +57,6 @@ def explain(
     else:
         _print(found)
     notes.print(f"page: {page}", highlight=False)
-
-
-def _comparison(file: Path) -> dict[str, Any]:
-    try:
-        document = json_module.loads(file.read_text("utf-8"))
-    except (OSError, ValueError) as error:
-        reason = error.strerror if isinstance(error, OSError) else f"not JSON ({error})"
-        raise StudyError(f"{file}: {reason}, allowed: what `tbm-monitor compare BAG --json` prints") from None
-    if not isinstance(document, dict):
-        raise StudyError(f"{file}: not the document of `tbm-monitor compare BAG --json`")
-    return document
 
 
 def _print(document: dict[str, Any]) -> None:

@@ -80,7 +80,11 @@ def check(machine: MachineArgument, json: Annotated[bool, JSON_OPTION] = False) 
     if json:
         print_json(document)
         return
-    results.print(f"{described.name}: {len(system.nodes)} nodes, {system.size} degrees of freedom, {meshes} meshes")
+    results.print(
+        f"{described.name}: {len(system.nodes)} nodes, {system.size} degrees of freedom, {meshes} meshes",
+        markup=False,
+        highlight=False,
+    )
     mean = force.mean() / 1e3
     results.print(f"mesh frequency {described.mesh_frequency:.2f} Hz, static mesh force {mean:.1f} kN each")
     results.print("lowest natural frequencies (Hz): " + ", ".join(f"{value:.1f}" for value in frequencies))

@@ -2,19 +2,23 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Annotated, Any
 
 import typer
 
-from tbm_dynamics import load_machine
-from tbm_dynamics.machine.writing import machine_text, write_machine
+from tbm_dynamics import Machine, MachineError, load_machine
+from tbm_dynamics.machine.loading import described_by
+from tbm_dynamics.machine.writing import machine_text
 from tbm_gsa.app.cli.output import JSON_OPTION, print_json, results
+from tbm_gsa.explanation.forms import EXPLANATION, ExplanationForm
+from tbm_gsa.explanation.ranges import explaining_inputs
 from tbm_gsa.explanation.verdict import verdict
 from tbm_gsa.provenance import machine_sha256
+from tbm_gsa.reading import read_document
 from tbm_gsa.sensitivity.study.errors import StudyError
+from tbm_msgs_py.base.files import write_whole
 
 
 def update(
@@ -41,9 +45,12 @@ def update(
         raise StudyError(f"{source}: explains another machine than {machine}, {document['machine_file']['origin']}")
     accepted = accepted_causes(document, cause)
     values = {row["input"]: float(row["value"]) for row in accepted}
+    _check_ranges(described, values, source)
     text = machine_text(described, values, name or f"{described.name}_updated", _reasons(document, accepted, machine))
-    write_machine(out, text)
-    load_machine(out).assemble()
+    Machine(described_by(text, str(out)), origin=str(out)).assemble()
+    if out.exists():
+        raise MachineError(f"{out}: exists already, allowed: a new file")
+    write_whole(out, text.encode())
     if json:
         print_json({"machine": machine, "out": str(out), "inputs": values})
     else:
@@ -53,17 +60,7 @@ def update(
 def read_explanation(source: Path) -> dict[str, Any]:
     """Read the document of an explanation from its file or its folder."""
     file = source / "explanation.json" if source.is_dir() else source
-    try:
-        document = json.loads(file.read_text("utf-8"))
-        _ = document["causes"], document["joint"]["inputs"], document["machine_file"]["sha256"], document["explained"]
-    except OSError as error:
-        raise StudyError(
-            f"{file}: {error.strerror}, allowed: the explanation.json of `tbm-monitor gsa explain`"
-        ) from None
-    except (ValueError, KeyError, TypeError) as error:
-        raise StudyError(f"{file}: not the explanation.json of `tbm-monitor gsa explain` ({error})") from None
-    found: dict[str, Any] = document
-    return found
+    return read_document(file, ExplanationForm, EXPLANATION)
 
 
 def accepted_causes(document: Mapping[str, Any], wanted: list[str] | None) -> list[dict[str, Any]]:
@@ -82,6 +79,15 @@ def accepted_causes(document: Mapping[str, Any], wanted: list[str] | None) -> li
     if len(wanted) == 1:
         return [rows[wanted[0]]]
     return [{**rows[code], **document["joint"]["inputs"][code]} for code in dict.fromkeys(wanted)]
+
+
+def _check_ranges(machine: Machine, values: Mapping[str, float], source: Path) -> None:
+    """Refuse what no explanation of this machine can have found: somebody has edited it."""
+    inputs = explaining_inputs(machine)
+    for code, value in values.items():
+        item = inputs[code]
+        if not item.lower <= value <= item.upper:
+            raise StudyError(f"{source}: input {code} is {value:g}, allowed: {item.lower:g} to {item.upper:g}")
 
 
 def _change(row: Mapping[str, Any]) -> str:

@@ -15,6 +15,7 @@ import tbm_gsa
 from tbm_gsa.app.cli.commands import CommandLine
 from tbm_gsa.app.cli.output import notes, results
 from tbm_gsa.app.cli.start import ENDING, INTERRUPTED
+from tbm_msgs_py.base.bounds import shortened
 from tbm_msgs_py.base.errors import InputError, RunError
 
 app = typer.Typer(
@@ -126,7 +127,7 @@ def _usage_line(error: Exception) -> str:
 
 
 def _say(message: str) -> None:
-    notes.print(f"tbm-monitor: {' '.join(message.split())}", highlight=False)
+    notes.print(f"tbm-monitor: {shortened(' '.join(message.split()))}", highlight=False)
 
 
 if __name__ == "__main__":

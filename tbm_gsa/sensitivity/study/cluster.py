@@ -1,5 +1,6 @@
 """The workers of a Dask cluster, by the address of its scheduler; an optional extra."""
 
+import asyncio
 import logging
 import re
 import socket
@@ -8,6 +9,7 @@ from contextlib import contextmanager
 
 from tbm_gsa.sensitivity.study.errors import StudyError
 from tbm_gsa.sensitivity.study.workers import Workers
+from tbm_msgs_py.base.bounds import shortened
 
 CONNECT_TIMEOUT_S = 10
 IN_FLIGHT = 2  # simulations per thread of a worker: one running, one on the way to it
@@ -29,13 +31,13 @@ def cluster(address: str) -> Iterator[Workers]:
         from distributed import Client, KilledWorker  # noqa: PLC0415 - an optional extra
     except ImportError:
         raise StudyError("a Dask cluster needs the package distributed: pip install 'tbm_monitor[cluster]'") from None
-    _check_reachable(address)
+    _check_scheduler(address, CONNECT_TIMEOUT_S)
     # A lost scheduler or worker is told in one line by the campaign; this logger prints tracebacks.
     logging.getLogger("distributed.client").setLevel(logging.CRITICAL)
     try:
         client = Client(address, timeout=CONNECT_TIMEOUT_S, set_as_default=False)
     except (OSError, ValueError) as error:
-        raise StudyError(f"scheduler {address}: cannot be reached ({' '.join(str(error).split())})") from None
+        raise _unreachable(address, error) from None
     with client:
         try:
             client.wait_for_workers(1, timeout=CONNECT_TIMEOUT_S)
@@ -45,12 +47,34 @@ def cluster(address: str) -> Iterator[Workers]:
         yield Workers(client.get_executor(), slots=IN_FLIGHT * threads, died=(KilledWorker,), retries=0)
 
 
-def _check_reachable(address: str) -> None:
-    """Raise a StudyError unless something listens there; a client that fails to connect complains until it is gone."""
+def _check_scheduler(address: str, timeout_s: float) -> None:
+    """Raise a StudyError unless a scheduler answers there within a time.
+
+    A client waits without an end for the answer of whatever took its connection, and complains until it is gone where
+    nothing did.
+    """
     found = re.fullmatch(r"(?:tcp|tls)://\[?([^\]]+)\]?:(\d{1,5})", address)
     if found is None:
         raise StudyError(f"scheduler {address}: no address, allowed: one such as tcp://host:8786")
     try:
-        socket.create_connection((found[1], int(found[2])), CONNECT_TIMEOUT_S).close()
-    except (OSError, OverflowError) as error:
-        raise StudyError(f"scheduler {address}: cannot be reached ({error})") from None
+        socket.create_connection((found[1], int(found[2])), timeout_s).close()
+        asyncio.run(asyncio.wait_for(_identity(address), timeout_s))
+    except TimeoutError:
+        raise StudyError(f"scheduler {address}: no answer within {timeout_s:g} s, allowed: a Dask scheduler") from None
+    except Exception as error:  # noqa: BLE001 - what a stranger answers may make the library raise anything
+        raise _unreachable(address, error) from None
+
+
+async def _identity(address: str) -> None:
+    """Ask a scheduler who it is, and close the connection whatever happens."""
+    from distributed.core import rpc  # noqa: PLC0415 - an optional extra
+    from distributed.security import Security  # noqa: PLC0415
+
+    async with rpc(address, connection_args=Security().get_connection_args("client")) as scheduler:
+        await scheduler.identity(n_workers=0)
+
+
+def _unreachable(address: str, error: Exception) -> StudyError:
+    """Make the error of a scheduler that cannot be reached."""
+    reason = shortened(" ".join(str(error).split()) or type(error).__name__, 200)
+    return StudyError(f"scheduler {address}: cannot be reached ({reason})")

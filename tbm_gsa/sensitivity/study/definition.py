@@ -10,6 +10,7 @@ import yaml
 from tbm_gsa.sensitivity.study.distributions import distribution_from, number
 from tbm_gsa.sensitivity.study.errors import StudyError
 from tbm_gsa.sensitivity.study.inputs import PAPER_INPUTS, Input, InputSet
+from tbm_msgs_py.base.bounds import LONGEST_NAME, quoted, read_text
 from tbm_msgs_py.base.strict_yaml import strict_yaml, yaml_problem
 
 KEYS: Final = ("inputs", "groups", "outputs")
@@ -59,7 +60,7 @@ def read_definition(path: str | Path) -> Definition:
     if Path(path).exists() and not Path(path).is_file():
         raise StudyError(f"{path}: no regular file, allowed: a YAML file")
     try:
-        document = strict_yaml(Path(path).read_text(encoding="utf-8"))
+        document = strict_yaml(read_text(Path(path)))
     except OSError as error:
         raise StudyError(f"{path}: cannot be read ({error.strerror}), allowed: a YAML file") from None
     except (yaml.YAMLError, UnicodeDecodeError) as error:
@@ -76,12 +77,12 @@ def _definition(document: object) -> Definition:
         raise StudyError("inputs: missing or no mapping, allowed: codes of inputs with their distributions")
     for key in document:
         if key not in KEYS:
-            raise StudyError(f"unknown key {key!r}, allowed: {', '.join(KEYS)}")
+            raise StudyError(f"unknown key {quoted(key)}, allowed: {', '.join(KEYS)}")
     inputs = tuple(_input(str(code), given) for code, given in document["inputs"].items())
     groups = document.get("groups") or {}
     if not isinstance(groups, dict):
-        raise StudyError(f"groups: {groups!r}, allowed: a mapping of names to lists of inputs")
-    named = {str(name): _names(f"group {name}", members) for name, members in groups.items()}
+        raise StudyError(f"groups: {quoted(groups)}, allowed: a mapping of names to lists of inputs")
+    named = {_name(name): _names(f"group {name}", members) for name, members in groups.items()}
     return Definition(InputSet(inputs, named), _names("outputs", document.get("outputs") or []))
 
 
@@ -92,7 +93,7 @@ def _input(code: str, given: object) -> Input:
         return known
     try:
         if not isinstance(given, dict):
-            raise StudyError(f"{given!r}, allowed: a mapping such as {{lower: 1, upper: 2}}")
+            raise StudyError(f"{quoted(given)}, allowed: a mapping such as {{lower: 1, upper: 2}}")
         law = distribution_from({key: value for key, value in given.items() if key != "initial"})
         initial = _initial(known, law.lower, law.upper, given)
     except StudyError as error:
@@ -112,5 +113,12 @@ def _initial(known: Input, lower: float, upper: float, given: Mapping[str, Any])
 def _names(where: str, given: object) -> tuple[str, ...]:
     """Take a list of names."""
     if not isinstance(given, list) or not all(isinstance(name, str) for name in given):
-        raise StudyError(f"{where}: {given!r}, allowed: a list of names")
-    return tuple(given)
+        raise StudyError(f"{where}: {quoted(given)}, allowed: a list of names")
+    return tuple(map(_name, given))
+
+
+def _name(given: object) -> str:
+    """Take a name."""
+    if len(name := str(given)) > LONGEST_NAME:
+        raise StudyError(f"name {quoted(name)}, allowed: up to {LONGEST_NAME} characters")
+    return name

@@ -15,6 +15,7 @@ from numpy.typing import ArrayLike
 
 from tbm_gsa.sensitivity.study.errors import StudyError
 from tbm_msgs_py.base.arrays import Array
+from tbm_msgs_py.base.bounds import quoted
 
 
 @dataclass(frozen=True)
@@ -145,12 +146,12 @@ def distribution_from(given: Mapping[str, object]) -> Distribution:
     """
     name = given.get("distribution", Uniform.name)
     if not isinstance(name, str) or name not in DISTRIBUTIONS:
-        raise StudyError(f"unknown distribution {name!r}, allowed: {', '.join(DISTRIBUTIONS)}")
+        raise StudyError(f"unknown distribution {quoted(name)}, allowed: {', '.join(DISTRIBUTIONS)}")
     kind = DISTRIBUTIONS[name]
     allowed = [field.name for field in fields(kind)]
     for key in given:
         if key not in {*allowed, "distribution"}:
-            raise StudyError(f"unknown key {key!r} of a {name} distribution, allowed: {', '.join(allowed)}")
+            raise StudyError(f"unknown key {quoted(key)} of a {name} distribution, allowed: {', '.join(allowed)}")
     missing = [key for key in allowed if key not in given]
     if missing:
         raise StudyError(f"{', '.join(missing)}: missing, allowed: a {name} distribution with {', '.join(allowed)}")
@@ -160,5 +161,8 @@ def distribution_from(given: Mapping[str, object]) -> Distribution:
 def number(key: str, value: object) -> float:
     """Take a number from plain data."""
     if isinstance(value, bool) or not isinstance(value, int | float):
-        raise StudyError(f"{key} {value!r}, allowed: a number")
-    return float(value)
+        raise StudyError(f"{key} {quoted(value)}, allowed: a number")
+    try:
+        return float(value)
+    except OverflowError:  # a whole number of hundreds of digits
+        raise StudyError(f"{key} {quoted(value)}, allowed: a number that a computer holds") from None

@@ -12,9 +12,11 @@ from tbm_dynamics.integration.simulator import DEFAULT_STEP
 from tbm_dynamics.machine.description import MachineDescription
 from tbm_gsa.sensitivity.study.errors import StudyError
 from tbm_gsa.sensitivity.study.outputs import Vibration, parse_outputs
+from tbm_msgs_py.base.bounds import quoted
 
 SHORTEST_VIBRATION_S = 1.0  # what the conditioning of a signal makes something of
 LOWEST_HIGH_HZ = 1.0
+LONGEST_S = 3600.0  # of a simulation that is stored
 
 
 @dataclass(frozen=True)
@@ -116,15 +118,19 @@ class MachineEvaluation:
         StudyError
             The machine file says something else now.
         """
+        machine, duration, seed = (settings.get(name) for name in ("machine", "duration", "load_seed"))
         high_hz = settings.get("high_hz")
-        evaluation = cls.of(
-            str(settings["machine"]),
-            float(settings["duration"]),
-            int(settings["load_seed"]),
-            outputs,
-            None if high_hz is None else float(high_hz),
-        )
-        if evaluation.settings["machine_sha256"] != settings["machine_sha256"]:
+        if not (
+            isinstance(machine, str)
+            and isinstance(duration, float | int)
+            and 0.0 < duration <= LONGEST_S
+            and isinstance(seed, int)
+            and seed >= 0
+            and isinstance(high_hz, float | int | None)
+        ):
+            raise StudyError(f"settings {quoted(dict(settings))}, allowed: those of a simulation that `gsa run` stores")
+        evaluation = cls.of(machine, float(duration), seed, outputs, None if high_hz is None else float(high_hz))
+        if evaluation.settings["machine_sha256"] != settings.get("machine_sha256"):
             raise StudyError(
                 f"machine {evaluation.machine} has changed since the study was begun, allowed: the file as it was"
             )

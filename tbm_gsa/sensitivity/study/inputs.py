@@ -7,9 +7,10 @@ from typing import Any, Final, Literal, Self
 import numpy as np
 from numpy.typing import ArrayLike
 
-from tbm_gsa.sensitivity.study.distributions import Distribution, Uniform, distribution_from
+from tbm_gsa.sensitivity.study.distributions import Distribution, Uniform, distribution_from, number
 from tbm_gsa.sensitivity.study.errors import StudyError
 from tbm_msgs_py.base.arrays import Array
+from tbm_msgs_py.base.bounds import quoted
 
 Kind = Literal["absolute", "multiplier"]
 TEXTS: Final = ("code", "name", "symbol", "unit", "kind")
@@ -62,8 +63,11 @@ class Input:
     def from_dict(cls, given: Mapping[str, Any]) -> Self:
         """Inverse of `to_dict`."""
         law = {key: value for key, value in given.items() if key not in {*TEXTS, "initial"}}
-        texts = {key: given[key] for key in TEXTS}
-        return cls(**texts, initial=given["initial"], distribution=distribution_from(law))
+        texts: dict[str, Any] = {key: given.get(key) for key in TEXTS}
+        for key, text in texts.items():
+            if not isinstance(text, str):
+                raise StudyError(f"{key} of an input: {quoted(text)}, allowed: a text")
+        return cls(**texts, initial=number("initial", given.get("initial")), distribution=distribution_from(law))
 
 
 @dataclass(frozen=True)
@@ -97,7 +101,7 @@ class InputSet:
         for item in self.inputs:
             if item.code == code:
                 return item
-        raise StudyError(f"unknown input {code!r}, allowed: {', '.join(self.codes)}")
+        raise StudyError(f"unknown input {quoted(code)}, allowed: {', '.join(self.codes)}")
 
     @property
     def codes(self) -> tuple[str, ...]:
@@ -165,7 +169,7 @@ def check_groups(groups: Mapping[str, Sequence[str]], codes: Sequence[str]) -> N
             raise StudyError(f"group {name}: no input, allowed: at least one")
         for code in members:
             if code not in codes:
-                raise StudyError(f"group {name}: unknown input {code!r}, allowed: {', '.join(codes)}")
+                raise StudyError(f"group {name}: unknown input {quoted(code)}, allowed: {', '.join(codes)}")
             if code in seen:
                 raise StudyError(f"group {name}: input {code} is in group {seen[code]} already, allowed: one group")
             seen[code] = name

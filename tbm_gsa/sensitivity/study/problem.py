@@ -3,11 +3,13 @@
 import json
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
-from typing import Any, Final, Self
+from typing import Final, Self
 
 from tbm_gsa.sensitivity.study.design import check_kind
 from tbm_gsa.sensitivity.study.errors import StudyError
+from tbm_gsa.sensitivity.study.form import problem_parts
 from tbm_gsa.sensitivity.study.inputs import InputSet
+from tbm_msgs_py.base.bounds import shortened
 
 Setting = str | float | int
 FORMAT: Final = 2
@@ -68,12 +70,13 @@ class Problem:
     @classmethod
     def from_json(cls, texts: Mapping[str, str]) -> Self:
         """Inverse of `to_json`."""
-        parts: dict[str, Any] = {key: json.loads(text) for key, text in texts.items()}
-        written = parts.pop("format", None)
-        if written != FORMAT:
-            raise StudyError(f"written in format {written}, allowed: {FORMAT}; run the study again")
-        inputs = InputSet.from_list(parts.pop("inputs"), parts.pop("groups"))
-        return cls(inputs, tuple(parts.pop("outputs")), added=tuple(parts.pop("added")), **parts)
+        written = texts.get("format")
+        if written != str(FORMAT):
+            raise StudyError(f"written in format {shortened(str(written), 20)}, allowed: {FORMAT}; run the study again")
+        parts = problem_parts(texts)
+        inputs = InputSet.from_list(parts["inputs"], parts["groups"])
+        others = {name: parts[name] for name in ("train", "test", "seed", "settings", "design")}
+        return cls(inputs, tuple(parts["outputs"]), added=tuple(parts["added"]), **others)
 
 
 def difference(stored: Problem, wanted: Problem) -> str | None:

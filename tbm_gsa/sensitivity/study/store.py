@@ -14,9 +14,11 @@ import numpy as np
 
 from tbm_gsa.sensitivity.study.design import add_points, make_design
 from tbm_gsa.sensitivity.study.errors import StudyError
+from tbm_gsa.sensitivity.study.form import numbers
 from tbm_gsa.sensitivity.study.problem import Problem, difference
 from tbm_gsa.sensitivity.study.worker import Outcome
 from tbm_msgs_py.base.arrays import Array
+from tbm_msgs_py.base.bounds import shortened
 from tbm_msgs_py.base.files import unfinished
 
 Part = Literal["train", "test"]
@@ -151,7 +153,7 @@ class Store:
         with self._connection:
             self._connection.execute("BEGIN IMMEDIATE")  # no second extension between reading and writing
             planned = self._connection.execute("SELECT inputs FROM planned WHERE part = 'train' ORDER BY row")
-            existing = np.array([json.loads(inputs) for (inputs,) in planned])
+            existing = np.array([self._numbers(inputs, len(problem.inputs)) for (inputs,) in planned])
             points = add_points(problem.inputs, existing, count, problem.seed, problem.design)
             _plan(self._connection, points, "train", f"added to {problem.design}", problem.seed)
             _write_parts(self._connection, extended)
@@ -174,7 +176,8 @@ class Store:
     def pending(self) -> list[tuple[int, dict[str, float]]]:
         """Row and inputs of every simulation that has not ended, in order."""
         rows = self._connection.execute("SELECT row, inputs FROM simulations WHERE status = 'pending' ORDER BY row")
-        return [(row, self.problem.inputs.sample(json.loads(inputs))) for row, inputs in rows]
+        count = len(self.problem.inputs)
+        return [(row, self.problem.inputs.sample(self._numbers(inputs, count))) for row, inputs in rows]
 
     def record(self, outcome: Outcome) -> None:
         """Commit one finished simulation."""
@@ -198,15 +201,22 @@ class Store:
         rows = self._connection.execute(
             "SELECT inputs, outputs FROM planned WHERE part = ? AND status = 'ok' ORDER BY row", (part,)
         ).fetchall()
-        X = np.array([json.loads(inputs) for inputs, _ in rows]).reshape(len(rows), len(self.problem.inputs))
-        Y = np.array([json.loads(outputs) for _, outputs in rows]).reshape(len(rows), len(self.problem.outputs))
+        d, q = len(self.problem.inputs), len(self.problem.outputs)
+        X = np.array([self._numbers(inputs, d) for inputs, _ in rows]).reshape(len(rows), d)
+        Y = np.array([self._numbers(outputs, q) for _, outputs in rows]).reshape(len(rows), q)
         return X, Y
+
+    def _numbers(self, text: str, count: int) -> list[float]:
+        """Read the inputs or outputs of a simulation."""
+        try:
+            return numbers(text, count)
+        except StudyError as error:
+            raise StudyError(f"{self.path}: {error}") from None
 
     def failures(self) -> list[tuple[int, str]]:
         """Row and reason of every failed simulation."""
-        return list(
-            self._connection.execute("SELECT row, reason FROM simulations WHERE status = 'failed' ORDER BY row")
-        )
+        rows = self._connection.execute("SELECT row, reason FROM simulations WHERE status = 'failed' ORDER BY row")
+        return [(row, shortened(str(reason))) for row, reason in rows]
 
     def simulation_seconds(self) -> float:
         """Processor time that all simulations took together, s."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import asdict
+from itertools import islice
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -15,6 +16,7 @@ from tbm_gsa.app.cli.shipped import RECORDING_ARGUMENT, recording_path
 from tbm_msgs_py.bags import Bag, BagInfo, RecordingError
 from tbm_msgs_py.recordings.health import COUNTS, PointHealth, check_recording
 
+_SHOWN = 200  # topics and test points: a terminal takes a quarter of a minute for 60 000
 APART_S = 1.0  # clocks that differ by more get a line of their own
 
 
@@ -109,9 +111,10 @@ def _print_tables(document: dict[str, Any]) -> None:
     table = Table()
     for heading in ("topic", "type", "messages"):
         table.add_column(heading, justify="right" if heading == "messages" else "left")
-    for name, topic in document["topics"].items():
+    for name, topic in _first(document["topics"]):
         table.add_row(Text(name), Text(topic["type"]), str(topic["messages"]))
     results.print(table)
+    _print_rest("topics", len(document["topics"]))
     if "points" in document:
         _print_points(document)
 
@@ -122,7 +125,7 @@ def _print_points(document: dict[str, Any]) -> None:
     table = Table()
     for heading in ("test point", *columns):
         table.add_column(heading, justify="right" if heading in columns else "left")
-    for name, point in points.items():
+    for name, point in _first(points):
         table.add_row(
             Text(name),
             str(point["samples"]),
@@ -133,7 +136,8 @@ def _print_points(document: dict[str, Any]) -> None:
             f"{point['clock_drift']:+.0f}",
         )
     results.print(table)
-    for name, point in points.items():
+    _print_rest("test points", len(points))
+    for name, point in _first(points):
         faults = [f"{point[key]} {key}" for key in COUNTS if point[key]]
         faults += [f"{axis} stuck for {seconds:.1f} s" for axis, seconds in point["stuck_s"].items()]
         if faults:
@@ -142,5 +146,15 @@ def _print_points(document: dict[str, Any]) -> None:
     if offsets and max(offsets.values()) - min(offsets.values()) > APART_S:
         early, late = min(offsets, key=offsets.__getitem__), max(offsets, key=offsets.__getitem__)
         results.print(Text(f"the clocks of {early} and {late} are {offsets[late] - offsets[early]:.3f} s apart"))
-    for name, problem in document["problems"].items():
+    for name, problem in _first(document["problems"]):
         results.print(Text(f"{name}: {problem}" if name else problem))
+
+
+def _first(rows: dict[str, Any]) -> list[tuple[str, Any]]:
+    """Rows that a table shows."""
+    return list(islice(rows.items(), _SHOWN))
+
+
+def _print_rest(what: str, count: int) -> None:
+    if count > _SHOWN:
+        results.print(f"and {count - _SHOWN} more {what}, which --json lists", highlight=False)

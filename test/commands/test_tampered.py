@@ -1,0 +1,254 @@
+"""What the program stored and somebody edited since: each command that reads it back ends with 0, or with one line."""
+
+import json
+import signal
+import sqlite3
+import sys
+
+import pytest
+from tampered import REMOVED, WRONG, places, tampered
+
+from tbm_dynamics import load_machine
+from tbm_gsa.app.cli.main import main
+from tbm_gsa.explanation import workflow
+from tbm_gsa.history import Entry, History, Source
+from tbm_gsa.provenance import machine_sha256
+from tbm_gsa.sensitivity.study.design import KINDS
+from tbm_gsa.sensitivity.study.errors import StudyError
+from tbm_gsa.sensitivity.study.evaluate import MachineEvaluation
+from tbm_gsa.sensitivity.study.inputs import PAPER_INPUTS, InputSet
+from tbm_gsa.sensitivity.study.problem import Problem
+from tbm_gsa.sensitivity.study.store import Store
+from tbm_gsa.sensitivity.study.worker import Outcome
+from tbm_msgs_py.base.errors import InputError
+
+LONGEST = 2500  # characters of a line for a user
+
+
+@pytest.fixture
+def command(tmp_path, monkeypatch, capsys):
+    """Run a command line in an empty folder and hold its end against the promise; its exit code and complaint."""
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(signal, "signal", lambda *_: None)
+
+    def run(line):
+        monkeypatch.setattr(sys, "argv", ["tbm-monitor", *line.split()])
+        with pytest.raises(SystemExit) as end:
+            main()
+        err = capsys.readouterr().err
+        assert end.value.code in (0, 2), f"{line}: {err[:LONGEST]}"
+        if end.value.code == 2:
+            assert len(err.splitlines()) == 1, err[:LONGEST]
+            assert len(err) < LONGEST
+        return end.value.code, err
+
+    return run
+
+
+def explanation():
+    machine = load_machine("dz101")
+    rows = {"x9": (8.1e9, [7.6e9, 8.4e9]), "x16": (0.5, [0.4, 0.6])}
+    causes = [
+        {
+            "input": code,
+            "name": "Stiffness",
+            "symbol": "k",
+            "unit": "",
+            "probability": 0.5,
+            "value": value,
+            "interval": interval,
+            "machine_value": 1.0,
+        }
+        for code, (value, interval) in rows.items()
+    ]
+    return {
+        "causes": [*causes, {"input": None, "name": "nothing has changed", "probability": 0.0}],
+        "joint": {
+            "inputs": {code: {"value": value, "interval": interval} for code, (value, interval) in rows.items()},
+            "standardised_misfit": 1.0,
+        },
+        "standardised_misfit": {"model": 9.0, "checked": 1.0},
+        "explained": True,
+        "recording": {"path": "bag", "sha256": "0"},
+        "machine_file": {"origin": "dz101", "sha256": machine_sha256(machine)},
+        "settings": {"samples": 200, "duration": 6.0, "seed": 0},
+        "versions": {"tbm_monitor": "0.1.0"},
+    }
+
+
+def comparison():
+    bands = {"0.5-20_hz": 1.0, "20-100_hz": 2.0}
+    intervals = {band: [0.9 * value, 1.1 * value] for band, value in bands.items()}
+    axis = {
+        "field_rms": 2.0,
+        "model_rms": 1.9,
+        "field_band_rms": bands,
+        "model_band_rms": bands,
+        "intervals": {
+            "field_rms": [1.9, 2.1],
+            "model_rms": [1.8, 2.0],
+            "field_band_rms": intervals,
+            "model_band_rms": intervals,
+        },
+    }
+    return {
+        "confidence": 0.95,
+        "points": {"cutterhead": {"x": axis}},
+        "bands": {"cutterhead": {"high_hz": 1000.0}},
+        "recording": {"path": "bag", "sha256": "0", "duration": 60.0},
+        "machine": "dz101",
+        "machine_file": {"origin": "dz101", "sha256": machine_sha256(load_machine("dz101"))},
+        "operating_point": {"speed_r_min": 5.6, "torque_kn_m": 2280.0, "thrust_kn": 12000.0, "source": "recording"},
+        "model_duration": 30.0,
+        "seed": 0,
+    }
+
+
+def test_a_tampered_explanation_is_one_line(tmp_path, command):
+    document = explanation()
+    (tmp_path / "right.json").write_text(json.dumps(document))
+    assert command("machine update dz101 --from right.json --out right.yaml") == (0, "")
+    given = (tmp_path / "right.yaml").read_text()
+    refused = 0
+    for number, (place, wrong) in enumerate((place, wrong) for place in places(document) for wrong in WRONG.values()):
+        (tmp_path / "wrong.json").write_text(json.dumps(tampered(document, place, wrong)))
+        out = tmp_path / f"{number}.yaml"
+        code, _ = command(f"machine update dz101 --from wrong.json --out {out.name} --input x9 --input x16")
+        assert out.exists() == (code == 0), place
+        if code == 0:
+            load_machine(out)
+        refused += code == 2
+    assert refused > 300
+    assert (tmp_path / "right.yaml").read_text() == given
+
+
+@pytest.mark.parametrize("value", [1e300, -1.0, 0.0, 8.6e9])
+def test_a_value_no_explanation_finds_writes_no_machine(tmp_path, command, value):
+    document = explanation()
+    document["causes"][0]["value"] = value
+    (tmp_path / "found.json").write_text(json.dumps(document))
+    code, err = command("machine update dz101 --from found.json --out new.yaml")
+    assert code == 2
+    assert "found.json" in err
+    assert [path.name for path in tmp_path.iterdir()] == ["found.json"]
+
+
+def test_a_machine_in_no_folder_is_one_line(tmp_path, command):
+    (tmp_path / "found.json").write_text(json.dumps(explanation()))
+    code, err = command("machine update dz101 --from found.json --out nowhere/new.yaml")
+    assert (code, err) == (2, "tbm-monitor: nowhere/new.yaml: No such file or directory\n")
+
+
+def test_a_tampered_comparison_is_one_line(tmp_path, command, monkeypatch):
+    def campaign(*_):
+        raise StudyError("as far as its document")
+
+    monkeypatch.setattr(workflow, "_campaign", campaign)
+    document = comparison()
+    (tmp_path / "right.json").write_text(json.dumps(document))
+    assert "as far as its document" in command("gsa explain right.json")[1]
+    refused = 0
+    for place in places(document):
+        for wrong in WRONG.values():
+            (tmp_path / "wrong.json").write_text(json.dumps(tampered(document, place, wrong)))
+            refused += "as far as its document" not in command("gsa explain wrong.json")[1]
+    assert refused > 300
+
+
+@pytest.mark.parametrize(
+    "text", ["", "[" * 100_000, "9" * 5000, "{}", "[]", "null", '{"a": NaN}', "\0", "{" + '"a":' * 9]
+)
+@pytest.mark.parametrize("line", ["gsa explain wrong.json", "machine update dz101 --from wrong.json --out new.yaml"])
+def test_a_document_that_is_none_is_one_line(tmp_path, command, line, text):
+    (tmp_path / "wrong.json").write_text(text)
+    code, err = command(line)
+    assert code == 2
+    assert err.startswith("tbm-monitor: wrong.json: not ")
+
+
+def test_a_tampered_study_is_one_line(tmp_path):
+    inputs = InputSet(PAPER_INPUTS.inputs[:2], {"both": ("x1", "x2")})
+    evaluate = MachineEvaluation.of("dz101", 0.02, 0)
+    problem = Problem(inputs, evaluate.outputs, 3, 1, 0, evaluate.settings, KINDS[0])
+    with Store.create_or_open(tmp_path / "store.sqlite", problem) as store:
+        for row, _ in store.pending()[:3]:
+            store.record(Outcome(row, dict.fromkeys(problem.outputs, 1.0), None, 0.1))
+    assert read_back(tmp_path / "store.sqlite") == ""
+    refused = 0
+    for key, text in problem.to_json().items():
+        document = {"": json.loads(text)}
+        for place in places(document):
+            for wrong in WRONG.values():
+                changed = tampered(document, place, wrong)
+                with sqlite3.connect(tmp_path / "store.sqlite") as edited:
+                    if changed:
+                        edited.execute("REPLACE INTO problem VALUES (?, ?)", (key, json.dumps(changed[""])))
+                    else:
+                        edited.execute("DELETE FROM problem WHERE key = ?", (key,))
+                refused += read_back(tmp_path / "store.sqlite") != ""
+        with sqlite3.connect(tmp_path / "store.sqlite") as edited:
+            edited.execute("REPLACE INTO problem VALUES (?, ?)", (key, text))
+    assert refused > 300
+    for column in ("inputs", "outputs"):
+        for wrong in (
+            *map(json.dumps, filter(lambda wrong: wrong is not REMOVED, WRONG.values())),
+            "[",
+            "",
+            b"\xff",
+            3,
+        ):
+            with sqlite3.connect(tmp_path / "store.sqlite") as edited:
+                (right,) = edited.execute(f"SELECT {column} FROM simulations WHERE row = 2").fetchone()
+                edited.execute(f"UPDATE simulations SET {column} = ? WHERE row = 2", (wrong,))
+            assert "store.sqlite: a simulation" in read_back(tmp_path / "store.sqlite"), wrong
+            with sqlite3.connect(tmp_path / "store.sqlite") as edited:
+                edited.execute(f"UPDATE simulations SET {column} = ? WHERE row = 2", (right,))
+
+
+def read_back(path):
+    """Read all that a study that is gone on with reads; the error for the user, one line."""
+    try:
+        with Store.open(path) as store:
+            for part in ("train", "test"):
+                store.problem.inputs.to_unit(store.results(part)[0])
+            store.pending(), store.counts(), store.designs(), store.failures(), store.simulation_seconds()
+            MachineEvaluation.from_settings(store.problem.settings, store.problem.outputs)
+    except (InputError, load_machine.__globals__["MachineError"]) as error:
+        assert len(str(error).splitlines()) == 1
+        return str(error)
+    return ""
+
+
+HISTORY = [
+    "history --json",
+    "history",
+    "history baseline list",
+    "history baseline show commissioning",
+    "history baseline set another --replace",
+]
+
+
+def test_a_tampered_history_is_one_line(tmp_path, command, monkeypatch):
+    file = tmp_path / "history.sqlite"
+    monkeypatch.setenv("TBM_HISTORY", str(file))
+    with History(file) as history:
+        source = Source("live", "node", "", "dz101", "0")
+        windows = [Entry("cutterhead", "x", k * 10**9, 10**9, 1.0, 1.1, 0.1, 1.0, 3.0, 3.0) for k in range(6)]
+        history.add(source, windows)
+    assert command("history baseline set commissioning")[0] == 0
+    whole = file.read_bytes()
+    wrong = (None, "x", "x" * 100_000, b"\xff\xfe", 7, -(2**63), 2**63 - 1, 1e300, float("inf"), -1.5)
+    columns = {
+        table: [row[1] for row in sqlite3.connect(file).execute(f"PRAGMA table_info({table})")]
+        for table in ("sources", "windows", "baselines", "usual_errors")
+    }
+    refused = 0
+    for table, column, value in ((t, c, value) for t, found in columns.items() for c in found for value in wrong):
+        file.write_bytes(whole)
+        with sqlite3.connect(file) as edited:
+            edited.execute("PRAGMA ignore_check_constraints = ON")
+            edited.execute("PRAGMA foreign_keys = OFF")
+            edited.execute(f"UPDATE OR IGNORE {table} SET {column} = ?", (value,))
+        edited.close()
+        refused += any(command(line)[0] == 2 for line in HISTORY)
+    assert refused > 50
