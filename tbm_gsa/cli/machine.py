@@ -12,6 +12,7 @@ from tbm_dynamics.levels import LoadLevel
 from tbm_gsa.cli.machine_tables import print_loads, print_tables
 from tbm_gsa.cli.machine_update import update
 from tbm_gsa.cli.output import JSON_OPTION, LOADS_OPTION, SEED_OPTION, notes, print_json, results
+from tbm_gsa.provenance import machine_sha256
 from tbm_gsa.report.load_summary import load_run
 from tbm_gsa.report.machine_summary import machine_summary
 
@@ -70,6 +71,7 @@ def check(machine: MachineArgument, json: Annotated[bool, JSON_OPTION] = False) 
     frequencies = [float(value) for value in system.natural_frequencies(_SHOWN_MODES)]
     document = {
         "machine": described.name,
+        "sha256": machine_sha256(described),
         "nodes": len(system.nodes),
         "degrees_of_freedom": system.size,
         "meshes": meshes,
@@ -81,6 +83,7 @@ def check(machine: MachineArgument, json: Annotated[bool, JSON_OPTION] = False) 
         print_json(document)
         return
     results.print(f"{described.name}: {len(system.nodes)} nodes, {system.size} degrees of freedom, {meshes} meshes")
+    results.print(f"SHA-256 {document['sha256']}", highlight=False)
     mean = force.mean() / 1e3
     results.print(f"mesh frequency {described.mesh_frequency:.2f} Hz, static mesh force {mean:.1f} kN each")
     results.print("lowest natural frequencies (Hz): " + ", ".join(f"{value:.1f}" for value in frequencies))

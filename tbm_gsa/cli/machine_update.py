@@ -99,7 +99,7 @@ def _reasons(document: Mapping[str, Any], accepted: list[dict[str, Any]], machin
         f"Of that: {verdict(document)}.",
         *(f"{_change(row)}, probability {row['probability']:.2f}" for row in accepted),
         f"Recording {Path(recording['path']).name}, sha256 {recording['sha256']}.",
-        f"Machine file before: sha256 {document['machine_file']['sha256']}.",
+        f"Machine before: sha256 {document['machine_file']['sha256']}.",
         f"tbm_monitor {versions.get('tbm_monitor', 'from source')}, campaign of {document['settings']['samples']} runs "
         f"of {document['settings']['duration']:g} s, seed {document['settings']['seed']}.",
     ]

@@ -33,7 +33,7 @@ class Selection:
     source : str
         One of `KINDS`, or a part of the source's name.
     machine : str
-        Its name, or the first digits, eight at least, of its file's SHA-256.
+        Its name, or the first digits, eight at least, of its SHA-256.
     """
 
     point: str | None = None

@@ -21,6 +21,7 @@ from matplotlib.image import imread
 from tbm_dynamics import load_machine
 from tbm_gsa.cli.main import main
 from tbm_gsa.report.machine_summary import motion_parts
+from tbm_gsa.study.evaluate import MachineEvaluation
 
 TEXT = {path.name: path.read_text("utf-8") for path in (resources.files("tbm_dynamics") / "machines").iterdir()}
 STRUCTURES = ("cutterhead_bearing_gear", "carrier_girder")
@@ -169,6 +170,7 @@ def test_check(data, command):
     force = data["operating_point"]["torque_kn_m"] * 1e3 / (count * base)
     mesh_hz = data["operating_point"]["speed_r_min"] / 60.0 * gear["ring_teeth"]
     found = document(command, f"check {name}")
+    assert found["sha256"] == MachineEvaluation.of(name, 1.0, 0).settings["machine_sha256"]  # as a study names it
     assert (found["nodes"], found["degrees_of_freedom"], found["meshes"]) == (nodes, 6 * nodes, count)
     found = [found["mesh_frequency_hz"], *found["static_mesh_force"]]
     assert found == pytest.approx([mesh_hz, *count * [force]], rel=1e-6)
