@@ -10,7 +10,16 @@ import typer
 from rich.table import Table
 from rich.text import Text
 
-from tbm_gsa.cli.output import JSON_OPTION, MACHINE_OPTION, SEED_OPTION, notes, print_json, progress_bar, results
+from tbm_gsa.cli.output import (
+    DEFAULT_MACHINE,
+    JSON_OPTION,
+    SEED_OPTION,
+    MachineOption,
+    notes,
+    print_json,
+    progress_bar,
+    results,
+)
 from tbm_gsa.cli.selection import HISTORY_HELP
 from tbm_gsa.cli.shipped import RECORDING_ARGUMENT, recording_path
 from tbm_gsa.comparison.document import axial_rows, stuck_texts
@@ -24,7 +33,7 @@ from tbm_msgs_py.health import COUNTS
 
 def compare(
     bag: Annotated[Path, RECORDING_ARGUMENT],
-    machine: Annotated[str, MACHINE_OPTION] = "dz101",
+    machine: MachineOption = DEFAULT_MACHINE,
     mapping: Annotated[
         Path | None, typer.Option(help="Mapping of topics to test points; default: mapping.yaml in or beside the bag.")
     ] = None,

@@ -12,10 +12,11 @@ from rich.table import Table
 
 from tbm_dynamics import Machine, load_machine
 from tbm_gsa.cli.output import (
+    DEFAULT_MACHINE,
     JSON_OPTION,
-    MACHINE_OPTION,
     OUTPUTS_OPTION,
     SEED_OPTION,
+    MachineOption,
     notes,
     print_json,
     progress_bar,
@@ -45,7 +46,7 @@ _STRONGEST = 5
 
 def demo(
     bag: Annotated[Path | None, typer.Option(help="Recording to play; default: the shipped synthetic one.")] = None,
-    machine: Annotated[str, MACHINE_OPTION] = "dz101",
+    machine: MachineOption = DEFAULT_MACHINE,
     out: Annotated[Path, typer.Option(help="Folder for logs and the study.")] = Path("tbm_demo"),
     samples: Annotated[int, typer.Option(min=10, help="Training simulations of the sensitivity analysis.")] = 200,
     test: Annotated[int, typer.Option(min=2, help="Test simulations.")] = 20,

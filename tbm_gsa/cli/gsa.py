@@ -14,10 +14,11 @@ from tbm_dynamics import load_machine
 from tbm_dynamics.indicators import INDICATORS
 from tbm_gsa.cli.explain import explain
 from tbm_gsa.cli.output import (
+    DEFAULT_MACHINE,
     JSON_OPTION,
-    MACHINE_OPTION,
     OUTPUTS_OPTION,
     SEED_OPTION,
+    MachineOption,
     notes,
     print_json,
     progress_bar,
@@ -48,7 +49,7 @@ def run(
     samples: Annotated[int, typer.Option(min=10, help="Training simulations.")] = 200,
     test: Annotated[int, typer.Option(min=2, help="Test simulations.")] = 20,
     design: Annotated[str, typer.Option(help=f"Training points: {', '.join(KINDS)}.")] = "lhs",
-    machine: Annotated[str, MACHINE_OPTION] = "dz101",
+    machine: MachineOption = DEFAULT_MACHINE,
     duration: Annotated[float, typer.Option(min=0.01, max=3600.0, help="Length of a simulation (s).")] = 3.0,
     inputs: Annotated[
         Path | None,

@@ -11,7 +11,7 @@ from rich.text import Text
 
 from tbm_gsa.cli import baseline
 from tbm_gsa.cli.baseline import baseline_table, percent
-from tbm_gsa.cli.output import JSON_OPTION, notes, print_json, results
+from tbm_gsa.cli.output import JSON_OPTION, named, notes, print_json, results
 from tbm_gsa.cli.selection import File, Of, Origin, Point, Since, Until, selection
 from tbm_gsa.errors import InputError
 from tbm_gsa.files import check_folder, write_whole
@@ -62,7 +62,7 @@ def show(
 def _refuse_options(context: typer.Context) -> None:
     """Refuse options of the list before another command, which would not see them."""
     for name in context.params:
-        if getattr(context.get_parameter_source(name), "name", "") == "COMMANDLINE":
+        if named(context, name):
             raise InputError(f"history --{name} … {context.invoked_subcommand}: allowed: options behind the command")
 
 

@@ -11,7 +11,16 @@ from tbm_dynamics import load_machine, shipped_machines
 from tbm_dynamics.levels import LoadLevel
 from tbm_gsa.cli.machine_tables import print_loads, print_tables
 from tbm_gsa.cli.machine_update import update
-from tbm_gsa.cli.output import JSON_OPTION, LOADS_OPTION, SEED_OPTION, notes, print_json, results
+from tbm_gsa.cli.output import (
+    DEFAULT_MACHINE,
+    JSON_OPTION,
+    LOADS_OPTION,
+    SEED_OPTION,
+    MachineOption,
+    notes,
+    print_json,
+    results,
+)
 from tbm_gsa.provenance import machine_sha256
 from tbm_gsa.report.load_summary import load_run
 from tbm_gsa.report.machine_summary import machine_summary
@@ -19,8 +28,6 @@ from tbm_gsa.report.machine_summary import machine_summary
 app = typer.Typer(add_completion=False, no_args_is_help=True)
 
 _SHOWN_MODES = 10
-
-MachineArgument = Annotated[str, typer.Argument(help="Name of a shipped machine, or path of a machine file.")]
 
 
 @app.command("list")
@@ -36,7 +43,7 @@ def list_machines(json: Annotated[bool, JSON_OPTION] = False) -> None:
 
 @app.command()
 def show(
-    machine: MachineArgument,
+    machine: MachineOption = DEFAULT_MACHINE,
     count: Annotated[int, typer.Option(min=1, max=1000, help="Number of natural frequencies.")] = _SHOWN_MODES,
     out: Annotated[
         Path | None, typer.Option(help="Draw the machine into this .png or .svg file.", dir_okay=False)
@@ -62,7 +69,7 @@ def show(
 
 
 @app.command()
-def check(machine: MachineArgument, json: Annotated[bool, JSON_OPTION] = False) -> None:
+def check(machine: MachineOption = DEFAULT_MACHINE, json: Annotated[bool, JSON_OPTION] = False) -> None:
     """Validate a machine file: its keys and values, floating nodes, the static equilibrium."""
     described = load_machine(machine)
     system = described.assemble()
@@ -91,7 +98,7 @@ def check(machine: MachineArgument, json: Annotated[bool, JSON_OPTION] = False) 
 
 @app.command()
 def loads(
-    machine: MachineArgument,
+    machine: MachineOption = DEFAULT_MACHINE,
     level: Annotated[LoadLevel, LOADS_OPTION] = "spectral",
     duration: Annotated[float, typer.Option(max=3600.0, help="Length of the run (s).")] = 600.0,
     seed: Annotated[int, SEED_OPTION] = 0,

@@ -11,18 +11,18 @@ import typer
 
 from tbm_dynamics import load_machine
 from tbm_dynamics.machine.writing import machine_text, write_machine
-from tbm_gsa.cli.output import JSON_OPTION, print_json, results
+from tbm_gsa.cli.output import DEFAULT_MACHINE, JSON_OPTION, MachineOption, print_json, results
 from tbm_gsa.explanation.verdict import verdict
 from tbm_gsa.provenance import machine_sha256
 from tbm_gsa.study.errors import StudyError
 
 
 def update(
-    machine: Annotated[str, typer.Argument(help="Name of a shipped machine, or path of a machine file.")],
     source: Annotated[
         Path, typer.Option("--from", help="explanation.json of `gsa explain`, or its folder.", show_default=False)
     ],
     out: Annotated[Path, typer.Option(help="New machine file.", dir_okay=False, show_default=False)],
+    machine: MachineOption = DEFAULT_MACHINE,
     cause: Annotated[
         list[str] | None,
         typer.Option(

@@ -6,7 +6,7 @@ import json
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
-from typing import Any
+from typing import Annotated, Any
 
 import typer
 from rich.console import Console
@@ -32,12 +32,21 @@ COLUMN_OPTION = typer.Option(
 WHERE_OPTION = typer.Option(
     "--schedule-where", help="Only its rows with a text in a column, such as cycle=7; can be repeated."
 )
-MACHINE_OPTION = typer.Option("--machine", help="Name of a shipped machine, or path of a machine file.")
+MachineOption = Annotated[
+    str,
+    typer.Option("--machine", metavar="<name|file>", help="Name of `machine list`, or path of a machine file."),
+]
+DEFAULT_MACHINE = "dz101"
 OUTPUTS_OPTION = typer.Option(
     "--outputs",
     help="Names, separated by commas: indicators, or rms_POINT_AXIS, peak_…, kurtosis_…, rms_LOW-HIGH_hz_…; "
     "default: the eight indicators.",
 )
+
+
+def named(context: typer.Context, parameter: str) -> bool:
+    """Whether a parameter stands on the command line, be it with its default value."""
+    return getattr(context.get_parameter_source(parameter), "name", "") == "COMMANDLINE"
 
 
 def split_names(given: str | None) -> tuple[str, ...]:

@@ -8,7 +8,16 @@ from typing import Annotated, Any
 import typer
 from rich.table import Table
 
-from tbm_gsa.cli.output import JSON_OPTION, MACHINE_OPTION, SEED_OPTION, notes, print_json, progress_bar, results
+from tbm_gsa.cli.output import (
+    DEFAULT_MACHINE,
+    JSON_OPTION,
+    SEED_OPTION,
+    MachineOption,
+    notes,
+    print_json,
+    progress_bar,
+    results,
+)
 from tbm_gsa.cli.shipped import shipped_bag
 from tbm_gsa.cli.workers import Workers, anonymous_main
 from tbm_gsa.files import write_json
@@ -21,7 +30,7 @@ def reproduce(
     out: Annotated[
         Path, typer.Option(help=f"Folder: {PAGE_NAME}, {DOCUMENT_NAME}, a campaign for each reading of the dampings.")
     ] = Path("reproduction"),
-    machine: Annotated[str, MACHINE_OPTION] = "dz101",
+    machine: MachineOption = DEFAULT_MACHINE,
     workers: Workers = 2,
     seed: Annotated[int, SEED_OPTION] = 0,
     json: Annotated[bool, JSON_OPTION] = False,

@@ -18,9 +18,12 @@ from tbm_dynamics.machine import OperatingPoint
 from tbm_dynamics.streams import LoadStream
 from tbm_gsa.cli.output import (
     COLUMN_OPTION,
+    DEFAULT_MACHINE,
     JSON_OPTION,
     SCHEDULE_OPTION,
     WHERE_OPTION,
+    MachineOption,
+    named,
     notes,
     print_json,
     progress_bar,
@@ -42,9 +45,6 @@ _FIRST_BLOCK_S = 300.0
 """Longest wait for the first block; on a cold cache the kernel is compiled in it."""
 _LOOK_S = 0.2
 _NODES = ("load_node", "dynamics_node", "analysis_node")
-_MACHINE_OPTION = typer.Option(
-    "--machine", help="Name of a shipped machine, or path of a machine file; default: that of --params, else dz101."
-)
 _LOADS_OPTION = typer.Option(
     "--loads", help="spectral or cutter; default: that of --params, else spectral.", show_choices=False
 )
@@ -54,10 +54,11 @@ _SEED_OPTION = typer.Option(
 
 
 def run(
+    context: typer.Context,
     duration: Annotated[
         float | None, typer.Option(min=0.1, max=1e9, help="Stream time (s); without it until Ctrl-C.")
     ] = None,
-    machine: Annotated[str | None, _MACHINE_OPTION] = None,
+    machine: MachineOption = DEFAULT_MACHINE,
     seed: Annotated[int | None, _SEED_OPTION] = None,
     loads: Annotated[LoadLevel | None, _LOADS_OPTION] = None,
     speed: Annotated[float | None, typer.Option(min=0.01, help="Speed of the cutterhead (r/min).")] = None,
@@ -71,7 +72,7 @@ def run(
         typer.Option(
             exists=True,
             dir_okay=False,
-            help="ROS parameter file of the nodes; what the command line names holds whatever it says.",
+            help="ROS parameter file of the nodes; it holds wherever the command line names nothing.",
         ),
     ] = None,
     sim_time: Annotated[
@@ -86,7 +87,9 @@ def run(
     """Run loads, dynamics and analysis as ROS 2 nodes and count what they publish."""
     settle_ros_environment()
     site = Site(params)
-    described = load_machine(machine or site.common(_NODES, "machine", "dz101"))
+    if not named(context, "machine"):
+        machine = site.common(_NODES, "machine", machine)
+    described = load_machine(machine)
     described.assemble()
     level = loads or _level(site)
     plan = schedule_of(schedule, schedule_column, schedule_where)

@@ -17,12 +17,13 @@ from tbm_dynamics.levels import LoadLevel
 from tbm_dynamics.schedule import Schedule, pairs, read_schedule
 from tbm_gsa.cli.output import (
     COLUMN_OPTION,
+    DEFAULT_MACHINE,
     JSON_OPTION,
     LOADS_OPTION,
-    MACHINE_OPTION,
     SCHEDULE_OPTION,
     SEED_OPTION,
     WHERE_OPTION,
+    MachineOption,
     print_json,
     progress_bar,
     results,
@@ -34,7 +35,7 @@ G = 9.80665
 
 def simulate(
     duration: Annotated[float, typer.Option(max=3600.0, help="Simulated time (s).")] = 3.0,
-    machine: Annotated[str, MACHINE_OPTION] = "dz101",
+    machine: MachineOption = DEFAULT_MACHINE,
     seed: Annotated[int, SEED_OPTION] = 0,
     loads: Annotated[LoadLevel, LOADS_OPTION] = "spectral",
     schedule: Annotated[Path | None, SCHEDULE_OPTION] = None,
