@@ -11,14 +11,19 @@ from rich.text import Text
 from typer.core import TyperGroup
 
 from tbm_gsa.cli.output import JSON_OPTION, print_json, results
-from tbm_gsa.cli.selection import File, Of, Origin, Point, Since, Until, selection
+from tbm_gsa.cli.selection import File, Of, Origin, Point, Since, Until, machine_name, selection
 from tbm_gsa.errors import InputError
 from tbm_gsa.history import BY_ORIGIN, History, HistoryReader, default_history, make_baseline
 from tbm_gsa.history.summary import baseline_document, baselines_document
 
 Name = Annotated[str, typer.Argument(help="Name of the baseline.", show_default=False)]
 Owner = Annotated[
-    str | None, typer.Option("--machine", help="Machine that it is of; needed where several have one of this name.")
+    str | None,
+    typer.Option(
+        "--machine",
+        metavar="<name|file>",
+        help="Machine that it is of, its name or file; needed where several have one of this name.",
+    ),
 ]
 
 
@@ -59,7 +64,7 @@ def list_(history: File = None, json: Annotated[bool, JSON_OPTION] = False) -> N
 def show(name: Name, history: File = None, machine: Owner = None, json: Annotated[bool, JSON_OPTION] = False) -> None:
     """Show mean and scatter of the error per point and axis of a baseline."""
     with HistoryReader(history or default_history()) as opened:
-        document = baseline_document(opened.baseline(name, machine))
+        document = baseline_document(opened.baseline(name, machine_name(machine)))
     _print(document, json)
 
 
@@ -77,7 +82,9 @@ def set_(
 ) -> None:
     """Store mean and scatter of the error per point and axis of the chosen windows; alarms are set against them."""
     with History(history or default_history(), create=False) as opened:
-        groups = opened.groups(BY_ORIGIN, selection(point, since, until, source, machine))
+        chosen = selection(point, since, until, source, machine)
+        opened.check(chosen)
+        groups = opened.groups(BY_ORIGIN, chosen)
         made = make_baseline(name, groups, time.time_ns())
         opened.store_baseline(made, replace=replace)
     _print(baseline_document(made), json)
@@ -87,7 +94,7 @@ def set_(
 def delete(name: Name, history: File = None, machine: Owner = None, json: Annotated[bool, JSON_OPTION] = False) -> None:
     """Delete a baseline, and print what it was; its windows stay."""
     with History(history or default_history(), create=False) as opened:
-        document = baseline_document(opened.delete_baseline(name, machine))
+        document = baseline_document(opened.delete_baseline(name, machine_name(machine)))
     _print(document, json)
 
 

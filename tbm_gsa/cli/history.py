@@ -47,6 +47,7 @@ def show(
     chosen = selection(point, since, until, source, machine)
     plotted = html is not None or png is not None
     with HistoryReader(history or default_history()) as opened:
+        opened.check(chosen)
         document = history_document(opened, chosen, limit)
         windows, baselines = _to_plot(opened, chosen) if plotted else ([], [])
     if plotted:

@@ -12,6 +12,7 @@ from tbm_gsa.cli.output import JSON_OPTION, print_json, results
 from tbm_gsa.cli.processes import NodeCommand
 from tbm_gsa.cli.ros import BAG_PLAYER
 from tbm_gsa.cli.shipped import RECORDING_ARGUMENT, recording_path
+from tbm_gsa.errors import InputError, listed
 from tbm_msgs_py.bags import Bag
 
 
@@ -32,7 +33,11 @@ def play(
 ) -> None:
     """Play a recording as it was recorded: raw messages, their topics, their quality of service, and its clock."""
     bag = recording_path(bag)
-    Bag(bag).info()  # what is no recording is said before a node starts
+    names = [name.strip() for given in topics or [] for name in given.split(",") if name.strip()]
+    recorded = {topic.name for topic in Bag(bag).info().topics}  # what is no recording is said before a node starts
+    for name in names:
+        if name not in recorded:
+            raise InputError(f"--topics {name}: not in {bag}, allowed: {listed(sorted(recorded))}")
     command = NodeCommand(
         "bag_player",
         BAG_PLAYER,
@@ -43,7 +48,7 @@ def play(
             "clock": clock,
             "start": start,
             "duration": duration,
-            "topics": [name.strip() for given in topics or [] for name in given.split(",") if name.strip()] or [""],
+            "topics": names or [""],
             "wait_for_subscribers": subscribers,
         },
     )
