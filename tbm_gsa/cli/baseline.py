@@ -7,10 +7,9 @@ from typing import Annotated, Any
 
 import typer
 from rich.table import Table
-from rich.text import Text
 from typer.core import TyperGroup
 
-from tbm_gsa.cli.output import JSON_OPTION, print_json, results
+from tbm_gsa.cli.output import JSON_OPTION, add_row, narrow_table, print_json, results
 from tbm_gsa.cli.selection import File, Of, Origin, Point, Since, Until, machine_name, selection
 from tbm_gsa.errors import InputError
 from tbm_gsa.history import BY_ORIGIN, History, HistoryReader, default_history, make_baseline
@@ -108,24 +107,21 @@ def _print(document: dict[str, Any], json: bool) -> None:
 def baseline_table(document: dict[str, Any]) -> Table:
     """Mean and scatter per point and axis."""
     of = " ".join(filter(None, (document["source"], document["machine"])))
-    table = Table(title=Text(f"baseline {document['name']} of {of}: {document['since']} to {document['until']}"))
-    for heading in ("test point", "axis", "mean error", "scatter", "windows"):
-        table.add_column(heading, justify="left" if heading in ("test point", "axis") else "right")
+    title = f"baseline {document['name']} of {of}\nwindows from {document['since']} to {document['until']}"
+    table = narrow_table(title, "test point", "axis", ">mean error", ">scatter", ">windows")
     for point, axes in document["points"].items():
         for axis, usual in axes.items():
-            table.add_row(Text(point), axis, percent(usual["mean"]), percent(usual["scatter"]), str(usual["windows"]))
+            add_row(table, point, axis, percent(usual["mean"]), percent(usual["scatter"]), usual["windows"])
     return table
 
 
 def _list_table(document: dict[str, Any]) -> Table:
     count = len(document["baselines"])
-    table = Table(title=Text(f"{document['path']}: {count} baseline{'s' * (count != 1)}"))
-    for heading in ("baseline", "source", "machine", "windows from", "to", "test points"):
-        table.add_column(heading, justify="right" if heading == "test points" else "left", overflow="fold")
+    headings = ("baseline", "source", "machine", ">from", ">to", ">points")
+    table = narrow_table(f"{document['path']}: {count} baseline{'s' * (count != 1)}", *headings)
     for one in document["baselines"]:
         dates = (one["since"][:10], one["until"][:10])
-        texts = (one["name"], one["source"] or "–", one["machine"], *dates, str(len(one["points"])))
-        table.add_row(*map(Text, texts))
+        add_row(table, one["name"], one["source"] or "–", one["machine"], *dates, len(one["points"]))
     return table
 
 

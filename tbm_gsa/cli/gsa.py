@@ -19,9 +19,12 @@ from tbm_gsa.cli.output import (
     OUTPUTS_OPTION,
     SEED_OPTION,
     MachineOption,
+    add_row,
+    narrow_table,
     notes,
     print_json,
     progress_bar,
+    ranked_inputs,
     results,
     split_names,
 )
@@ -174,11 +177,10 @@ def show(study: StudyResult, json: bool) -> None:
 
 def strongest_table(document: dict[str, Any], count: int = 5) -> Table:
     """Quality of the surrogate and the strongest inputs of every output."""
-    table = Table(title="Strongest inputs, first Sobol index")
-    for heading in ("output", "surrogate", "R² test", "R² 10-fold", f"strongest {count}"):
-        table.add_column(heading)
+    headings = ("=output", "surrogate", ">R² test", ">R² 10-fold", f"strongest {count}")
+    table = narrow_table("Strongest inputs, first Sobol index", *headings)
     for name, output in document["outputs"].items():
         ranked = sorted(output["first"].items(), key=lambda item: item[1], reverse=True)[:count]
-        strongest = "  ".join(f"{code} {share:.2f}" for code, share in ranked)
-        table.add_row(name, output["surrogate"], f"{output['r2_test']:.3f}", f"{output['r2_cv']:.3f}", strongest)
+        quality = (f"{output['r2_test']:.3f}", f"{output['r2_cv']:.3f}")
+        add_row(table, name, output["surrogate"], *quality, ranked_inputs(ranked))
     return table

@@ -6,12 +6,10 @@ from pathlib import Path
 from typing import Annotated, Any
 
 import typer
-from rich.table import Table
-from rich.text import Text
 
 from tbm_gsa.cli import baseline
 from tbm_gsa.cli.baseline import baseline_table, percent
-from tbm_gsa.cli.output import JSON_OPTION, named, notes, print_json, results
+from tbm_gsa.cli.output import JSON_OPTION, add_row, named, narrow_table, notes, print_json, results
 from tbm_gsa.cli.selection import File, Of, Origin, Point, Since, Until, selection
 from tbm_gsa.errors import InputError
 from tbm_gsa.files import check_folder, write_whole
@@ -88,14 +86,13 @@ def _plot(windows: list[Window], baselines: list[Baseline], path: Path, html: Pa
 
 
 def _print_tables(document: dict[str, Any]) -> None:
-    table = Table(title=Text(f"{document['path']}: {document['total']} entries"))
-    for heading in ("test point", "axis", "source", "count", "last", "error", "latest"):
-        right = heading in ("count", "error", "latest")
-        table.add_column(heading, justify="right" if right else "left", no_wrap=heading in ("source", "last"))
+    headings = ("test point", "axis", "source", ">count", ">last", ">error", ">latest")
+    table = narrow_table(f"{document['path']}: {document['total']} entries", *headings)
     for row in document["summary"]:
-        texts = [Text(text) for text in (row["point"], row["axis"], f"{row['source']} {row['machine']}")]
+        texts = (row["point"], row["axis"], f"{row['source']} {row['machine']}")
         error = f"{percent(row['error_mean'])} ± {percent(row['error_scatter'])}"
-        table.add_row(*texts, str(row["windows"]), row["last"][:10], error, percent(row["error_latest"]))
+        add_row(table, *texts, row["windows"], row["last"][:10], error, percent(row["error_latest"]))
     results.print(table)
     for one in document["baselines"]:
+        results.print()
         results.print(baseline_table(one))

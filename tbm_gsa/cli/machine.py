@@ -19,6 +19,7 @@ from tbm_gsa.cli.output import (
     MachineOption,
     notes,
     print_json,
+    print_sentence,
     results,
 )
 from tbm_gsa.provenance import machine_sha256
@@ -93,7 +94,7 @@ def check(machine: MachineOption = DEFAULT_MACHINE, json: Annotated[bool, JSON_O
     results.print(f"SHA-256 {document['sha256']}", highlight=False)
     mean = force.mean() / 1e3
     results.print(f"mesh frequency {described.mesh_frequency:.2f} Hz, static mesh force {mean:.1f} kN each")
-    results.print("lowest natural frequencies (Hz): " + ", ".join(f"{value:.1f}" for value in frequencies))
+    print_sentence("lowest natural frequencies (Hz): " + ", ".join(f"{value:.1f}" for value in frequencies))
 
 
 @app.command()

@@ -4,18 +4,22 @@ from __future__ import annotations
 
 import json
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
 import typer
+from rich import box
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
+from rich.table import Table
+from rich.text import Text
 
 from tbm_gsa.files import plain
 
 # Paths are never wrapped: rich would break them at 80 columns when its output is piped.
 results = Console(soft_wrap=True, emoji=False)
+results.width = max(80, results.width)  # on fewer columns rich would cut off figures of tables
 notes = Console(stderr=True, soft_wrap=True, emoji=False)
 
 JSON_OPTION = typer.Option("--json", help="Print exactly one JSON document on stdout.")
@@ -52,6 +56,36 @@ def named(context: typer.Context, parameter: str) -> bool:
 def split_names(given: str | None) -> tuple[str, ...]:
     """Names separated by commas."""
     return tuple(name.strip() for name in (given or "").split(",") if name.strip())
+
+
+def narrow_table(title: str, *headings: str) -> Table:
+    """Table for 80 characters.
+
+    A heading that starts with ``>`` is that of right-aligned figures, one with ``=`` that of names of ours: both stay
+    in one line. Other texts take several lines where there is no room.
+    """
+    table = Table(title=Text(title) if title else None, title_justify="left", box=box.SIMPLE_HEAD, padding=(0, 1, 0, 0))
+    table.show_edge = table.pad_edge = False
+    for heading in headings:
+        side: Literal["left", "right"] = "right" if heading.startswith(">") else "left"
+        name = Text(heading.removeprefix(">").removeprefix("="))
+        table.add_column(name, justify=side, overflow="fold", no_wrap=heading[:1] in (">", "="))
+    return table
+
+
+def add_row(table: Table, *cells: object) -> None:
+    """Add a row; names from files of others are no markup."""
+    table.add_row(*(Text(str(cell)) for cell in cells))
+
+
+def ranked_inputs(ranked: Iterable[tuple[str, float]]) -> str:
+    """Write inputs with their shares so that a cell of several lines breaks between two of them only."""
+    return " ".join(f"{code}:{share:.2f}" for code, share in ranked)
+
+
+def print_sentence(text: str) -> None:
+    """Print a sentence without paths, which may take several lines."""
+    results.print(Text(text), soft_wrap=False)
 
 
 def print_json(document: Any) -> None:

@@ -10,7 +10,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
-from rich.table import Table
 
 from tbm_dynamics import load_machine
 from tbm_dynamics.levels import LOAD_LEVELS, LoadLevel
@@ -23,7 +22,9 @@ from tbm_gsa.cli.output import (
     SCHEDULE_OPTION,
     WHERE_OPTION,
     MachineOption,
+    add_row,
     named,
+    narrow_table,
     notes,
     print_json,
     progress_bar,
@@ -228,12 +229,11 @@ def run_document(watching: Watch, first_block: float | None) -> dict[str, Any]:
 
 
 def _print_table(document: dict[str, Any]) -> None:
-    table = Table(title="Blocks")
-    for heading in ("topic", "received", "lost", "stream time (s)"):
-        table.add_column(heading, justify="left" if heading == "topic" else "right")
+    table = narrow_table("Blocks", "topic", ">received", ">lost", ">stream time (s)")
     for name, count in document["topics"].items():
-        table.add_row(name, str(count["blocks"]), str(count["lost"]), f"{count['stream_time']:.2f}")
+        add_row(table, name, count["blocks"], count["lost"], f"{count['stream_time']:.2f}")
     results.print(table)
+    results.print()
     first = document["first_block_seconds"]
     results.print("no block" if first is None else f"first block after {first:.1f} s")
     for name, status in document["diagnostics"].items():

@@ -98,7 +98,7 @@ def test_the_command(command):
     code, out, err = command("machine loads --duration 20")
     assert (code, err) == (0, "")
     assert "106.2, 204.5" in out
-    assert max(map(len, out.splitlines())) <= 100
+    assert max(map(len, out.splitlines())) <= 80
 
 
 @pytest.mark.parametrize(

@@ -7,10 +7,9 @@ from pathlib import Path
 from typing import Annotated, Any
 
 import typer
-from rich.table import Table
 from rich.text import Text
 
-from tbm_gsa.cli.output import JSON_OPTION, notes, print_json, progress_bar, results
+from tbm_gsa.cli.output import JSON_OPTION, add_row, narrow_table, notes, print_json, progress_bar, results
 from tbm_gsa.cli.shipped import RECORDING_ARGUMENT, recording_path
 from tbm_msgs_py.bags import Bag, BagInfo, RecordingError
 from tbm_msgs_py.health import COUNTS, PointHealth, check_recording
@@ -106,11 +105,9 @@ def _print_tables(document: dict[str, Any]) -> None:
         f"{document['lost']} lost{damaged}{truncated}",
         highlight=False,
     )
-    table = Table()
-    for heading in ("topic", "type", "messages"):
-        table.add_column(heading, justify="right" if heading == "messages" else "left")
+    table = narrow_table("", "topic", "type", ">messages")
     for name, topic in document["topics"].items():
-        table.add_row(Text(name), Text(topic["type"]), str(topic["messages"]))
+        add_row(table, name, topic["type"], topic["messages"])
     results.print(table)
     if "points" in document:
         _print_points(document)
@@ -118,16 +115,15 @@ def _print_tables(document: dict[str, Any]) -> None:
 
 def _print_points(document: dict[str, Any]) -> None:
     points = document["points"]
-    columns = ("samples", "rate (Hz)", "gaps", "(s)", "clock (s)", "(ppm)")
-    table = Table()
-    for heading in ("test point", *columns):
-        table.add_column(heading, justify="right" if heading in columns else "left")
+    columns = (">samples", ">rate (Hz)", ">gaps", ">(s)", ">clock (s)", ">(ppm)")
+    table = narrow_table("\nsensors", "test point", *columns)
     for name, point in points.items():
-        table.add_row(
-            Text(name),
-            str(point["samples"]),
+        add_row(
+            table,
+            name,
+            point["samples"],
             f"{point['rate_hz']:.3f}",
-            str(point["gaps"]),
+            point["gaps"],
             f"{point['missing_s']:.3f}",
             f"{point['clock_offset']:+.3f}",
             f"{point['clock_drift']:+.0f}",
