@@ -208,7 +208,7 @@ def print_tables(document: dict[str, Any], *, synthetic: bool) -> None:
         add_row(table, point, row["node"], f"{row['predicted_g']:.2f}", f"{row['measured_g']:.2f}", error)
     results.print(table)
     title = f"\nStrongest {_STRONGEST} inputs of each output, first Sobol index"
-    table = narrow_table(title, "=output", "surrogate", ">R² test", ">R² 10-fold", "inputs")
+    table = narrow_table(title, "=output", "surrogate", ">R² test", ">R² cv", "inputs")
     for name, row in document["outputs"].items():
         ranked = list(row["strongest"].items())[:_STRONGEST]
         quality = (f"{row['r2_test']:.3f}", f"{row['r2_cv']:.3f}")

@@ -177,7 +177,7 @@ def show(study: StudyResult, json: bool) -> None:
 
 def strongest_table(document: dict[str, Any], count: int = 5) -> Table:
     """Quality of the surrogate and the strongest inputs of every output."""
-    headings = ("=output", "surrogate", ">R² test", ">R² 10-fold", f"strongest {count}")
+    headings = ("=output", "surrogate", ">R² test", ">R² cv", f"strongest {count}")
     table = narrow_table("Strongest inputs, first Sobol index", *headings)
     for name, output in document["outputs"].items():
         ranked = sorted(output["first"].items(), key=lambda item: item[1], reverse=True)[:count]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from dataclasses import asdict
 from pathlib import Path
 from typing import Annotated, Any
@@ -49,13 +50,12 @@ def info_document(path: Path, found: BagInfo) -> dict[str, Any]:
     -------
     dict
         ``path``, ``messages``, ``lost``, ``truncated``, ``damaged``, ``start_ns``, ``duration`` (s) and
-        ``topics{name: {type, messages}}``; with ``--scan`` ``points{point: {…}}``, the sums of `PointHealth`,
+        ``topics{name: {type, types{type: messages}, messages}}``, ``type`` that of most messages; with ``--scan`` ``points{point: {…}}``, the sums of `PointHealth`,
         and ``problems{point: reason}`` for those without samples.
     """
-    topics: dict[str, dict[str, Any]] = {}
+    types: dict[str, Counter[str]] = {}
     for topic, count in found.topics.items():
-        entry = topics.setdefault(topic.name, {"type": topic.type, "messages": 0})
-        entry["messages"] += count
+        types.setdefault(topic.name, Counter())[topic.type] += count
     return {
         "path": str(path),
         "messages": found.messages,
@@ -64,7 +64,14 @@ def info_document(path: Path, found: BagInfo) -> dict[str, Any]:
         "damaged": found.damaged,
         "start_ns": found.start_ns,
         "duration": found.duration,
-        "topics": dict(sorted(topics.items())),
+        "topics": {
+            name: {
+                "type": max(sorted(counts), key=counts.__getitem__),
+                "types": dict(counts),
+                "messages": counts.total(),
+            }
+            for name, counts in sorted(types.items())
+        },
     }
 
 
@@ -107,8 +114,12 @@ def _print_tables(document: dict[str, Any]) -> None:
     )
     table = narrow_table("", "topic", "type", ">messages")
     for name, topic in document["topics"].items():
-        add_row(table, name, topic["type"], topic["messages"])
+        for kind, count in topic["types"].items():
+            add_row(table, name, kind, count)
     results.print(table)
+    for name, topic in document["topics"].items():
+        if len(topic["types"]) > 1:
+            results.print(Text(f"{name}: {len(topic['types'])} types, where ROS has one a topic; each is shown"))
     if "points" in document:
         _print_points(document)
 
