@@ -11,6 +11,8 @@ from typing import Any
 import typer
 from typer.core import TyperCommand, TyperGroup
 
+from tbm_gsa.compiled import settle_compiled_folder
+
 # In the order of the help, each with its line there. The module `tbm_gsa.cli.NAME` holds a group of commands as `app`,
 # or one command as a function of its name.
 LINES = {
@@ -31,6 +33,7 @@ LINES = {
 def load(name: str) -> Any:
     """Import a command; KeyError for a name that is none."""
     line = LINES[name]
+    settle_compiled_folder()
     module = import_module(f"tbm_gsa.cli.{name}")
     group = getattr(module, "app", None)
     if group is None:

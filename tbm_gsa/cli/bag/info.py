@@ -50,8 +50,8 @@ def info_document(path: Path, found: BagInfo) -> dict[str, Any]:
     -------
     dict
         ``path``, ``messages``, ``lost``, ``truncated``, ``damaged``, ``start_ns``, ``duration`` (s) and
-        ``topics{name: {type, types{type: messages}, messages}}``, ``type`` that of most messages; with ``--scan`` ``points{point: {…}}``, the sums of `PointHealth`,
-        and ``problems{point: reason}`` for those without samples.
+        ``topics{name: {type, types{type: messages}, messages}}``, ``type`` that of most messages; with ``--scan``
+        ``points{point: {…}}``, the sums of `PointHealth`, and ``problems{point: reason}`` for those without samples.
     """
     types: dict[str, Counter[str]] = {}
     for topic, count in found.topics.items():
