@@ -1,10 +1,8 @@
-"""Where numbers come from: the machine's file and the versions of what computed them."""
+"""Where numbers come from: the content of the machine file and the versions of what computed them."""
 
 import hashlib
 import platform
-from importlib import resources
 from importlib.metadata import PackageNotFoundError, version
-from pathlib import Path
 
 from tbm_dynamics import Machine
 
@@ -12,11 +10,10 @@ PACKAGES = ("tbm_monitor", "numpy", "scipy", "scikit-learn", "SALib")
 
 
 def machine_sha256(machine: Machine) -> str:
-    """Digest of the file a machine came from, else of its description."""
-    shipped = resources.files("tbm_dynamics") / "machines" / f"{machine.origin}.yaml"
-    for file in (Path(machine.origin), shipped):
-        if file.is_file():
-            return hashlib.sha256(file.read_bytes()).hexdigest()
+    """Digest of what a machine file says: 64 hexadecimal digits, the same wherever a machine is named by them.
+
+    Comments, the order of the keys and the place of the file do not change it; a stated default is no difference.
+    """
     return hashlib.sha256(machine.base.model_dump_json().encode()).hexdigest()
 
 

@@ -16,7 +16,7 @@ from tbm_gsa.history.baseline import Baseline, Usual
 from tbm_gsa.history.entries import KINDS, Entry, Group, Source, Window
 from tbm_gsa.history.errors import HistoryError
 from tbm_gsa.history.sound import AXES, BASELINE, USUAL, WINDOW
-from tbm_msgs_py.base.bounds import LONGEST_LINE
+from tbm_msgs_py.base.bounds import LONGEST_LINE, listed
 
 SOURCE_COLUMNS: Final = "kind, name, digest, machine, machine_sha256"
 ENTRY_COLUMNS: Final = ", ".join(field.name for field in fields(Entry))
@@ -35,7 +35,7 @@ class Selection:
     source : str
         One of `KINDS`, or a part of the source's name.
     machine : str
-        Its name, or the first digits, eight at least, of its file's SHA-256.
+        Its name, or the first digits, eight at least, of its SHA-256.
     """
 
     point: str | None = None
@@ -93,6 +93,27 @@ class Queries:
         )
         return [_window(*row) for row in rows][::-1]
 
+    def check(self, selection: Selection) -> None:
+        """Refuse a selection by a name that no window has; known ones that choose nothing together are no mistake.
+
+        Raises
+        ------
+        HistoryError
+            It names those that are there.
+        """
+        joined = "FROM windows JOIN sources ON source = id"
+        for what, column, chosen, others in (
+            ("test point", "point", Selection(point=selection.point), ()),
+            ("source", "name", Selection(source=selection.source), KINDS),
+            ("machine", "machine || ' ' || substr(machine_sha256, 1, 8)", Selection(machine=selection.machine), ()),
+        ):
+            condition, values = chosen.condition()
+            if not values or values[0] in others:
+                continue
+            if self._connection.execute(f"SELECT 1 {joined} WHERE {condition} LIMIT 1", values).fetchone() is None:
+                names = [name for (name,) in self._connection.execute(f"SELECT DISTINCT {column} {joined} ORDER BY 1")]
+                raise HistoryError(f"{self.path}: no {what} {values[0]}, there: {listed([*others, *names])}")
+
     def count(self, selection: Selection | None = None) -> int:
         """Count the entries of a selection."""
         condition, values = (selection or Selection()).condition()
@@ -147,12 +168,12 @@ class Queries:
         found = self.baselines()
         named = {baseline.machine: baseline for baseline in found if baseline.name == name}
         if not named:
-            there = ", ".join(dict.fromkeys(baseline.name for baseline in found))
-            raise HistoryError(f"{self.path}: no baseline {name}, there: {there or 'none'}")
+            there = listed(baseline.name for baseline in found)
+            raise HistoryError(f"{self.path}: no baseline {name}, there: {there}")
         if machine is None and len(named) > 1:
-            raise HistoryError(f"baseline {name}: of several machines: {', '.join(named)}; choose by --machine")
+            raise HistoryError(f"baseline {name}: of several machines: {listed(named)}; choose by --machine")
         if machine is not None and machine not in named:
-            raise HistoryError(f"baseline {name}: of machine {', '.join(named)}, allowed: one of {machine}")
+            raise HistoryError(f"baseline {name}: of machine {listed(named)}, allowed: one of {machine}")
         return named[next(iter(named)) if machine is None else machine]
 
     def _usual(self, name: str, machine: str) -> dict[tuple[str, str], Usual]:

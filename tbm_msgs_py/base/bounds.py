@@ -37,10 +37,10 @@ def quoted(value: Any) -> str:
 
 
 def listed(names: Iterable[str], most: int = _LISTED, separator: str = ", ") -> str:
-    """List names; of many the first, and how many more there are."""
-    there = list(names)
+    """Names for a message, each once and in their order; of many the first, and how many more there are."""
+    there = list(dict.fromkeys(names))
     more = f" and {len(there) - most} more" if len(there) > most else ""
-    return separator.join(shortened(name, LONGEST_LINE) for name in there[:most]) + more
+    return (separator.join(shortened(name, LONGEST_LINE) for name in there[:most]) or "none") + more
 
 
 def read_text(path: Path, encoding: str = "utf-8", largest: int = LARGEST_TEXT) -> str:

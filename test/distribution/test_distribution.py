@@ -111,7 +111,7 @@ def installed(distributions, tmp_path_factory):
 
 
 def test_it_runs_where_it_is_installed(installed):
-    done = installed("tbm-monitor", "machine", "show", "dz101", "--json")
+    done = installed("tbm-monitor", "machine", "show", "--json")
     assert done.returncode == 0, done.stderr
     assert json.loads(done.stdout)["degrees_of_freedom"] == 420
 

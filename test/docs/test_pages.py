@@ -59,9 +59,9 @@ def test_the_page_of_operation_names_the_services_history(monkeypatch):
     "given",
     [
         "simulate --duration 0.05",
-        "machine check open380",
-        "machine show open380",
-        "machine loads open380 --duration 20",
+        "machine check --machine open380",
+        "machine show --machine open380",
+        "machine loads --machine open380 --duration 20",
         "bag info {bag}",
         "bag info {bag} --scan",
     ],

@@ -16,6 +16,7 @@ from tbm_gsa.app.report import compare_page as module
 from tbm_gsa.app.report.compare_page import compare_page, write_page
 from tbm_gsa.comparison import Settings
 from tbm_gsa.comparison.workflow import compare_recording
+from tbm_gsa.sensitivity.study.evaluate import MachineEvaluation
 from tbm_msgs_py import RecordingError
 
 HOSTILE = "<b>x$y_{"
@@ -70,6 +71,7 @@ def test_the_page_says_what_the_document_says(result, text):
     assert f"<td>{head['field_rms_g']:.3f}</td>" in text
     assert f"{head['relative_error']:.0%}".replace("%", " %") in text
     assert result.document["recording"]["sha256"] in text
+    assert MachineEvaluation.of("dz101", 1.0, 0).settings["machine_sha256"] in text  # as a study names the machine
     assert "Test point belt was not compared: machine dz101 has no such test point." in text
     assert "synthetic" not in text
 

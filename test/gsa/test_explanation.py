@@ -175,7 +175,7 @@ def test_explained_and_written_as_a_machine(compared, folder, command):
     }
     for row in searched.values():
         assert row["lower"] <= row["interval"][0] <= row["interval"][1] <= row["upper"]
-    code, out, err = command("machine update dz101 --from found --out mine.yaml")
+    code, out, err = command("machine update --from found --out mine.yaml")
     assert (code, err) == (0, "")
     assert out.startswith("mine.yaml: x16 (Stiffness of cutterhead–rock) 1 to 0.")
     mine = load_machine(folder / "mine.yaml")
@@ -184,10 +184,16 @@ def test_explained_and_written_as_a_machine(compared, folder, command):
     for line, message in (
         ("gsa explain nowhere.json", "nowhere.json: No such file or directory, allowed: what `tbm-monitor compare"),
         ("gsa explain mine.yaml", "mine.yaml: not what `tbm-monitor compare BAG --json` prints (no JSON"),
-        ("machine update dz101 --from found --out mine.yaml", "mine.yaml: exists already, allowed: a new file"),
-        ("machine update open380 --from found --out new.yaml", "found: explains another machine than open380"),
-        ("machine update dz101 --from found --out new.yaml --input x2", "--input x2: not among the causes"),
-        ("machine update dz101 --from mine.yaml --out new.yaml", "mine.yaml: not the explanation.json"),
+        (
+            "machine update --from found --out mine.yaml",
+            "mine.yaml: exists already, allowed: a new file",
+        ),
+        (
+            "machine update --machine open380 --from found --out new.yaml",
+            "found: explains another machine than open380",
+        ),
+        ("machine update --from found --out new.yaml --input x2", "--input x2: not among the causes"),
+        ("machine update --from mine.yaml --out new.yaml", "mine.yaml: not the explanation.json"),
     ):
         code, out, err = command(line)
         assert (code, out, len(err.splitlines())) == (2, "", 1), err
@@ -237,11 +243,11 @@ def test_what_no_input_explains(compared, folder, command, monkeypatch):
     said = f"{first} alone does not explain the recording: {off:.1f} standard deviations off"
     assert said in " ".join(out.split())
     assert said in (folder / "found" / "explanation.html").read_text("utf-8")
-    code, out, err = command("machine update dz101 --from found --out refused.yaml")
+    code, out, err = command("machine update --from found --out refused.yaml")
     assert (code, out, len(err.splitlines())) == (2, "", 1)
     assert err.startswith(f"tbm-monitor: {said}")
     assert not (folder / "refused.yaml").exists()
-    assert command(f"machine update dz101 --from found --out taken.yaml --input {first}")[0] == 0
+    assert command(f"machine update --from found --out taken.yaml --input {first}")[0] == 0
     head = " ".join((folder / "taken.yaml").read_text("utf-8").split("name:")[0].replace("#", "").split())
     assert said in head
 

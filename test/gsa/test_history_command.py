@@ -5,6 +5,7 @@ import re
 import sys
 from dataclasses import replace
 from datetime import UTC, datetime
+from importlib import resources
 from pathlib import Path
 
 import numpy as np
@@ -304,9 +305,16 @@ def test_windows_of_different_kinds_and_machines_are_not_one_line():
         (["--history", "nowhere.sqlite"], "nowhere.sqlite: no such history"),
         (["--history", "{file}", "--since", "soon"], "--since soon: allowed: ISO 8601"),
         (["--history", "{file}", "--until", "2026-13-01"], "--until 2026-13-01: allowed"),
-        (["--history", "{file}", "--point", "none", "--html", "h.html"], "no windows to plot"),
+        (["--history", "{file}", "--until", "2001-01-01", "--html", "h.html"], "no windows to plot"),
+        (["--history", "{file}", "--point", "none"], "{file}: no test point none, there: <i>$x_{, shield\n"),
+        (["--history", "{file}", "--machine", "dz102"], "{file}: no machine dz102, there: dz101 ab\n"),
+        (
+            ["--history", "{file}", "--source", "north"],
+            "no source north, there: live, replay, offline, synthetic, /",
+        ),
         (["--history", "{file}", "--html", "no/such/h.html"], "no folder no/such"),
-        (["baseline", "set", "one", "--history", "{file}", "--point", "none"], "0 windows with a known error"),
+        (["baseline", "set", "one", "--history", "{file}", "--point", "none"], "no test point none, there"),
+        (["baseline", "set", "one", "--history", "{file}", "--until", "2001-01-01"], "0 windows with a known error"),
         (["baseline", "set", " ", "--history", "{file}"], "baseline ' ': allowed: a name"),
         (["baseline", "set", "one", "--history", "nowhere.sqlite"], "no such history"),
         (["baseline", "list", "--history", "nowhere.sqlite"], "no such history"),
@@ -322,6 +330,27 @@ def test_bad_input_is_one_line(run, file, tmp_path, monkeypatch, arguments, said
     monkeypatch.chdir(tmp_path)
     code, out, err = run("history", *(argument.replace("{file}", str(file)) for argument in arguments))
     assert (code, out) == (2, "")
-    assert said in err
+    assert said.replace("{file}", str(file)) in err
     assert len(err.strip().splitlines()) == 1
     assert not list(Path().glob("*.html"))
+
+
+def test_a_long_list_of_known_names_is_cut(run, file):
+    with History(file) as history:
+        rows = [Entry(f"point {n:02}", "x", START_NS, 1, 1.0, 1.0, 0.5, 1.0) for n in range(98)]
+        history.add(Source("live", "node", "", "dz101", "ab"), rows)
+    err = run("history", "--history", file, "--point", "none")[2]
+    assert err.endswith("point 09, point 10 and 88 more\n")  # of 100, the first twelve by name
+
+
+def test_a_machine_file_chooses_its_windows_and_baselines(run, file, tmp_path):
+    shipped = (resources.files("tbm_dynamics") / "machines" / "open380.yaml").read_text("utf-8")
+    (tmp_path / "mine.yaml").write_text(f"# mine\n{shipped}", "utf-8")
+    digits = json.loads(run("machine", "check", "--machine", "open380", "--json")[1])["sha256"]
+    with History(file) as history:
+        rows = [Entry("shield", "x", START_NS + n, 1, 1.0, 1.0, 0.5, 1.0) for n in range(7)]
+        history.add(Source("live", "node", "", "open380", digits), rows)
+    chosen = ("--history", file, "--machine", tmp_path / "mine.yaml", "--json")
+    assert json.loads(run("history", *chosen)[1])["total"] == 7
+    assert json.loads(run("history", "baseline", "set", "spring", *chosen)[1])["machine_sha256"] == digits
+    assert json.loads(run("history", "baseline", "show", "spring", *chosen)[1])["machine"] == "open380"

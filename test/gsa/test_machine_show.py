@@ -21,6 +21,7 @@ from matplotlib.image import imread
 from tbm_dynamics import load_machine
 from tbm_dynamics.machine.summary import motion_parts
 from tbm_gsa.app.cli.main import main
+from tbm_gsa.sensitivity.study.evaluate import MachineEvaluation
 
 TEXT = {path.name: path.read_text("utf-8") for path in (resources.files("tbm_dynamics") / "machines").iterdir()}
 STRUCTURES = ("cutterhead_bearing_gear", "carrier_girder")
@@ -29,15 +30,17 @@ KEYS += "masses degrees_of_freedom"
 DRIVE_KEYS = "count source ring_node mount_node radius placement members parts connections gear mesh gearbox"
 SOURCES = ("table1", "table4", "table5", "assumed", "calibrated", "updated")
 NODE_NUMBERS = r"(.*_)?node|.*_nodes(_from)?|between|test_points"  # keys
+NO_MACHINE = "dz102: no such machine; shipped are dz101, open380, or give the path of a YAML file"
+NO_KEY = "key.yaml: operating_point.thurst_kn: unknown key; allowed are speed_r_min, "
 BAD = {
-    "show dz102": "dz102: no such machine; shipped are dz101, open380, or give the path of a YAML file",
-    "check dz102 --json": "dz102: no such machine; shipped are dz101, open380, or give the path of a YAML file",
-    "show key.yaml --out new.png": "key.yaml: operating_point.thurst_kn: unknown key; allowed are speed_r_min, ",
-    "check key.yaml": "key.yaml: operating_point.thurst_kn: unknown key; allowed are speed_r_min, ",
-    "show dz101 --count 0": "Invalid value for '--count'",
-    "show dz101 --out new.pdf": "new.pdf: unknown kind of picture, allowed",
-    "show dz101 --out nowhere/new.png": "nowhere/new.png: no folder nowhere",
-    "show open380 --out /proc/new.svg": "/proc/new.svg: ",  # nobody can write there, root neither
+    "show --machine dz102": NO_MACHINE,
+    "check --machine dz102 --json": NO_MACHINE,
+    "show --machine key.yaml --out new.png": NO_KEY,
+    "check --machine key.yaml": NO_KEY,
+    "show --machine dz101 --count 0": "Invalid value for '--count'",
+    "show --machine dz101 --out new.pdf": "new.pdf: unknown kind of picture, allowed",
+    "show --machine dz101 --out nowhere/new.png": "nowhere/new.png: no folder nowhere",
+    "show --machine open380 --out /proc/new.svg": "/proc/new.svg: ",  # nobody can write there, root neither
 }
 
 
@@ -102,7 +105,7 @@ def number_sources(value, source=None, key=None):
 
 
 def test_tables(data, command):
-    code, out, err = command(f"show {data['name']}")
+    code, out, err = command(f"show --machine {data['name']}")
     assert (code, err, out.count("…")) == (0, "", 0)  # nothing cropped
     rows = [line.split() for line in out.splitlines()]
     expected = [([entry["name"], "–".join(map(str, entry["between"]))], entry) for entry in connections(data)]
@@ -116,7 +119,7 @@ def test_tables(data, command):
 
 
 def test_document(data, command):
-    found = document(command, f"show {data['name']}")
+    found = document(command, f"show --machine {data['name']}")
     assert set(found) == {*KEYS.split(), "modes", "sources"}
     assert set(found["drives"]) == set(DRIVE_KEYS.split())
     for key, keys in (("nodes", "node subsystem place roles"), ("modes", "frequency_hz motion node shares")):
@@ -141,15 +144,16 @@ def test_sources_are_counted(data, command):
     Path("stated.yaml").write_text(yaml.safe_dump(data), "utf-8")
     expected = {name: number_sources(data).count(name) for name in SOURCES}
     expected["measured or documented"] = 4
-    assert document(command, "show stated.yaml")["sources"] == expected
+    assert document(command, "show --machine stated.yaml")["sources"] == expected
 
 
 def test_modes(data, command):
     """A rigid machine moving along the axis is all axial, about it torsional, else lateral; the shares sum to 1."""
-    found, system = document(command, f"show {data['name']} --count 25"), load_machine(data["name"]).assemble()
+    found = document(command, f"show --machine {data['name']} --count 25")
+    system = load_machine(data["name"]).assemble()
     frequencies = np.sqrt(scipy.linalg.eigh(system.K, system.M, eigvals_only=True)[:25]) / (2.0 * np.pi)
     assert [mode["frequency_hz"] for mode in found["modes"]] == pytest.approx(frequencies, rel=1e-6)
-    checked = document(command, f"check {data['name']}")["natural_frequencies_hz"]
+    checked = document(command, f"check --machine {data['name']}")["natural_frequencies_hz"]
     assert checked == pytest.approx(frequencies[:10], rel=1e-6)
     for shares, motion in ((mode["shares"], mode["motion"]) for mode in found["modes"]):
         assert min(shares.values()) >= 0.0
@@ -168,25 +172,26 @@ def test_check(data, command):
     base = gear["module"] * gear["ring_teeth"] / 2.0 * np.cos(np.radians(gear["pressure_angle_deg"]))
     force = data["operating_point"]["torque_kn_m"] * 1e3 / (count * base)
     mesh_hz = data["operating_point"]["speed_r_min"] / 60.0 * gear["ring_teeth"]
-    found = document(command, f"check {name}")
+    found = document(command, f"check --machine {name}")
+    assert found["sha256"] == MachineEvaluation.of(name, 1.0, 0).settings["machine_sha256"]  # as a study names it
     assert (found["nodes"], found["degrees_of_freedom"], found["meshes"]) == (nodes, 6 * nodes, count)
     found = [found["mesh_frequency_hz"], *found["static_mesh_force"]]
     assert found == pytest.approx([mesh_hz, *count * [force]], rel=1e-6)
-    code, out, err = command(f"check {name}")
+    code, out, err = command(f"check --machine {name}")
     assert (code, err) == (0, "")
     assert out.startswith(f"{name}: {nodes} nodes, {6 * nodes} degrees of freedom, {count} meshes\n")
     assert f"mesh frequency {mesh_hz:.2f} Hz, static mesh force {force / 1e3:.1f} kN each" in out
 
 
 def test_pictures(data, command):
-    code, out, err = command(f"show {data['name']} --out picture.png --json")
+    code, out, err = command(f"show --machine {data['name']} --out picture.png --json")
     assert (code, json.loads(out)["machine"], err) == (0, data["name"], "drawing: picture.png\n")
     assert Path("picture.png").read_bytes().startswith(b"\x89PNG\r\n\x1a\n")
     drawn = (imread("picture.png")[:, :, :3] < 0.9).any(axis=2)
     assert np.all(drawn.shape >= np.array([700, 1200]))
     assert 0.01 < drawn.mean() < 0.3  # lines and letters on white, none of them cut at the border
     assert not any(edge.any() for edge in (drawn[0], drawn[-1], drawn[:, 0], drawn[:, -1]))
-    assert command(f"show {data['name']} --out picture.svg")[::2] == (0, "drawing: picture.svg\n")
+    assert command(f"show --machine {data['name']} --out picture.svg")[::2] == (0, "drawing: picture.svg\n")
     parser = ElementTree.XMLParser(target=ElementTree.TreeBuilder(insert_comments=True))  # letters are curves
     groups = {element.get("id"): element for element in ElementTree.parse("picture.svg", parser).iter()}
     side, end = ({(part.text or "").strip() for part in groups[axes].iter()} for axes in ("axes_1", "axes_2"))
@@ -197,7 +202,7 @@ def test_pictures(data, command):
 
 def test_cutters_of_the_layout_file(command):
     rows = [line.split(",") for line in TEXT["dz101_cutters.csv"].splitlines() if line[:1].isdigit()]
-    found = document(command, "show dz101")["cutters"]
+    found = document(command, "show --machine dz101")["cutters"]
     for kind, count in {"centre": 4, "face": 32, "gauge": 11}.items():  # the paper's
         radii = [float(row[2]) for row in rows if row[1] == kind]
         expected = {"cutters": count, "discs": len(radii), "radius": [min(radii), max(radii)]}
@@ -206,7 +211,7 @@ def test_cutters_of_the_layout_file(command):
     assert found["normal_force_kn"] == pytest.approx(160.0, rel=0.05)
     assert found["rolling_force_kn"] == pytest.approx(24.5, rel=0.1)
     assert found["torque_kn_m"] == pytest.approx(3040.0, rel=0.05)
-    assert document(command, "show open380")["cutters"] is None
+    assert document(command, "show --machine open380")["cutters"] is None
 
 
 @pytest.mark.parametrize("line", BAD)
@@ -220,6 +225,6 @@ def test_bad_input_is_one_line(line, command):
 def test_names_of_others_are_drawn_as_they_are(command):
     # A dollar sign is no mathematics, and a letter that no font has is no warning.
     Path("my.yaml").write_text(re.sub("title: .*", 'title: "costs $5_{ and $6 掘進機"', TEXT["open380.yaml"]), "utf-8")
-    code, _, err = command("show my.yaml --out my.svg")
+    code, _, err = command("show --machine my.yaml --out my.svg")
     assert (code, err.splitlines()) == (0, ["drawing: my.svg"])
     ElementTree.parse("my.svg")

@@ -28,6 +28,12 @@ MISTAKES = {
         ["bag", "info", "old"],
         "old: rosbag2 with SQLite storage, allowed: MCAP, as `ros2 bag convert` writes it",
     ),
+    "a topic that was not recorded": (
+        ["bag", "play", "field_dz101", "--topics", "/tbm/operating_point,model/shield/block"],
+        f"--topics model/shield/block: not in {shipped_bag()}, allowed: /tbm/field/cutterhead/block, "
+        "/tbm/field/girder/block, /tbm/field/gripper/block, /tbm/field/shield/block, /tbm/field/walkway/block, "
+        "/tbm/operating_point",
+    ),
     "a unit not stated": (
         ["compare", "field_dz101", "--mapping", "none.yaml"],
         "none.yaml: topics./rig.units: missing, allowed: a value that is stated, nothing is guessed",

@@ -7,18 +7,22 @@ from typing import Annotated, Any
 
 import typer
 from rich.table import Table
-from rich.text import Text
 from typer.core import TyperGroup
 
-from tbm_gsa.app.cli.output import JSON_OPTION, print_json, results
-from tbm_gsa.app.cli.selection import File, Of, Origin, Point, Since, Until, selection
+from tbm_gsa.app.cli.output import JSON_OPTION, add_row, narrow_table, print_json, results
+from tbm_gsa.app.cli.selection import File, Of, Origin, Point, Since, Until, machine_name, selection
 from tbm_gsa.history import BY_ORIGIN, History, HistoryReader, default_history, make_baseline
 from tbm_gsa.history.summary import baseline_document, baselines_document
 from tbm_msgs_py.base.errors import InputError
 
 Name = Annotated[str, typer.Argument(help="Name of the baseline.", show_default=False)]
 Owner = Annotated[
-    str | None, typer.Option("--machine", help="Machine that it is of; needed where several have one of this name.")
+    str | None,
+    typer.Option(
+        "--machine",
+        metavar="<name|file>",
+        help="Machine that it is of, its name or file; needed where several have one of this name.",
+    ),
 ]
 
 
@@ -59,7 +63,7 @@ def list_(history: File = None, json: Annotated[bool, JSON_OPTION] = False) -> N
 def show(name: Name, history: File = None, machine: Owner = None, json: Annotated[bool, JSON_OPTION] = False) -> None:
     """Show mean and scatter of the error per point and axis of a baseline."""
     with HistoryReader(history or default_history()) as opened:
-        document = baseline_document(opened.baseline(name, machine))
+        document = baseline_document(opened.baseline(name, machine_name(machine)))
     _print(document, json)
 
 
@@ -77,7 +81,9 @@ def set_(
 ) -> None:
     """Store mean and scatter of the error per point and axis of the chosen windows; alarms are set against them."""
     with History(history or default_history(), create=False) as opened:
-        groups = opened.groups(BY_ORIGIN, selection(point, since, until, source, machine))
+        chosen = selection(point, since, until, source, machine)
+        opened.check(chosen)
+        groups = opened.groups(BY_ORIGIN, chosen)
         made = make_baseline(name, groups, time.time_ns())
         opened.store_baseline(made, replace=replace)
     _print(baseline_document(made), json)
@@ -87,7 +93,7 @@ def set_(
 def delete(name: Name, history: File = None, machine: Owner = None, json: Annotated[bool, JSON_OPTION] = False) -> None:
     """Delete a baseline, and print what it was; its windows stay."""
     with History(history or default_history(), create=False) as opened:
-        document = baseline_document(opened.delete_baseline(name, machine))
+        document = baseline_document(opened.delete_baseline(name, machine_name(machine)))
     _print(document, json)
 
 
@@ -101,24 +107,21 @@ def _print(document: dict[str, Any], json: bool) -> None:
 def baseline_table(document: dict[str, Any]) -> Table:
     """Mean and scatter per point and axis."""
     of = " ".join(filter(None, (document["source"], document["machine"])))
-    table = Table(title=Text(f"baseline {document['name']} of {of}: {document['since']} to {document['until']}"))
-    for heading in ("test point", "axis", "mean error", "scatter", "windows"):
-        table.add_column(heading, justify="left" if heading in ("test point", "axis") else "right")
+    title = f"baseline {document['name']} of {of}\nwindows from {document['since']} to {document['until']}"
+    table = narrow_table(title, "test point", "axis", ">mean error", ">scatter", ">windows")
     for point, axes in document["points"].items():
         for axis, usual in axes.items():
-            table.add_row(Text(point), axis, percent(usual["mean"]), percent(usual["scatter"]), str(usual["windows"]))
+            add_row(table, point, axis, percent(usual["mean"]), percent(usual["scatter"]), usual["windows"])
     return table
 
 
 def _list_table(document: dict[str, Any]) -> Table:
     count = len(document["baselines"])
-    table = Table(title=Text(f"{document['path']}: {count} baseline{'s' * (count != 1)}"))
-    for heading in ("baseline", "source", "machine", "windows from", "to", "test points"):
-        table.add_column(heading, justify="right" if heading == "test points" else "left", overflow="fold")
+    headings = ("baseline", "source", "machine", ">from", ">to", ">points")
+    table = narrow_table(f"{document['path']}: {count} baseline{'s' * (count != 1)}", *headings)
     for one in document["baselines"]:
         dates = (one["since"][:10], one["until"][:10])
-        texts = (one["name"], one["source"] or "–", one["machine"], *dates, str(len(one["points"])))
-        table.add_row(*map(Text, texts))
+        add_row(table, one["name"], one["source"] or "–", one["machine"], *dates, len(one["points"]))
     return table
 
 

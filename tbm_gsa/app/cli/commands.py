@@ -13,6 +13,10 @@ from typer.core import TyperCommand, TyperGroup
 
 # In the order of the help, each with its line there. The module `tbm_gsa.app.cli.NAME` holds a group of commands as
 # `app`, or one command as a function of its name.
+from tbm_gsa.compiled import settle_compiled_folder
+
+# In the order of the help, each with its line there. The module `tbm_gsa.app.cli.NAME` holds a group of commands as
+# `app`, or one command as a function of its name.
 LINES = {
     "demo": "The whole job on the shipped recording; ends by itself.",
     "run": "Loads, dynamics and analysis as ROS 2 nodes, live.",
@@ -31,6 +35,7 @@ LINES = {
 def load(name: str) -> Any:
     """Import a command; KeyError for a name that is none."""
     line = LINES[name]
+    settle_compiled_folder()
     module = import_module(f"tbm_gsa.app.cli.{name}")
     group = getattr(module, "app", None)
     if group is None:

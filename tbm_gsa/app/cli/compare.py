@@ -8,9 +8,19 @@ from typing import Annotated, Any
 
 import typer
 from rich.table import Table
-from rich.text import Text
 
-from tbm_gsa.app.cli.output import JSON_OPTION, MACHINE_OPTION, SEED_OPTION, notes, print_json, progress_bar, results
+from tbm_gsa.app.cli.output import (
+    DEFAULT_MACHINE,
+    JSON_OPTION,
+    SEED_OPTION,
+    MachineOption,
+    add_row,
+    narrow_table,
+    notes,
+    print_json,
+    progress_bar,
+    results,
+)
 from tbm_gsa.app.cli.selection import HISTORY_HELP
 from tbm_gsa.app.cli.shipped import RECORDING_ARGUMENT, recording_path
 from tbm_gsa.comparison.document import axial_rows, stuck_texts
@@ -24,7 +34,7 @@ from tbm_msgs_py.recordings.health import COUNTS
 
 def compare(
     bag: Annotated[Path, RECORDING_ARGUMENT],
-    machine: Annotated[str, MACHINE_OPTION] = "dz101",
+    machine: MachineOption = DEFAULT_MACHINE,
     mapping: Annotated[
         Path | None, typer.Option(help="Mapping of topics to test points; default: mapping.yaml in or beside the bag.")
     ] = None,
@@ -104,6 +114,7 @@ def print_tables(document: dict[str, Any]) -> None:
     faulty = _fault_table(document)
     if faulty.row_count:
         results.print(faulty)
+    results.print()
     recording = document["recording"]
     truncated = ", truncated" if recording["truncated"] else ""
     results.print(
@@ -116,9 +127,9 @@ def print_tables(document: dict[str, Any]) -> None:
 def _axial_table(document: dict[str, Any]) -> Table:
     synthetic = " (synthetic)" if document.get("synthetic") else ""
     path = document["recording"]["path"]
-    table = Table(title=Text(f"axial acceleration, RMS: {path}{synthetic} against {document['machine']}"))
-    for heading in ("test point", "node", "predicted, g", "measured, g", "error", "95 %", "coverage"):
-        table.add_column(heading, justify="left" if heading == "test point" else "right")
+    title = f"axial acceleration, RMS: {path}{synthetic} against {document['machine']}"
+    headings = ("test point", ">node", ">predicted, g", ">measured, g", ">error", ">95 %", ">coverage")
+    table = narrow_table(title, *headings)
     for row in axial_rows(document):
         axis = document["points"][row.point]["x"]
         error = "–" if row.relative_error is None else f"{row.relative_error:.0%}"
@@ -132,33 +143,29 @@ def _axial_table(document: dict[str, Any]) -> Table:
             reach,
             f"{axis['coverage']:.1%}",
         )
-        table.add_row(Text(row.point), *cells)
+        add_row(table, row.point, *cells)
     return table
 
 
 def _level_table(document: dict[str, Any]) -> Table:
-    table = Table(title="levels of operation")
-    for heading in ("level", "r/min", "kN·m", "kN", "held, s", "found"):
-        table.add_column(heading, justify="left" if heading == "found" else "right")
+    table = narrow_table("\nlevels of operation", ">level", ">r/min", ">kN·m", ">kN", ">held, s", "found")
     for number, level in enumerate(document["levels"], start=1):
         values = (level["speed_r_min"], level["torque_kn_m"], level["thrust_kn"], level["seconds"])
-        table.add_row(str(number), *(f"{value:.5g}" for value in values), level["note"])
+        add_row(table, number, *(f"{value:.5g}" for value in values), level["note"])
     left_out = [dwell["end"] - dwell["begin"] for dwell in document["dwells"] if dwell["level"] is None]
     if left_out:
-        table.add_row("–", "", "", "", f"{sum(left_out):.5g}", "between levels or at a standstill: left out")
+        add_row(table, "–", "", "", "", f"{sum(left_out):.5g}", "between levels or at a standstill: left out")
     return table
 
 
 def _fault_table(document: dict[str, Any]) -> Table:
     """Points whose data have a fault, and which."""
-    table = Table(title="faults of the data")
-    for heading in ("test point", "faults"):
-        table.add_column(heading)
+    table = narrow_table("\nfaults of the data", "test point", "faults")
     for point, record in document["recording"]["points"].items():
         gaps = [end - begin for begin, end in record["gaps"]]
         texts = [f"gaps: {len(gaps)}, longest {max(gaps):.3g} s"] if gaps else []
         texts += [f"stuck along {text}" for text in stuck_texts(record)]
         texts += [f"{record[name]} {name.replace('_', ' ')}" for name in COUNTS if record[name]]
         if texts:
-            table.add_row(Text(point), Text(", ".join(texts)))
+            add_row(table, point, ", ".join(texts))
     return table

@@ -8,17 +8,20 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
-from rich.table import Table
 
 from tbm_dynamics import Machine, load_machine
 from tbm_gsa.app.cli.output import (
+    DEFAULT_MACHINE,
     JSON_OPTION,
-    MACHINE_OPTION,
     OUTPUTS_OPTION,
     SEED_OPTION,
+    MachineOption,
+    add_row,
+    narrow_table,
     notes,
     print_json,
     progress_bar,
+    ranked_inputs,
     results,
     split_names,
 )
@@ -45,7 +48,7 @@ _STRONGEST = 5
 
 def demo(
     bag: Annotated[Path | None, typer.Option(help="Recording to play; default: the shipped synthetic one.")] = None,
-    machine: Annotated[str, MACHINE_OPTION] = "dz101",
+    machine: MachineOption = DEFAULT_MACHINE,
     out: Annotated[Path, typer.Option(help="Folder for logs and the study.")] = Path("tbm_demo"),
     samples: Annotated[int, typer.Option(min=10, help="Training simulations of the sensitivity analysis.")] = 200,
     test: Annotated[int, typer.Option(min=2, help="Test simulations.")] = 20,
@@ -198,20 +201,20 @@ def demo_document(machine: Machine, seen: Seen, seconds: float) -> dict[str, Any
 
 def print_tables(document: dict[str, Any], *, synthetic: bool) -> None:
     """Print what was predicted and measured, and what the sensitivity analysis found."""
-    table = Table(title="Axial acceleration, RMS" + (" (synthetic recording)" if synthetic else ""))
-    for heading in ("test point", "node", "predicted (g)", "measured (g)", "relative error"):
-        table.add_column(heading, justify="left" if heading == "test point" else "right")
+    title = "Axial acceleration, RMS" + (" (synthetic recording)" if synthetic else "")
+    table = narrow_table(title, "test point", ">node", ">predicted (g)", ">measured (g)", ">relative error")
     for point, row in document["points"].items():
         error = f"{100.0 * row['relative_error']:.0f} %"
-        table.add_row(point, str(row["node"]), f"{row['predicted_g']:.2f}", f"{row['measured_g']:.2f}", error)
+        add_row(table, point, row["node"], f"{row['predicted_g']:.2f}", f"{row['measured_g']:.2f}", error)
     results.print(table)
-    table = Table(title=f"Strongest {_STRONGEST} inputs of each output, first Sobol index")
-    for heading in ("output", "surrogate", "R² test", "R² 10-fold", "inputs"):
-        table.add_column(heading)
+    title = f"\nStrongest {_STRONGEST} inputs of each output, first Sobol index"
+    table = narrow_table(title, "=output", "surrogate", ">R² test", ">R² cv", "inputs")
     for name, row in document["outputs"].items():
-        ranked = "  ".join(f"{code} {share:.2f}" for code, share in list(row["strongest"].items())[:_STRONGEST])
-        table.add_row(name, row["surrogate"], f"{row['r2_test']:.3f}", f"{row['r2_cv']:.3f}", ranked)
+        ranked = list(row["strongest"].items())[:_STRONGEST]
+        quality = (f"{row['r2_test']:.3f}", f"{row['r2_cv']:.3f}")
+        add_row(table, name, row["surrogate"], *quality, ranked_inputs(ranked))
     results.print(table)
+    results.print()
     lost = sum(count["lost"] for count in document["blocks"].values())
     results.print(f"{document['seconds']:.0f} s, {lost} blocks lost", highlight=False)
     results.print(f"report: {document['report']}", highlight=False)

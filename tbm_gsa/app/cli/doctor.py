@@ -5,14 +5,24 @@ from __future__ import annotations
 import os
 import platform
 import shutil
+import tempfile
+import time
 from collections.abc import Callable
 from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
 from typing import Annotated, Any
 
 import typer
 
 from tbm_gsa.app.cli.output import JSON_OPTION, print_json, results
+from tbm_gsa.app.cli.processes import NodeCommand, NodeProcesses, settle_ros_environment
+from tbm_gsa.app.cli.ros import SENDER
 from tbm_gsa.app.cli.shipped import shipped_bag
+from tbm_msgs_py.base.errors import RunError
+from tbm_msgs_py.nodes.transport import DISCOVERY_RANGE
+from tbm_msgs_py.topics import absolute
+
+_PATIENCE_S = 60.0  # for a block of another process; it starts in seconds, on a busy computer too
 
 _PACKAGES = (
     "tbm_monitor",
@@ -72,17 +82,41 @@ def _versions() -> dict[str, str]:
 
 
 def _ros() -> str:
-    import rclpy  # noqa: PLC0415 - a check, not a dependency of this command
+    discovery = os.environ.get(DISCOVERY_RANGE) or "LOCALHOST, as for run and demo"
+    settle_ros_environment()
+    topic = absolute(f"doctor/block_{os.getpid()}")  # beside another doctor
+    seconds = exchange(NodeCommand("doctor_sender", SENDER, {"topic": topic}), topic, _PATIENCE_S)
+    return f"a block of another process came after {seconds:.1f} s; domain {_domain()}, discovery {discovery}"
 
-    rclpy.init(args=[])
-    try:
-        node = rclpy.create_node("tbm_doctor")
-        node.destroy_node()
-    finally:
-        rclpy.try_shutdown()
-    domain = os.environ.get("ROS_DOMAIN_ID", "0")
-    discovery = os.environ.get("ROS_AUTOMATIC_DISCOVERY_RANGE", "not set: LOCALHOST for run and demo")
-    return f"a node starts; domain {domain}, discovery {discovery}"
+
+def exchange(sender: NodeCommand, topic: str, patience: float, clock: Callable[[], float] = time.monotonic) -> float:
+    """Seconds until a block of a process that is started for it has come.
+
+    Raises
+    ------
+    RunError
+        None came: the process ended, was not discovered, or was, and its messages did not arrive.
+    """
+    from tbm_gsa.app.nodes.exchange import receive_block  # noqa: PLC0415 - a check, not a dependency of this command
+
+    with tempfile.TemporaryDirectory(prefix="tbm_monitor.") as folder, NodeProcesses(Path(folder)) as processes:
+        processes.start(sender)
+        found = receive_block(topic, patience, processes.check, clock)
+    if found.seconds is not None:
+        return found.seconds
+    if found.discovered:
+        raise RunError(
+            f"transport: another process was discovered, but no message of it came within {patience:g} s on domain "
+            f"{_domain()}; allowed: UDP on this computer, and /dev/shm where the environment asks for shared memory"
+        )
+    raise RunError(
+        f"discovery: another process was not seen within {patience:g} s on domain {_domain()}; allowed: UDP on this "
+        "computer, which no firewall and no sandbox closes"
+    )
+
+
+def _domain() -> str:
+    return os.environ.get("ROS_DOMAIN_ID", "").strip() or "0"
 
 
 def _model() -> str:

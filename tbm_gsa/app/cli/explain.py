@@ -7,9 +7,18 @@ from pathlib import Path
 from typing import Annotated, Any
 
 import typer
-from rich.table import Table
 
-from tbm_gsa.app.cli.output import JSON_OPTION, SEED_OPTION, notes, print_json, progress_bar, results
+from tbm_gsa.app.cli.output import (
+    JSON_OPTION,
+    SEED_OPTION,
+    add_row,
+    narrow_table,
+    notes,
+    print_json,
+    print_sentence,
+    progress_bar,
+    results,
+)
 from tbm_gsa.app.cli.workers import Scheduler, Workers, anonymous_main, campaign_progress
 from tbm_gsa.explanation.forms import COMPARISON, ComparisonForm
 from tbm_gsa.explanation.verdict import verdict
@@ -60,16 +69,16 @@ def explain(
 
 
 def _print(document: dict[str, Any]) -> None:
-    table = Table(title="What explains the recording, taken as the only change")
-    for heading in ("input", "", "probability", "value", "90 % interval", "machine's"):
-        table.add_column(heading, justify="left" if heading in ("input", "") else "right")
+    headings = ("input", "", ">probability", ">value", ">90 % interval", ">machine's")
+    table = narrow_table("What explains the recording, taken as the only change", *headings)
     for row in document["causes"][:_SHOWN]:
         if row["input"] is None:
-            table.add_row("–", row["name"], f"{row['probability']:.3f}")
+            add_row(table, "–", row["name"], f"{row['probability']:.3f}")
             continue
         low, high = row["interval"]
         unit = f" {row['unit']}" if row["unit"] else ""
-        table.add_row(
+        add_row(
+            table,
             row["input"],
             row["name"],
             f"{row['probability']:.3f}",
@@ -78,10 +87,10 @@ def _print(document: dict[str, Any]) -> None:
             f"{row['machine_value']:.3g}",
         )
     results.print(table)
+    results.print()
     off = {name: math.exp(value) for name, value in document["misfit"].items()}
-    results.print(
+    print_sentence(
         f"{len(document['statistics'])} statistics: the model is off by a factor of {off['model']:.3g} (RMS), with the "
-        f"first input changed by {off['predicted']:.3g} as predicted and {off['checked']:.3g} in a run of its own",
-        highlight=False,
+        f"first input changed by {off['predicted']:.3g} as predicted and {off['checked']:.3g} in a run of its own"
     )
-    results.print(verdict(document), highlight=False)
+    print_sentence(verdict(document))

@@ -14,13 +14,17 @@ from tbm_dynamics import load_machine
 from tbm_dynamics.indicators import INDICATORS
 from tbm_gsa.app.cli.explain import explain
 from tbm_gsa.app.cli.output import (
+    DEFAULT_MACHINE,
     JSON_OPTION,
-    MACHINE_OPTION,
     OUTPUTS_OPTION,
     SEED_OPTION,
+    MachineOption,
+    add_row,
+    narrow_table,
     notes,
     print_json,
     progress_bar,
+    ranked_inputs,
     results,
     split_names,
 )
@@ -48,7 +52,7 @@ def run(
     samples: Annotated[int, typer.Option(min=10, help="Training simulations.")] = 200,
     test: Annotated[int, typer.Option(min=2, help="Test simulations.")] = 20,
     design: Annotated[str, typer.Option(help=f"Training points: {', '.join(KINDS)}.")] = "lhs",
-    machine: Annotated[str, MACHINE_OPTION] = "dz101",
+    machine: MachineOption = DEFAULT_MACHINE,
     duration: Annotated[float, typer.Option(min=0.01, max=3600.0, help="Length of a simulation (s).")] = 3.0,
     inputs: Annotated[
         Path | None,
@@ -175,11 +179,10 @@ def show(study: StudyResult, json: bool) -> None:
 
 def strongest_table(document: dict[str, Any], count: int = 5) -> Table:
     """Quality of the surrogate and the strongest inputs of every output."""
-    table = Table(title="Strongest inputs, first Sobol index")
-    for heading in ("output", "surrogate", "R² test", "R² 10-fold", f"strongest {count}"):
-        table.add_column(heading)
+    headings = ("=output", "surrogate", ">R² test", ">R² cv", f"strongest {count}")
+    table = narrow_table("Strongest inputs, first Sobol index", *headings)
     for name, output in document["outputs"].items():
         ranked = sorted(output["first"].items(), key=lambda item: item[1], reverse=True)[:count]
-        strongest = "  ".join(f"{code} {share:.2f}" for code, share in ranked)
-        table.add_row(name, output["surrogate"], f"{output['r2_test']:.3f}", f"{output['r2_cv']:.3f}", strongest)
+        quality = (f"{output['r2_test']:.3f}", f"{output['r2_cv']:.3f}")
+        add_row(table, name, output["surrogate"], *quality, ranked_inputs(ranked))
     return table

@@ -6,12 +6,10 @@ from pathlib import Path
 from typing import Annotated, Any
 
 import typer
-from rich.table import Table
-from rich.text import Text
 
 from tbm_gsa.app.cli import baseline
 from tbm_gsa.app.cli.baseline import baseline_table, percent
-from tbm_gsa.app.cli.output import JSON_OPTION, notes, print_json, results
+from tbm_gsa.app.cli.output import JSON_OPTION, add_row, named, narrow_table, notes, print_json, results
 from tbm_gsa.app.cli.selection import File, Of, Origin, Point, Since, Until, selection
 from tbm_gsa.history import Baseline, HistoryReader, Selection, Window, default_history
 from tbm_gsa.history.summary import history_document
@@ -48,6 +46,7 @@ def show(
     chosen = selection(point, since, until, source, machine)
     plotted = html is not None or png is not None
     with HistoryReader(history or default_history()) as opened:
+        opened.check(chosen)
         document = history_document(opened, chosen, limit)
         windows, baselines = _to_plot(opened, chosen) if plotted else ([], [])
     if plotted:
@@ -63,7 +62,7 @@ def show(
 def _refuse_options(context: typer.Context) -> None:
     """Refuse options of the list before another command, which would not see them."""
     for name in context.params:
-        if getattr(context.get_parameter_source(name), "name", "") == "COMMANDLINE":
+        if named(context, name):
             raise InputError(f"history --{name} … {context.invoked_subcommand}: allowed: options behind the command")
 
 
@@ -88,14 +87,13 @@ def _plot(windows: list[Window], baselines: list[Baseline], path: Path, html: Pa
 
 
 def _print_tables(document: dict[str, Any]) -> None:
-    table = Table(title=Text(f"{document['path']}: {document['total']} entries"))
-    for heading in ("test point", "axis", "source", "count", "last", "error", "latest"):
-        right = heading in ("count", "error", "latest")
-        table.add_column(heading, justify="right" if right else "left", no_wrap=heading in ("source", "last"))
+    headings = ("test point", "axis", "source", ">count", ">last", ">error", ">latest")
+    table = narrow_table(f"{document['path']}: {document['total']} entries", *headings)
     for row in document["summary"]:
-        texts = [Text(text) for text in (row["point"], row["axis"], f"{row['source']} {row['machine']}")]
+        texts = (row["point"], row["axis"], f"{row['source']} {row['machine']}")
         error = f"{percent(row['error_mean'])} ± {percent(row['error_scatter'])}"
-        table.add_row(*texts, str(row["windows"]), row["last"][:10], error, percent(row["error_latest"]))
+        add_row(table, *texts, row["windows"], row["last"][:10], error, percent(row["error_latest"]))
     results.print(table)
     for one in document["baselines"]:
+        results.print()
         results.print(baseline_table(one))

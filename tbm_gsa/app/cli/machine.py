@@ -12,14 +12,23 @@ from tbm_dynamics.loads.stepper import LoadLevel
 from tbm_dynamics.machine.summary import machine_summary
 from tbm_gsa.app.cli.machine_tables import print_loads, print_tables
 from tbm_gsa.app.cli.machine_update import update
-from tbm_gsa.app.cli.output import JSON_OPTION, LOADS_OPTION, SEED_OPTION, notes, print_json, results
+from tbm_gsa.app.cli.output import (
+    DEFAULT_MACHINE,
+    JSON_OPTION,
+    LOADS_OPTION,
+    SEED_OPTION,
+    MachineOption,
+    notes,
+    print_json,
+    print_sentence,
+    results,
+)
 from tbm_gsa.paper.load_summary import load_run
+from tbm_gsa.provenance import machine_sha256
 
 app = typer.Typer(add_completion=False, no_args_is_help=True)
 
 _SHOWN_MODES = 10
-
-MachineArgument = Annotated[str, typer.Argument(help="Name of a shipped machine, or path of a machine file.")]
 
 
 @app.command("list")
@@ -35,7 +44,7 @@ def list_machines(json: Annotated[bool, JSON_OPTION] = False) -> None:
 
 @app.command()
 def show(
-    machine: MachineArgument,
+    machine: MachineOption = DEFAULT_MACHINE,
     count: Annotated[int, typer.Option(min=1, max=1000, help="Number of natural frequencies.")] = _SHOWN_MODES,
     out: Annotated[
         Path | None, typer.Option(help="Draw the machine into this .png or .svg file.", dir_okay=False)
@@ -61,7 +70,7 @@ def show(
 
 
 @app.command()
-def check(machine: MachineArgument, json: Annotated[bool, JSON_OPTION] = False) -> None:
+def check(machine: MachineOption = DEFAULT_MACHINE, json: Annotated[bool, JSON_OPTION] = False) -> None:
     """Validate a machine file: its keys and values, floating nodes, the static equilibrium."""
     described = load_machine(machine)
     system = described.assemble()
@@ -70,6 +79,7 @@ def check(machine: MachineArgument, json: Annotated[bool, JSON_OPTION] = False) 
     frequencies = [float(value) for value in system.natural_frequencies(_SHOWN_MODES)]
     document = {
         "machine": described.name,
+        "sha256": machine_sha256(described),
         "nodes": len(system.nodes),
         "degrees_of_freedom": system.size,
         "meshes": meshes,
@@ -80,19 +90,16 @@ def check(machine: MachineArgument, json: Annotated[bool, JSON_OPTION] = False) 
     if json:
         print_json(document)
         return
-    results.print(
-        f"{described.name}: {len(system.nodes)} nodes, {system.size} degrees of freedom, {meshes} meshes",
-        markup=False,
-        highlight=False,
-    )
+    results.print(f"{described.name}: {len(system.nodes)} nodes, {system.size} degrees of freedom, {meshes} meshes")
+    results.print(f"SHA-256 {document['sha256']}", highlight=False)
     mean = force.mean() / 1e3
     results.print(f"mesh frequency {described.mesh_frequency:.2f} Hz, static mesh force {mean:.1f} kN each")
-    results.print("lowest natural frequencies (Hz): " + ", ".join(f"{value:.1f}" for value in frequencies))
+    print_sentence("lowest natural frequencies (Hz): " + ", ".join(f"{value:.1f}" for value in frequencies))
 
 
 @app.command()
 def loads(
-    machine: MachineArgument,
+    machine: MachineOption = DEFAULT_MACHINE,
     level: Annotated[LoadLevel, LOADS_OPTION] = "spectral",
     duration: Annotated[float, typer.Option(max=3600.0, help="Length of the run (s).")] = 600.0,
     seed: Annotated[int, SEED_OPTION] = 0,

@@ -4,14 +4,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Sequence
-from typing import Any, Literal
+from typing import Any
 
-from rich import box
 from rich.table import Table
-from rich.text import Text
 
 from tbm_dynamics.machine.summary import BETWEEN, DRIVE_NODES, PLACES, STRUCTURES, SUBSYSTEMS
-from tbm_gsa.app.cli.output import results
+from tbm_gsa.app.cli.output import add_row, narrow_table, print_sentence, results
 
 _AXES = (">x", ">y", ">z", ">rx", ">ry", ">rz")
 _DRIVE_AXES = (">x", ">r", ">t", ">rx", ">rr", ">rt")
@@ -20,13 +18,13 @@ _DRIVE_AXES = (">x", ">r", ">t", ">rx", ">rr", ">rt")
 def print_tables(document: dict[str, Any]) -> None:
     """Print the document of `machine_summary` as tables; every value with its unit and its source."""
     point = document["operating_point"]
-    _say(f"{document['machine']}: {document['title']}")
-    _say(
+    print_sentence(f"{document['machine']}: {document['title']}")
+    print_sentence(
         f"operating point {point['speed_r_min']:g} r/min, {point['torque_kn_m']:g} kN·m, {point['thrust_kn']:g} kN "
         f"({point['source']}); {document['degrees_of_freedom']} degrees of freedom"
     )
     if limits := document["operating_limits"]:
-        _say(
+        print_sentence(
             f"limits {limits['speed_r_min']:g} r/min, {limits['torque_kn_m']:g} kN·m, {limits['thrust_kn']:g} kN, "
             f"{limits['power_kw']:g} kW ({limits['source']})"
         )
@@ -47,23 +45,7 @@ def print_tables(document: dict[str, Any]) -> None:
 
 
 def _table(title: str, *headings: str) -> Table:
-    """Table narrow enough for 80 characters; a heading that starts with ``>`` is that of right-aligned numbers."""
-    table = Table(title=Text(f"\n{title}"), title_justify="left", box=box.SIMPLE_HEAD, padding=(0, 1, 0, 0))
-    table.show_edge = table.pad_edge = False
-    for heading in headings:
-        # Nothing is cropped: on a narrow terminal cells take several lines.
-        side: Literal["left", "right"] = "right" if heading.startswith(">") else "left"
-        table.add_column(heading.removeprefix(">"), justify=side, overflow="fold")
-    return table
-
-
-def _add(table: Table, cells: Iterable[object]) -> None:
-    """Add a row; text from a machine file is no markup."""
-    table.add_row(*(Text(str(cell)) for cell in cells))
-
-
-def _say(line: str) -> None:
-    results.print(line, highlight=False)
+    return narrow_table(f"\n{title}", *headings)
 
 
 def _short(value: float) -> str:
@@ -74,7 +56,7 @@ def _short(value: float) -> str:
 def _print_nodes(title: str, nodes: Sequence[dict[str, Any]]) -> None:
     table = _table(title, ">node", ">x, m", ">y, m", ">z, m", "")
     for node in nodes:
-        _add(table, (node["node"], *(f"{value:g}" for value in node["place"]), ", ".join(node["roles"])))
+        add_row(table, *(node["node"], *(f"{value:g}" for value in node["place"]), ", ".join(node["roles"])))
     results.print(table)
 
 
@@ -82,18 +64,20 @@ def _print_parts(document: dict[str, Any]) -> None:
     table = _table("shafts", "nodes", ">outer, m", ">inner, m", ">mass, kg", "source")
     for shaft in document["shafts"]:
         numbers = (f"{shaft[key]:g}" for key in ("outer_diameter", "inner_diameter", "mass"))
-        _add(table, ("–".join(map(str, shaft["nodes"])), *numbers, shaft["source"]))
+        add_row(table, *("–".join(map(str, shaft["nodes"])), *numbers, shaft["source"]))
     results.print(table)
     table = _table("bodies", "node", ">mass, kg", ">about x, kg·m²", ">about y", ">about z", "source")
     for body in document["bodies"]:
-        _add(table, (body["node"], f"{body['mass']:g}", *(f"{value:g}" for value in body["inertia"]), body["source"]))
+        add_row(
+            table, *(body["node"], f"{body['mass']:g}", *(f"{value:g}" for value in body["inertia"]), body["source"])
+        )
     results.print(table)
 
 
 def _print_connections(title: str, axes: Sequence[str], rows: Iterable[tuple[str, str, dict[str, Any]]]) -> None:
     table = _table(title, "name", "between", "type", *axes, "source")
     for name, between, item in rows:
-        _add(table, (name, between, item["type"], *map(_short, item["stiffness"]), item["source"]))
+        add_row(table, *(name, between, item["type"], *map(_short, item["stiffness"]), item["source"]))
     results.print(table)
 
 
@@ -103,10 +87,10 @@ def _print_drives(drives: dict[str, Any]) -> None:
         f"drives: {drives['count']} ({drives['source']})", "drive", ">angle, °", *(f">{n}" for n in DRIVE_NODES)
     )
     for member in drives["members"]:
-        _add(table, (member["drive"], f"{member['angle_deg']:g}", *member["nodes"]))
-    _add(table, ("x, m", "", *(f"{placement[name]:g}" for name in PLACES)))
+        add_row(table, *(member["drive"], f"{member['angle_deg']:g}", *member["nodes"]))
+    add_row(table, *("x, m", "", *(f"{placement[name]:g}" for name in PLACES)))
     results.print(table)
-    _say(
+    print_sentence(
         f"{drives['radius']:.4g} m off the axis (places {placement['source']}), "
         f"mounted on node {drives['mount_node']}, driving the ring gear at node {drives['ring_node']}"
     )
@@ -121,7 +105,7 @@ def _print_drives(drives: dict[str, Any]) -> None:
     for name, part in drives["parts"].items():
         values = (part.get(key) for key in ("outer_diameter", "inner_diameter", "mass"))
         cells = (*values, *part.get("inertia", (None, None))[:2])
-        _add(table, (name, *("" if value is None else f"{value:g}" for value in cells), part["source"]))
+        add_row(table, *(name, *("" if value is None else f"{value:g}" for value in cells), part["source"]))
     results.print(table)
     _print_gears(drives)
     _print_gearbox(drives["gearbox"])
@@ -135,7 +119,7 @@ def _print_gears(drives: dict[str, Any]) -> None:
     def add(pair: str, teeth: str, entry: dict[str, Any], contact_ratio: float) -> None:
         size = (1e3 * entry["module"], entry["pressure_angle_deg"], 1e3 * entry["face_width"])
         rest = (f"{contact_ratio:.3f}", f"{entry['mesh_frequency_hz']:.2f}", entry["source"])
-        _add(table, (pair, teeth, *(f"{value:g}" for value in size), *rest))
+        add_row(table, *(pair, teeth, *(f"{value:g}" for value in size), *rest))
 
     add("ring/pinion", f"{gear['ring_teeth']}/{gear['pinion_teeth']}", gear, gear["contact_ratio"])
     for number, stage in enumerate(drives["gearbox"]["stages"], start=1):
@@ -143,7 +127,7 @@ def _print_gears(drives: dict[str, Any]) -> None:
         add(f"stage {number} ring/planet", f"{ring}/{planet}", stage, stage["ring_contact_ratio"])
         add(f"stage {number} planet/sun", f"{planet}/{sun}", stage, stage["sun_contact_ratio"])
     results.print(table)
-    _say(
+    print_sentence(
         f"mesh of ring and pinion ({mesh['source']}): {_short(mesh['mean_stiffness'])} N/m, "
         f"backlash {mesh['backlash'] * 1e6:g} µm, damping ratio {mesh['damping_ratio']:g}"
     )
@@ -154,29 +138,29 @@ def _print_gearbox(gearbox: dict[str, Any]) -> None:
     table = _table("gearbox, from the pinion to the motor", *headings)
     for number, stage in enumerate(gearbox["stages"], start=1):
         numbers = (f"{stage['ratio']:.4g}", _short(stage["stiffness"]))
-        _add(table, (f"stage {number}", stage["planets"], *numbers, stage["source"]))
-    _add(table, ("shafts", "", "", _short(gearbox["shaft_stiffness"]), gearbox["source"]))
-    _add(table, ("together", "", f"{gearbox['ratio']:.4g}", _short(gearbox["stiffness"]), ""))
+        add_row(table, *(f"stage {number}", stage["planets"], *numbers, stage["source"]))
+    add_row(table, *("shafts", "", "", _short(gearbox["shaft_stiffness"]), gearbox["source"]))
+    add_row(table, *("together", "", f"{gearbox['ratio']:.4g}", _short(gearbox["stiffness"]), ""))
     results.print(table)
-    _say(f"rotor {gearbox['rotor_speed_r_min']:.0f} r/min")
+    print_sentence(f"rotor {gearbox['rotor_speed_r_min']:.0f} r/min")
 
 
 def _print_cutters(cutters: dict[str, Any]) -> None:
     table = _table(f"cutters ({cutters['source']})", "type", ">cutters", ">discs", ">radius, m")
     for name, kind in cutters["types"].items():
         low, high = kind["radius"]
-        _add(table, (name, kind["cutters"], kind["discs"], f"{low:.3f} to {high:.3f}"))
+        add_row(table, *(name, kind["cutters"], kind["discs"], f"{low:.3f} to {high:.3f}"))
     results.print(table)
     rock, disc = cutters["rock"], cutters["disc"]
-    _say(
+    print_sentence(
         f"discs {2e3 * disc['radius']:g} mm across, tip {1e3 * disc['tip_width']:g} mm ({disc['source']}); "
         f"rock {rock['ucs_mpa']:g} and {rock['bts_mpa']:g} MPa ({rock['source']})"
     )
-    _say(
+    print_sentence(
         f"at the operating point {cutters['penetration_mm']:.1f} mm a turn, a face disc "
         f"{cutters['normal_force_kn']:.0f} and {cutters['rolling_force_kn']:.1f} kN"
     )
-    _say(
+    print_sentence(
         f"friction {cutters['friction_kn']:g} kN, idle torque {cutters['idle_torque_kn_m']:g} kN·m; "
         f"torque of the head {cutters['torque_kn_m']:.0f} kN·m"
     )
@@ -185,7 +169,7 @@ def _print_cutters(cutters: dict[str, Any]) -> None:
 def _print_masses(masses: dict[str, float]) -> None:
     table = _table("masses", "subsystem", ">t")
     for name in (*SUBSYSTEMS, "total"):
-        _add(table, (name, f"{masses[name] / 1e3:.1f}"))
+        add_row(table, *(name, f"{masses[name] / 1e3:.1f}"))
     results.print(table)
 
 
@@ -195,31 +179,31 @@ def _print_modes(document: dict[str, Any]) -> None:
     for mode in document["modes"]:
         where = f"{mode['node']} {roles[mode['node']]}"
         share = f"{mode['shares'][mode['motion']]:.0%}"
-        _add(table, (f"{mode['frequency_hz']:.2f}", mode["motion"], share, where))
+        add_row(table, *(f"{mode['frequency_hz']:.2f}", mode["motion"], share, where))
     results.print(table)
 
 
 def _print_sources(sources: dict[str, int]) -> None:
     table = _table("numbers of the file by source", "source", ">numbers")
     for name, count in sources.items():
-        _add(table, (name, count))
+        add_row(table, *(name, count))
     results.print(table)
 
 
 def print_loads(document: dict[str, Any]) -> None:
     """Print the document of `load_run` beside the paper's Table 1; forces in kN, moments in kN·m."""
     point = document["operating_point"]
-    _say(
+    print_sentence(
         f"{document['machine']}: cutterhead loads, {document['loads']} level, {document['duration']:g} s, "
         f"seed {document['seed']}, at {point['speed'] * 30.0 / math.pi:.3g} r/min, {point['torque'] / 1e3:.5g} kN·m, "
         f"{point['thrust'] / 1e3:.5g} kN"
     )
     headings = (">paper", ">mean", ">RMS", ">in regions", "paper's lines", "found, Hz")
-    title = "means (magnitudes), fluctuation, share of its power in Table 1's regions; kN, kN·m"
+    title = "means (magnitudes), fluctuation, share of power in Table 1's regions; kN, kN·m"
     table = _table(title, "", *headings)
     for name, row in document["components"].items():
         numbers = (f"{abs(row[key]) / 1e3:.5g}" for key in ("paper_mean", "mean", "rms"))
         paper = ", ".join(f"{line['paper_hz']:g}" for line in row["lines"])
         found = ", ".join("–" if line["found_hz"] is None else f"{line['found_hz']:.2f}" for line in row["lines"])
-        _add(table, (name, *numbers, f"{row['in_regions']:.0%}", paper, found))
+        add_row(table, *(name, *numbers, f"{row['in_regions']:.0%}", paper, found))
     results.print(table)

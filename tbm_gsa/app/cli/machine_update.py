@@ -11,7 +11,7 @@ import typer
 from tbm_dynamics import Machine, MachineError, load_machine
 from tbm_dynamics.machine.loading import described_by
 from tbm_dynamics.machine.writing import machine_text
-from tbm_gsa.app.cli.output import JSON_OPTION, print_json, results
+from tbm_gsa.app.cli.output import DEFAULT_MACHINE, JSON_OPTION, MachineOption, print_json, results
 from tbm_gsa.explanation.forms import EXPLANATION, ExplanationForm
 from tbm_gsa.explanation.ranges import explaining_inputs
 from tbm_gsa.explanation.verdict import verdict
@@ -22,11 +22,11 @@ from tbm_msgs_py.base.files import write_whole
 
 
 def update(
-    machine: Annotated[str, typer.Argument(help="Name of a shipped machine, or path of a machine file.")],
     source: Annotated[
         Path, typer.Option("--from", help="explanation.json of `gsa explain`, or its folder.", show_default=False)
     ],
     out: Annotated[Path, typer.Option(help="New machine file.", dir_okay=False, show_default=False)],
+    machine: MachineOption = DEFAULT_MACHINE,
     cause: Annotated[
         list[str] | None,
         typer.Option(
@@ -105,7 +105,7 @@ def _reasons(document: Mapping[str, Any], accepted: list[dict[str, Any]], machin
         f"Of that: {verdict(document)}.",
         *(f"{_change(row)}, probability {row['probability']:.2f}" for row in accepted),
         f"Recording {Path(recording['path']).name}, sha256 {recording['sha256']}.",
-        f"Machine file before: sha256 {document['machine_file']['sha256']}.",
+        f"Machine before: sha256 {document['machine_file']['sha256']}.",
         f"tbm_monitor {versions.get('tbm_monitor', 'from source')}, campaign of {document['settings']['samples']} runs "
         f"of {document['settings']['duration']:g} s, seed {document['settings']['seed']}.",
     ]

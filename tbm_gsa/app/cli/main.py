@@ -123,7 +123,11 @@ def _usage_line(error: Exception) -> str:
     """Say what is wrong with the command line; a bare `tbm-monitor` has shown its help already."""
     if type(error).__name__ == "NoArgsIsHelpError":
         return "a command is missing, see --help"
-    return str(getattr(error, "format_message", error.__str__)())
+    line = str(getattr(error, "format_message", error.__str__)())
+    context = getattr(error, "ctx", None)
+    if "unexpected extra argument" in line and context is not None:
+        line += f", see {context.command_path} --help"
+    return line
 
 
 def _say(message: str) -> None:

@@ -5,13 +5,15 @@ from __future__ import annotations
 import sys
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
-from typing import Any
+from typing import Annotated, Any, Literal
 
 import typer
+from rich import box
 from rich.console import Console, ConsoleOptions, RenderableType
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 from rich.segment import Segment
 from rich.table import Table
+from rich.text import Text
 
 from tbm_msgs_py.base.printing import printable
 from tbm_msgs_py.base.results import json_text
@@ -34,6 +36,7 @@ class _Printable(Console):
 
 # Paths are never wrapped: rich would break them at 80 columns when its output is piped.
 results = _Printable(soft_wrap=True, emoji=False, markup=False)
+results.width = max(80, results.width)  # on fewer columns rich would cut off figures of tables
 notes = _Printable(stderr=True, soft_wrap=True, emoji=False, markup=False)
 
 JSON_OPTION = typer.Option("--json", help="Print exactly one JSON document on stdout.")
@@ -50,7 +53,11 @@ COLUMN_OPTION = typer.Option(
 WHERE_OPTION = typer.Option(
     "--schedule-where", help="Only its rows with a text in a column, such as cycle=7; can be repeated."
 )
-MACHINE_OPTION = typer.Option("--machine", help="Name of a shipped machine, or path of a machine file.")
+MachineOption = Annotated[
+    str,
+    typer.Option("--machine", metavar="<name|file>", help="Name of `machine list`, or path of a machine file."),
+]
+DEFAULT_MACHINE = "dz101"
 OUTPUTS_OPTION = typer.Option(
     "--outputs",
     help="Names, separated by commas: indicators, or rms_POINT_AXIS, peak_…, kurtosis_…, rms_LOW-HIGH_hz_…; "
@@ -58,9 +65,44 @@ OUTPUTS_OPTION = typer.Option(
 )
 
 
+def named(context: typer.Context, parameter: str) -> bool:
+    """Whether a parameter stands on the command line, be it with its default value."""
+    return getattr(context.get_parameter_source(parameter), "name", "") == "COMMANDLINE"
+
+
 def split_names(given: str | None) -> tuple[str, ...]:
     """Names separated by commas."""
     return tuple(name.strip() for name in (given or "").split(",") if name.strip())
+
+
+def narrow_table(title: str, *headings: str) -> Table:
+    """Table for 80 characters.
+
+    A heading that starts with ``>`` is that of right-aligned figures, one with ``=`` that of names of ours: both stay
+    in one line. Other texts take several lines where there is no room.
+    """
+    table = Table(title=Text(title) if title else None, title_justify="left", box=box.SIMPLE_HEAD, padding=(0, 1, 0, 0))
+    table.show_edge = table.pad_edge = False
+    for heading in headings:
+        side: Literal["left", "right"] = "right" if heading.startswith(">") else "left"
+        name = Text(heading.removeprefix(">").removeprefix("="))
+        table.add_column(name, justify=side, overflow="fold", no_wrap=heading[:1] in (">", "="))
+    return table
+
+
+def add_row(table: Table, *cells: object) -> None:
+    """Add a row; names from files of others are no markup."""
+    table.add_row(*(Text(str(cell)) for cell in cells))
+
+
+def ranked_inputs(ranked: Iterable[tuple[str, float]]) -> str:
+    """Write inputs with their shares so that a cell of several lines breaks between two of them only."""
+    return " ".join(f"{code}:{share:.2f}" for code, share in ranked)
+
+
+def print_sentence(text: str) -> None:
+    """Print a sentence without paths, which may take several lines."""
+    results.print(Text(text), soft_wrap=False)
 
 
 def print_json(document: Any) -> None:

@@ -6,9 +6,19 @@ from pathlib import Path
 from typing import Annotated, Any
 
 import typer
-from rich.table import Table
 
-from tbm_gsa.app.cli.output import JSON_OPTION, MACHINE_OPTION, SEED_OPTION, notes, print_json, progress_bar, results
+from tbm_gsa.app.cli.output import (
+    DEFAULT_MACHINE,
+    JSON_OPTION,
+    SEED_OPTION,
+    MachineOption,
+    add_row,
+    narrow_table,
+    notes,
+    print_json,
+    progress_bar,
+    results,
+)
 from tbm_gsa.app.cli.shipped import shipped_bag
 from tbm_gsa.app.cli.workers import Workers, anonymous_main
 from tbm_msgs_py.base.results import write_json
@@ -21,7 +31,7 @@ def reproduce(
     out: Annotated[
         Path, typer.Option(help=f"Folder: {PAGE_NAME}, {DOCUMENT_NAME}, a campaign for each reading of the dampings.")
     ] = Path("reproduction"),
-    machine: Annotated[str, MACHINE_OPTION] = "dz101",
+    machine: MachineOption = DEFAULT_MACHINE,
     workers: Workers = 2,
     seed: Annotated[int, SEED_OPTION] = 0,
     json: Annotated[bool, JSON_OPTION] = False,
@@ -58,13 +68,12 @@ def reproduce(
 def _print(document: dict[str, Any]) -> None:
     """Print the verdicts and what differs."""
     own = next(one["name"] for one in document["readings"] if one["own"])
-    table = Table(title="What differs from the paper")
-    for heading in ("", "what", "paper", "ours"):
-        table.add_column(heading)
+    table = narrow_table("What differs from the paper", "", "what", "paper", "ours")
     for row in document["rows"]:
         if row["verdict"] == "differs" and row["reading"] in (None, own):
-            table.add_row(row["source"], row["what"], *(_text(row[key]) for key in ("paper", "ours")))
+            add_row(table, row["source"], row["what"], *(_text(row[key]) for key in ("paper", "ours")))
     results.print(table)
+    results.print()
     counts = ", ".join(f"{count} {name}" for name, count in document["verdicts"].items())
     results.print(f"{counts}; {document['seconds']['total']:.0f} s", highlight=False)
 

@@ -16,6 +16,7 @@ ANALYSIS_NODE = "tbm_gsa.app.nodes.analysis_node"
 LIVE_VIEW = "tbm_gsa.app.nodes.live_view"
 BAG_PLAYER = "tbm_msgs_py.nodes.bag_player"
 BAG_RECORDER = "tbm_msgs_py.nodes.bag_recorder"
+SENDER = "tbm_gsa.app.nodes.exchange"
 SAID = frozenset({"tbm: loads", "tbm: dynamics", "tbm: history"})
 """Statuses on `/diagnostics` by which each of the three nodes says, once a second, that it is active."""
 

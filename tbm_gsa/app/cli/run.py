@@ -10,7 +10,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
-from rich.table import Table
 
 from tbm_dynamics import load_machine
 from tbm_dynamics.loads.stepper import LOAD_LEVELS, LoadLevel
@@ -18,9 +17,14 @@ from tbm_dynamics.machine import OperatingPoint
 from tbm_dynamics.streaming.streams import LoadStream
 from tbm_gsa.app.cli.output import (
     COLUMN_OPTION,
+    DEFAULT_MACHINE,
     JSON_OPTION,
     SCHEDULE_OPTION,
     WHERE_OPTION,
+    MachineOption,
+    add_row,
+    named,
+    narrow_table,
     notes,
     print_json,
     progress_bar,
@@ -43,9 +47,6 @@ _FIRST_BLOCK_S = 300.0
 """Longest wait for the first block; on a cold cache the kernel is compiled in it."""
 _LOOK_S = 0.2
 _NODES = ("load_node", "dynamics_node", "analysis_node")
-_MACHINE_OPTION = typer.Option(
-    "--machine", help="Name of a shipped machine, or path of a machine file; default: that of --params, else dz101."
-)
 _LOADS_OPTION = typer.Option(
     "--loads", help="spectral or cutter; default: that of --params, else spectral.", show_choices=False
 )
@@ -55,10 +56,11 @@ _SEED_OPTION = typer.Option(
 
 
 def run(
+    context: typer.Context,
     duration: Annotated[
         float | None, typer.Option(min=0.1, max=1e9, help="Stream time (s); without it until Ctrl-C.")
     ] = None,
-    machine: Annotated[str | None, _MACHINE_OPTION] = None,
+    machine: MachineOption = DEFAULT_MACHINE,
     seed: Annotated[int | None, _SEED_OPTION] = None,
     loads: Annotated[LoadLevel | None, _LOADS_OPTION] = None,
     speed: Annotated[float | None, typer.Option(min=0.01, help="Speed of the cutterhead (r/min).")] = None,
@@ -72,7 +74,7 @@ def run(
         typer.Option(
             exists=True,
             dir_okay=False,
-            help="ROS parameter file of the nodes; what the command line names holds whatever it says.",
+            help="ROS parameter file of the nodes; it holds wherever the command line names nothing.",
         ),
     ] = None,
     sim_time: Annotated[
@@ -87,7 +89,9 @@ def run(
     """Run loads, dynamics and analysis as ROS 2 nodes and count what they publish."""
     settle_ros_environment()
     site = Site(params)
-    described = load_machine(machine or site.common(_NODES, "machine", "dz101"))
+    if not named(context, "machine"):
+        machine = site.common(_NODES, "machine", machine)
+    described = load_machine(machine)
     described.assemble()
     level = loads or _level(site)
     plan = schedule_of(schedule, schedule_column, schedule_where)
@@ -226,12 +230,11 @@ def run_document(watching: Watch, first_block: float | None) -> dict[str, Any]:
 
 
 def _print_table(document: dict[str, Any]) -> None:
-    table = Table(title="Blocks")
-    for heading in ("topic", "received", "lost", "stream time (s)"):
-        table.add_column(heading, justify="left" if heading == "topic" else "right")
+    table = narrow_table("Blocks", "topic", ">received", ">lost", ">stream time (s)")
     for name, count in document["topics"].items():
-        table.add_row(name, str(count["blocks"]), str(count["lost"]), f"{count['stream_time']:.2f}")
+        add_row(table, name, count["blocks"], count["lost"], f"{count['stream_time']:.2f}")
     results.print(table)
+    results.print()
     first = document["first_block_seconds"]
     results.print("no block" if first is None else f"first block after {first:.1f} s")
     for name, status in document["diagnostics"].items():

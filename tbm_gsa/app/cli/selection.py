@@ -10,7 +10,9 @@ from typing import Annotated
 
 import typer
 
+from tbm_dynamics import Machine, load_machine
 from tbm_gsa.history import KINDS, Selection
+from tbm_gsa.provenance import machine_sha256
 from tbm_msgs_py.base.errors import InputError
 
 HISTORY_HELP = "History file; default: $TBM_HISTORY, else tbm_monitor/history.sqlite in the user's data folder."
@@ -29,7 +31,9 @@ Origin = Annotated[
 Of = Annotated[
     str | None,
     typer.Option(
-        "--machine", help="Windows of this machine only: its name, or 8 or more digits of its file's SHA-256."
+        "--machine",
+        metavar="<name|file>",
+        help="Windows of this machine only: its name, its file, or 8 or more digits of its SHA-256.",
     ),
 ]
 
@@ -38,7 +42,23 @@ def selection(
     point: str | None, since: str | None, until: str | None, source: str | None, machine: str | None
 ) -> Selection:
     """Give the selection that the options state."""
+    described = _machine_file(machine)
+    if described is not None:
+        machine = machine_sha256(described)
     return Selection(point, _stamp("--since", since), _stamp("--until", until), source, machine)
+
+
+def machine_name(machine: str | None) -> str | None:
+    """Name of a machine that is given by its name or its file."""
+    described = _machine_file(machine)
+    return machine if described is None else described.name
+
+
+def _machine_file(machine: str | None) -> Machine | None:
+    """Machine of a file; None for a name, for the history has machines that are not shipped."""
+    if machine is None or not Path(machine).is_file():
+        return None
+    return load_machine(machine)
 
 
 def _stamp(option: str, text: str | None) -> int | None:

@@ -8,7 +8,6 @@ from typing import Annotated, Any
 
 import numpy as np
 import typer
-from rich.table import Table
 
 from tbm_dynamics import Machine, Response, load_machine
 from tbm_dynamics import simulate as run_model
@@ -17,12 +16,15 @@ from tbm_dynamics.loads.stepper import LoadLevel
 from tbm_dynamics.streaming.schedule import Schedule, pairs, read_schedule
 from tbm_gsa.app.cli.output import (
     COLUMN_OPTION,
+    DEFAULT_MACHINE,
     JSON_OPTION,
     LOADS_OPTION,
-    MACHINE_OPTION,
     SCHEDULE_OPTION,
     SEED_OPTION,
     WHERE_OPTION,
+    MachineOption,
+    add_row,
+    narrow_table,
     print_json,
     progress_bar,
     results,
@@ -33,7 +35,7 @@ from tbm_msgs_py.base.units import STANDARD_GRAVITY
 
 def simulate(
     duration: Annotated[float, typer.Option(max=3600.0, help="Simulated time (s).")] = 3.0,
-    machine: Annotated[str, MACHINE_OPTION] = "dz101",
+    machine: MachineOption = DEFAULT_MACHINE,
     seed: Annotated[int, SEED_OPTION] = 0,
     loads: Annotated[LoadLevel, LOADS_OPTION] = "spectral",
     schedule: Annotated[Path | None, SCHEDULE_OPTION] = None,
@@ -111,18 +113,15 @@ def simulation_document(machine: Machine, response: Response, seed: int, real_ti
 
 
 def _print_tables(document: dict[str, Any]) -> None:
-    table = Table(title=f"{document['machine']}: indicators over {document['duration']:.3g} s, seed {document['seed']}")
-    table.add_column("indicator")
-    table.add_column("value", justify="right")
-    table.add_column("unit")
+    title = f"{document['machine']}: indicators over {document['duration']:.3g} s, seed {document['seed']}"
+    table = narrow_table(title, "indicator", ">value", "unit")
     for name, value in document["indicators"].items():
-        table.add_row(name, f"{value:.4g}", UNITS[name])
+        add_row(table, name, f"{value:.4g}", UNITS[name])
     results.print(table)
-    table = Table(title="acceleration, RMS (peak), g")
-    for heading in ("test point", "x", "y", "z"):
-        table.add_column(heading, justify="left" if heading == "test point" else "right")
+    table = narrow_table("\nacceleration, RMS (peak), g", "test point", ">x", ">y", ">z")
     for point, rms in document["rms_g"].items():
         cells = (f"{rms[axis]:.3f} ({document['peak_g'][point][axis]:.2f})" for axis in "xyz")
-        table.add_row(point, *cells)
+        add_row(table, point, *cells)
     results.print(table)
+    results.print()
     results.print(f"real-time factor {document['real_time_factor']:.1f}, {document['states']} states")

@@ -16,6 +16,9 @@ from pathlib import Path
 from types import FrameType
 from typing import NoReturn
 
+from tbm_gsa.compiled import settle_compiled_folder
+from tbm_msgs_py.base.errors import InputError
+
 # By name only: what they import takes seconds.
 NODES = {
     "load_node": "tbm_dynamics.nodes.load_node",
@@ -38,6 +41,10 @@ def main() -> NoReturn:
     if sys.argv[1:2] == [WITH_PARENT]:
         del sys.argv[1]
         threading.Thread(target=_end_with_parent, daemon=True).start()
+    try:
+        settle_compiled_folder()
+    except InputError as error:
+        sys.exit(str(error))
     module = NODES.get(Path(sys.argv[0]).name) or sys.argv.pop(1)
     sys.exit(import_module(module).main())
 

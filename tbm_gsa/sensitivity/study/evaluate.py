@@ -1,6 +1,5 @@
 """The simulation of one sample: the machine with its inputs changed, run on the loads all samples share."""
 
-import hashlib
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
@@ -10,6 +9,7 @@ from tbm_dynamics import Machine, MachineError, load_machine, simulate
 from tbm_dynamics.indicators import INDICATORS
 from tbm_dynamics.integration.simulator import DEFAULT_STEP
 from tbm_dynamics.machine.description import MachineDescription
+from tbm_gsa.provenance import machine_sha256
 from tbm_gsa.sensitivity.study.errors import StudyError
 from tbm_gsa.sensitivity.study.outputs import Vibration, parse_outputs
 from tbm_msgs_py.base.bounds import quoted
@@ -103,7 +103,7 @@ class MachineEvaluation:
         """What the results depend on besides the inputs; the content of the machine file, not only its name."""
         return {
             "machine": self.machine,
-            "machine_sha256": hashlib.sha256(self.description.encode()).hexdigest(),
+            "machine_sha256": machine_sha256(self._machine),
             "duration": self.duration,
             "load_seed": self.seed,
             **({} if self.high_hz is None else {"high_hz": self.high_hz}),

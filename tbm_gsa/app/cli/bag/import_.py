@@ -7,10 +7,9 @@ from pathlib import Path
 from typing import Annotated, Any
 
 import typer
-from rich.table import Table
 from rich.text import Text
 
-from tbm_gsa.app.cli.output import JSON_OPTION, notes, print_json, progress_bar, results
+from tbm_gsa.app.cli.output import JSON_OPTION, add_row, narrow_table, notes, print_json, progress_bar, results
 from tbm_msgs_py.importing import Imported, describe, import_recording
 from tbm_msgs_py.importing.apart import CRASHING, import_apart
 
@@ -108,11 +107,9 @@ def _column(key: str, given: str | None) -> dict[str, str]:
 
 def _print_table(document: dict[str, Any]) -> None:
     results.print(Text(document["path"]))
-    table = Table()
-    for heading in ("stream", "samples", "rate (Hz)", "jitter (%)", "gaps", "not measured"):
-        table.add_column(heading, justify="left" if heading in ("stream", "not measured") else "right")
+    table = narrow_table("", "stream", ">samples", ">rate (Hz)", ">jitter (%)", ">gaps", "not measured")
     for name, stream in document["streams"].items():
         rate, jitter = f"{stream['rate_hz']:.6g}", f"{100 * stream['jitter']:.2g}"
         unmeasured = " ".join(stream["unmeasured"])
-        table.add_row(name, str(stream["samples"]), rate, jitter, str(stream["gaps"]), unmeasured)
+        add_row(table, name, stream["samples"], rate, jitter, stream["gaps"], unmeasured)
     results.print(table)

@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from dataclasses import asdict
 from itertools import islice
 from pathlib import Path
 from typing import Annotated, Any
 
 import typer
-from rich.table import Table
 from rich.text import Text
 
-from tbm_gsa.app.cli.output import JSON_OPTION, notes, print_json, progress_bar, results
+from tbm_gsa.app.cli.output import JSON_OPTION, add_row, narrow_table, notes, print_json, progress_bar, results
 from tbm_gsa.app.cli.shipped import RECORDING_ARGUMENT, recording_path
 from tbm_msgs_py.bags import Bag, BagInfo, RecordingError
 from tbm_msgs_py.recordings.health import COUNTS, PointHealth, check_recording
@@ -52,13 +52,12 @@ def info_document(path: Path, found: BagInfo) -> dict[str, Any]:
     -------
     dict
         ``path``, ``messages``, ``lost``, ``truncated``, ``damaged``, ``start_ns``, ``duration`` (s) and
-        ``topics{name: {type, messages}}``; with ``--scan`` ``points{point: {…}}``, the sums of `PointHealth`,
-        and ``problems{point: reason}`` for those without samples.
+        ``topics{name: {type, types{type: messages}, messages}}``, ``type`` that of most messages; with ``--scan``
+        ``points{point: {…}}``, the sums of `PointHealth`, and ``problems{point: reason}`` for those without samples.
     """
-    topics: dict[str, dict[str, Any]] = {}
+    types: dict[str, Counter[str]] = {}
     for topic, count in found.topics.items():
-        entry = topics.setdefault(topic.name, {"type": topic.type, "messages": 0})
-        entry["messages"] += count
+        types.setdefault(topic.name, Counter())[topic.type] += count
     return {
         "path": str(path),
         "messages": found.messages,
@@ -67,7 +66,14 @@ def info_document(path: Path, found: BagInfo) -> dict[str, Any]:
         "damaged": found.damaged,
         "start_ns": found.start_ns,
         "duration": found.duration,
-        "topics": dict(sorted(topics.items())),
+        "topics": {
+            name: {
+                "type": max(sorted(counts), key=counts.__getitem__),
+                "types": dict(counts),
+                "messages": counts.total(),
+            }
+            for name, counts in sorted(types.items())
+        },
     }
 
 
@@ -108,29 +114,30 @@ def _print_tables(document: dict[str, Any]) -> None:
         f"{document['lost']} lost{damaged}{truncated}",
         highlight=False,
     )
-    table = Table()
-    for heading in ("topic", "type", "messages"):
-        table.add_column(heading, justify="right" if heading == "messages" else "left")
+    table = narrow_table("", "topic", "type", ">messages")
     for name, topic in _first(document["topics"]):
-        table.add_row(Text(name), Text(topic["type"]), str(topic["messages"]))
+        for kind, count in topic["types"].items():
+            add_row(table, name, kind, count)
     results.print(table)
     _print_rest("topics", len(document["topics"]))
+    for name, topic in _first(document["topics"]):
+        if len(topic["types"]) > 1:
+            results.print(Text(f"{name}: {len(topic['types'])} types, where ROS has one a topic; each is shown"))
     if "points" in document:
         _print_points(document)
 
 
 def _print_points(document: dict[str, Any]) -> None:
     points = document["points"]
-    columns = ("samples", "rate (Hz)", "gaps", "(s)", "clock (s)", "(ppm)")
-    table = Table()
-    for heading in ("test point", *columns):
-        table.add_column(heading, justify="right" if heading in columns else "left")
+    columns = (">samples", ">rate (Hz)", ">gaps", ">(s)", ">clock (s)", ">(ppm)")
+    table = narrow_table("\nsensors", "test point", *columns)
     for name, point in _first(points):
-        table.add_row(
-            Text(name),
-            str(point["samples"]),
+        add_row(
+            table,
+            name,
+            point["samples"],
             f"{point['rate_hz']:.3f}",
-            str(point["gaps"]),
+            point["gaps"],
             f"{point['missing_s']:.3f}",
             f"{point['clock_offset']:+.3f}",
             f"{point['clock_drift']:+.0f}",

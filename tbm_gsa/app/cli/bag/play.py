@@ -13,6 +13,8 @@ from tbm_gsa.app.cli.processes import NodeCommand
 from tbm_gsa.app.cli.ros import BAG_PLAYER
 from tbm_gsa.app.cli.shipped import RECORDING_ARGUMENT, recording_path
 from tbm_msgs_py.bags import Bag
+from tbm_msgs_py.base.bounds import listed
+from tbm_msgs_py.base.errors import InputError
 
 
 def play(
@@ -32,7 +34,11 @@ def play(
 ) -> None:
     """Play a recording as it was recorded: raw messages, their topics, their quality of service, and its clock."""
     bag = recording_path(bag)
-    Bag(bag).info()  # what is no recording is said before a node starts
+    names = [name.strip() for given in topics or [] for name in given.split(",") if name.strip()]
+    recorded = {topic.name for topic in Bag(bag).info().topics}  # what is no recording is said before a node starts
+    for name in names:
+        if name not in recorded:
+            raise InputError(f"--topics {name}: not in {bag}, allowed: {listed(sorted(recorded))}")
     command = NodeCommand(
         "bag_player",
         BAG_PLAYER,
@@ -43,7 +49,7 @@ def play(
             "clock": clock,
             "start": start,
             "duration": duration,
-            "topics": [name.strip() for given in topics or [] for name in given.split(",") if name.strip()] or [""],
+            "topics": names or [""],
             "wait_for_subscribers": subscribers,
         },
     )
