@@ -112,8 +112,8 @@ class Watcher:
     def spin(self, seconds: float) -> None:
         """Take what comes for a while."""
         until = time.monotonic() + seconds
-        while (left := until - time.monotonic()) > 0.0:
-            self._executor.spin_once(timeout_sec=left)
+        while time.monotonic() < until:
+            self._executor.spin_once(timeout_sec=0.02)
 
     def wait_for_blocks(self, count: int) -> None:
         """Wait until every block topic has so many."""

@@ -51,7 +51,7 @@ BAD = {
     "unknown option": (["simulate", "--sed", "1"], "--sed"),
     "unknown command": (["simulat"], "simulat"),
     "missing argument": (["compare"], "bag"),
-    "a machine without its option": (["machine", "show", "dz101"], "(dz101), see tbm-monitor machine show --help"),
+    "two machines": (["machine", "show", "dz101", "open380"], "(open380), see tbm-monitor machine show --help"),
     "out of range": (["gsa", "run", "--samples", "2", "--out", "new"], "--samples"),
     "too short": (["gsa", "run", "--duration", "0", "--out", "new"], "--duration"),
     "unknown surrogate": (["gsa", "run", "--method", "magic", "--out", "new"], "magic"),

@@ -26,3 +26,9 @@ def test_every_command_takes_a_machine_alike():
     assert alike == {
         ("--machine", "option", DEFAULT_MACHINE, "Name of `machine list`, or path of a machine file.", "<name|file>")
     }
+
+
+def test_the_earlier_spelling_of_a_machine_still_works(command):
+    code, out, err = command("machine", "check", "open380")
+    assert code == 0, err
+    assert out == command("machine", "check", "--machine", "open380")[1]

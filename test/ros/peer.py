@@ -155,8 +155,8 @@ class Peer:
 
     def spin_for(self, seconds):
         end = time.monotonic() + seconds
-        while (left := end - time.monotonic()) > 0:
-            self.executor.spin_once(timeout_sec=left)
+        while time.monotonic() < end:
+            self.spin()
 
     def wait_for(self, condition, deadline=DEADLINE, step=None):
         try:

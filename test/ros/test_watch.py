@@ -5,9 +5,13 @@ import pytest
 
 pytest.importorskip("rclpy")
 
+from diagnostic_msgs.msg import DiagnosticArray
+from peer import wait_for
+from sensor_msgs.msg import PointCloud2
+
 from tbm_gsa.app.nodes.watch import BlockCount, Watch
-from tbm_msgs_py import ACCELERATION
-from tbm_msgs_py.nodes import messages
+from tbm_msgs_py import ACCELERATION, topics
+from tbm_msgs_py.nodes import messages, qos
 
 OF_STUDY = {"state": "running", "done": 3, "total": 9}
 OF_RESULT = {"surrogate": "krg", "r2_test": 0.9, "r2_cv": 0.8, "first_x1": 0.5}
@@ -68,3 +72,21 @@ def test_blocks_without_a_length_are_not_counted(offsets, counted):
     for stamp in (-(2**31) * 10**9, 0, 5, 3, (2**31 - 1) * 10**9):
         Watch._on_block(count, messages.block(ACCELERATION, stamp, offsets, np.zeros((len(offsets), 3))))
     assert count.received == counted
+
+
+class _Flooded(Watch):
+    """A watch to which every block that it handles brings another."""
+
+    def _on_block(self, count, message):
+        self.flood.publish(message)
+
+
+def test_a_flooded_topic_starves_no_other():
+    with _Flooded([]) as watch:
+        watch.flood = watch._node.create_publisher(PointCloud2, topics.LOADS_BLOCK, qos.BLOCK)
+        diagnostics = watch._node.create_publisher(DiagnosticArray, topics.DIAGNOSTICS, qos.DIAGNOSTICS)
+        wait_for(lambda: all(one.get_subscription_count() for one in (watch.flood, diagnostics)))
+        for _ in range(20):
+            watch.flood.publish(PointCloud2())
+        diagnostics.publish(array("tbm: loads"))
+        wait_for(lambda: watch.seen.diagnostics, step=lambda: watch.spin(0.1))

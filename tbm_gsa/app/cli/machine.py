@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
+from typer.core import TyperGroup
 
 from tbm_dynamics import load_machine, shipped_machines
 from tbm_dynamics.loads.stepper import LoadLevel
@@ -26,7 +27,18 @@ from tbm_gsa.app.cli.output import (
 from tbm_gsa.paper.load_summary import load_run
 from tbm_gsa.provenance import machine_sha256
 
-app = typer.Typer(add_completion=False, no_args_is_help=True)
+
+class _MachineCommands(TyperGroup):
+    """Commands that take their machine by ``--machine`` as all do, and as earlier versions did: ``show dz101``."""
+
+    def resolve_command(self, ctx: Any, args: list[str]) -> Any:
+        """Command of the arguments, and what is left of them."""
+        name, command, left = super().resolve_command(ctx, args)
+        earlier = name != "list" and left and not left[0].startswith("-")
+        return name, command, ["--machine", *left] if earlier else left
+
+
+app = typer.Typer(cls=_MachineCommands, add_completion=False, no_args_is_help=True)
 
 _SHOWN_MODES = 10
 

@@ -201,16 +201,19 @@ def _wait_for_blocks(
 
 
 def _follow(watching: Watch, nodes: Supervision, duration: float | None, told: Callable[[], bool]) -> None:
-    """Watch until every stream has reached the duration and every node has said how it is, or until told to end."""
-    counts = watching.seen.blocks.values()
+    """Watch until every stream has the duration and all nodes have said how they are then, or until told to end."""
+    counts, diagnostics = watching.seen.blocks.values(), watching.seen.diagnostics
     with progress_bar("running") as bar:
         task = bar.add_task("", total=duration)
-        reached = 0.0
-        while not told() and (duration is None or reached < duration or not watching.seen.diagnostics.keys() >= SAID):
+        reached, asked = 0.0, False
+        while not told() and not (asked and diagnostics.keys() >= SAID):
             nodes.check()
             watching.spin(_LOOK_S)
             reached = min(count.stream_time for count in counts)
             bar.update(task, completed=reached)
+            if duration is not None and reached >= duration and not asked:
+                diagnostics.clear()  # what was said before the end is not how it is then
+                asked = True
 
 
 def run_document(watching: Watch, first_block: float | None) -> dict[str, Any]:

@@ -27,6 +27,7 @@ from tbm_msgs_py.blocks import BlockError
 from tbm_msgs_py.nodes import messages, qos
 
 # The domain has other machines, and everybody may publish: what counts are statuses of ours, with what these hold.
+_TURN_S = 0.02
 _OWN, _STUDY, _RESULT = map(topics.status_name, ("", "sensitivity analysis", "sensitivity of "))
 _ENDING = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 
@@ -145,8 +146,9 @@ class Watch:
         """Handle what comes for a while; a signal ends it, and is raised after it."""
         until = time.monotonic() + seconds
         with _signals_held() as came:
-            while not came and (left := until - time.monotonic()) > 0.0:
-                self._executor.spin_once(timeout_sec=left)
+            while not came and time.monotonic() < until:
+                # Always the same time: with another the executor begins anew with the first topic, and the last starve.
+                self._executor.spin_once(timeout_sec=_TURN_S)
 
     def operate(self, speed: float, torque: float, thrust: float) -> None:
         """Publish an operating point in rad/s, N·m and N, for as long as this watch lasts."""
