@@ -8,6 +8,8 @@ from typing import Any, Literal
 
 from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescriptor
 
+from tbm_msgs_py.texts import LONGEST_NAME, shortened
+
 _KINDS = {bool: "true or false", int: "a whole number", float: "a decimal number", str: "text", list: "a list"}
 ParameterValue = bool | int | float | str | list[str] | list[float]
 Changes = Literal["start", "unconfigured", "running"]
@@ -102,7 +104,7 @@ class Parameter:
 
 
 def _text(value: Any) -> str:
-    return str(value) if isinstance(value, bool | int | float | str) else str(list(value))
+    return shortened(str(value) if isinstance(value, bool | int | float | str) else str(list(value)), LONGEST_NAME)
 
 
 AUTOSTART = Parameter(
