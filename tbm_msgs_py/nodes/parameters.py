@@ -8,6 +8,7 @@ from typing import Any, Literal
 
 from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescriptor
 
+from tbm_msgs_py.base.bounds import LONGEST_NAME, shortened
 from tbm_msgs_py.base.errors import InputError
 
 _KINDS = {bool: "true or false", int: "a whole number", float: "a decimal number", str: "text", list: "a list"}
@@ -111,7 +112,7 @@ class Parameter:
 
 
 def _text(value: Any) -> str:
-    return str(value) if isinstance(value, bool | int | float | str) else str(list(value))
+    return shortened(str(value) if isinstance(value, bool | int | float | str) else str(list(value)), LONGEST_NAME)
 
 
 AUTOSTART = Parameter(
