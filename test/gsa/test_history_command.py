@@ -340,7 +340,7 @@ def test_a_long_list_of_known_names_is_cut(run, file):
         rows = [Entry(f"point {n:02}", "x", START_NS, 1, 1.0, 1.0, 0.5, 1.0) for n in range(98)]
         history.add(Source("live", "node", "", "dz101", "ab"), rows)
     err = run("history", "--history", file, "--point", "none")[2]
-    assert err.endswith("point 09, point 10 and 88 more\n")  # of 100, the first twelve by name
+    assert err.endswith("point 17, point 18 and 80 more\n")  # of 100, the first twenty by name
 
 
 def test_a_machine_file_chooses_its_windows_and_baselines(run, file, tmp_path):
