@@ -16,9 +16,9 @@ from tbm_gsa.comparison.model_run import MODEL_RATE_HZ, run_model
 from tbm_gsa.comparison.offline import Comparison, PointComparison, compare_signals
 from tbm_gsa.signals.reduction import ReducedSignal, SignalReducer
 from tbm_gsa.signals.settings import Settings
-from tbm_msgs_py.base.bounds import listed
 from tbm_msgs_py.base.errors import InputError, RecordingError
-from tbm_msgs_py.recordings.mapping import Mapping as TopicMapping
+from tbm_msgs_py.base.texts import listed
+from tbm_msgs_py.recordings.mapping import TopicMapping
 from tbm_msgs_py.recordings.recording import RecordingReader, open_recording
 
 LONGEST_MODEL_S = 3600.0

@@ -116,7 +116,7 @@ def _import(path: Path, description: Description, out: Path, progress: Callable[
             if progress:
                 progress(len(message.times_ns))
         if stated and out.suffix != ".mcap":
-            content = mapping.Mapping(topics=stated).model_dump(mode="json", exclude_none=True)
+            content = mapping.TopicMapping(topics=stated).model_dump(mode="json", exclude_none=True)
             text = yaml.safe_dump(content, sort_keys=False)
             write_whole(out / mapping.FILE_NAME, text.encode())
     return Imported(streams, warnings)

@@ -12,8 +12,8 @@ from typing import IO, Final, NoReturn
 import numpy as np
 from numpy.typing import NDArray
 
-from tbm_msgs_py.base.bounds import LONGEST_NAME, quoted, shortened
 from tbm_msgs_py.base.errors import RecordingError
+from tbm_msgs_py.base.texts import LONGEST_NAME, quoted, shortened
 from tbm_msgs_py.importing.description import CsvLayout, TimeColumn, to_ns
 from tbm_msgs_py.importing.source import PIECE_ROWS, Piece, nanoseconds, no_column, no_time_of_its_own
 

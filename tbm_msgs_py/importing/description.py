@@ -3,18 +3,20 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
-from pydantic import AwareDatetime, BaseModel, ConfigDict, Field, ValidationError, field_validator, model_validator
+from pydantic import AwareDatetime, BaseModel, ConfigDict, Field, field_validator, model_validator
 
 from tbm_msgs_py import topics
-from tbm_msgs_py.base.bounds import LONGEST_NAME, quoted, shortened
 from tbm_msgs_py.base.errors import RecordingError
+from tbm_msgs_py.base.strict_yaml import read_yaml
+from tbm_msgs_py.base.texts import quoted
 from tbm_msgs_py.base.units import R_MIN
-from tbm_msgs_py.recordings.mapping import Name, SensorMapping, entry_problem, read_yaml
+from tbm_msgs_py.base.validation import Name, validated
+from tbm_msgs_py.recordings.mapping import SensorMapping
 
 Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
 
@@ -72,7 +74,9 @@ class PointColumns(SensorMapping):
     def _each_column_once(cls, columns: tuple[str | None, ...]) -> tuple[str | None, ...]:
         named = [column for column in columns if column is not None]
         if not named or len(set(named)) < len(named):
-            raise ValueError("three columns, null for an axis that was not measured, none of them twice")
+            raise ValueError(
+                "none or one twice, allowed: three columns, null for an axis that was not measured, none of them twice"
+            )
         return columns
 
     @property
@@ -257,8 +261,8 @@ def to_ns(moment: datetime) -> int:
     return (moment - datetime(1970, 1, 1, tzinfo=UTC)) // timedelta(microseconds=1) * 1000
 
 
-def describe(path: str | Path | None, changes: Mapping[str, Any] | None = None) -> Description:
-    """Make a description from a YAML file, or from nothing, and what is stated beside it.
+def describe(path: str | Path | None, changes: Mapping[str, object] | None = None) -> Description:
+    """Describe a file by a YAML file, or by nothing, and by what is stated beside it.
 
     Parameters
     ----------
@@ -267,38 +271,16 @@ def describe(path: str | Path | None, changes: Mapping[str, Any] | None = None) 
     changes : mapping, optional
         Goes over the file: keys of a mapping are joined, everything else is replaced.
     """
-    where = "import description" if path is None else str(path)
-    try:
-        content = {} if path is None else read_yaml(path, "an import description", Description.model_fields)
-        return Description.model_validate(_joined(content, changes or {}))
-    except ValidationError as error:
-        # A misspelt key is also a missing one: the misspelling comes first.
-        first = min(error.errors(), key=lambda problem: problem["type"] != "extra_forbidden")
-        place = shortened(".".join(map(str, first["loc"])), LONGEST_NAME)
-        problem = entry_problem(first, _keys(first["loc"]))
-        raise RecordingError(f"{where}: {f'{place}: ' if place else ''}{problem}") from error
+    label = "import description"
+    if path is None:
+        return validated(Description, changes or {}, label, RecordingError)
+    content = read_yaml(path, f"an {label}", Description.model_fields, RecordingError)
+    return validated(Description, _joined(content, changes or {}), str(path), RecordingError)
 
 
-def _keys(place: tuple[int | str, ...]) -> Iterable[str]:
-    """Keys that there may be beside the one at a place."""
-    entries: dict[int | str, type[BaseModel]] = {
-        "points": PointColumns,
-        "operating_point": OperatingColumns,
-        "time": TimeColumn,
-        "csv": CsvLayout,
-    }
-    if len(place) < 2 or place[0] not in entries:
-        return Description.model_fields
-    if place[0] == "operating_point" and len(place) > 2:
-        return Speed.model_fields  # all columns are described alike
-    return entries[place[0]].model_fields
-
-
-def _joined(content: Any, changes: Mapping[str, Any]) -> Any:
-    if not isinstance(content, dict):
-        return content
+def _joined(content: Mapping[str, object], changes: Mapping[str, object]) -> dict[str, object]:
     joined = dict(content)
     for key, value in changes.items():
-        both = isinstance(value, Mapping) and isinstance(joined.get(key), dict)
-        joined[key] = _joined(joined[key], value) if both else value
+        old = joined.get(key)
+        joined[key] = _joined(old, value) if isinstance(value, Mapping) and isinstance(old, dict) else value
     return joined

@@ -10,8 +10,8 @@ from typing import NoReturn, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from tbm_msgs_py.base.bounds import listed
 from tbm_msgs_py.base.errors import RecordingError
+from tbm_msgs_py.base.texts import listed
 from tbm_msgs_py.base.units import NANOSECONDS
 from tbm_msgs_py.importing.description import TimeColumn
 

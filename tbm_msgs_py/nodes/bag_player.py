@@ -19,8 +19,8 @@ from rosgraph_msgs.msg import Clock as ClockMessage
 from tbm_msgs_py import topics
 from tbm_msgs_py.bags import Bag, RawMessage, RecordingError, Topic
 from tbm_msgs_py.bags.qos import offered_quality
-from tbm_msgs_py.base.bounds import listed
 from tbm_msgs_py.base.files import write_whole
+from tbm_msgs_py.base.texts import listed
 from tbm_msgs_py.base.units import NANOSECONDS
 from tbm_msgs_py.nodes import messages, qos
 from tbm_msgs_py.nodes.managed import ManagedNode, Parameter, run_node

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping as Dictionary
+from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 
 from tbm_msgs_py.base.units import NANOSECONDS
 from tbm_msgs_py.recordings.faults import CLOCK_JUMP_NS, Faults
-from tbm_msgs_py.recordings.mapping import Mapping
+from tbm_msgs_py.recordings.mapping import TopicMapping
 from tbm_msgs_py.recordings.recording import AccelerationRecord, RecordingReader, open_recording
 
 COUNTS = ("clipped", *Faults.__dataclass_fields__)
@@ -157,7 +157,7 @@ class Tally:
         self._reader = reader
         self.points: dict[str, PointHealth] = {}
 
-    def add(self, piece: Dictionary[str, AccelerationRecord]) -> None:
+    def add(self, piece: Mapping[str, AccelerationRecord]) -> None:
         """Take the next piece."""
         for point, record in piece.items():
             self.points.setdefault(point, PointHealth.of(record)).add(record)
@@ -179,7 +179,7 @@ class Health:
     problems: dict[str, str]
 
 
-def check_recording(path: str | Path, mapping: Mapping | str | Path | None = None) -> Health:
+def check_recording(path: str | Path, mapping: TopicMapping | str | Path | None = None) -> Health:
     """Read a recording through and add up the faults of its sensors.
 
     Parameters and errors are those of `open_recording`; a recording whose test points have no samples is no error.

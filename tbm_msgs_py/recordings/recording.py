@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
-from collections.abc import Mapping as Dictionary
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -15,14 +14,14 @@ from numpy.typing import NDArray
 from tbm_msgs_py.bags.bag import Bag
 from tbm_msgs_py.bags.batch import Stretch, Topic
 from tbm_msgs_py.bags.samples import JOINT_STATE_TYPE
-from tbm_msgs_py.base.bounds import listed
 from tbm_msgs_py.base.errors import RecordingError
+from tbm_msgs_py.base.texts import listed
 from tbm_msgs_py.recordings.cutting import Cutter
 from tbm_msgs_py.recordings.decoding import ACCELERATION_TYPES, decode_samples
 from tbm_msgs_py.recordings.faults import Faults, find_gaps, stuck_axes
 from tbm_msgs_py.recordings.mapping import (
-    Mapping,
     SensorMapping,
+    TopicMapping,
     contract_mapping,
     contract_sensor,
     default_mapping_file,
@@ -139,10 +138,10 @@ class RecordingReader:
         Mapped test points that are in the recording.
     """
 
-    def __init__(self, bag: Bag, topics: Dictionary[str, Topic], mapping: Mapping) -> None:
+    def __init__(self, bag: Bag, topics: Mapping[str, Topic], mapping: TopicMapping) -> None:
         self.path = bag.path
         sensors = [mapping.topics[name] for name in topics]
-        self.points: Dictionary[str, SensorMapping] = {sensor.point: sensor for sensor in sensors}
+        self.points: Mapping[str, SensorMapping] = {sensor.point: sensor for sensor in sensors}
         self._bag = bag
         self._topics = {mapping.topics[name].point: topic for name, topic in topics.items()}
         self._points = {(topic.name, topic.type): point for point, topic in self._topics.items()}
@@ -176,12 +175,12 @@ class RecordingReader:
         return self._operating.record()
 
     @property
-    def faults(self) -> Dictionary[str, Faults]:
+    def faults(self) -> Mapping[str, Faults]:
         """What was found so far, by test point."""
         return {point: line.total for point, line in self._lines.items()}
 
     @property
-    def problems(self) -> Dictionary[str, str]:
+    def problems(self) -> Mapping[str, str]:
         """Why a test point has given no samples so far."""
         return {
             point: f"topic {self._topics[point].name}: {line.problem or 'no finite sample, allowed: at least one'}"
@@ -194,7 +193,7 @@ class RecordingReader:
         """Digest of the files."""
         return self._bag.sha256()
 
-    def pieces(self, length_s: float = PIECE_S) -> Iterator[Dictionary[str, AccelerationRecord]]:
+    def pieces(self, length_s: float = PIECE_S) -> Iterator[Mapping[str, AccelerationRecord]]:
         """Consecutive stretches of header time; a test point without samples in one is left out of it.
 
         Times are strictly increasing, also from one piece to the next; faults are counted per piece. What is held in
@@ -233,19 +232,19 @@ class RecordingReader:
             elif topic.name == self._mapping.operating_point and topic.type == JOINT_STATE_TYPE:
                 self._operating.add(messages)
 
-    def _records(self, piece: Dictionary[str, Taken]) -> dict[str, AccelerationRecord]:
+    def _records(self, piece: Mapping[str, Taken]) -> dict[str, AccelerationRecord]:
         self._given |= piece.keys()
         return {point: _record(self._topics[point].name, self.points[point], taken) for point, taken in piece.items()}
 
 
-def open_recording(path: str | Path, mapping: Mapping | str | Path | None = None) -> RecordingReader:
+def open_recording(path: str | Path, mapping: TopicMapping | str | Path | None = None) -> RecordingReader:
     """Open a recording to read its mapped test points piece by piece.
 
     Parameters
     ----------
     path : str or Path
         rosbag2 folder or bare MCAP file; a damaged one is read as far as it goes.
-    mapping : Mapping, str or Path, optional
+    mapping : TopicMapping, str or Path, optional
         Mapping or its file; default `mapping.yaml` in or beside the recording, else the topics of the contract.
 
     Raises
@@ -262,7 +261,7 @@ def open_recording(path: str | Path, mapping: Mapping | str | Path | None = None
     return RecordingReader(bag, mapped, chosen)
 
 
-def read_recording(path: str | Path, mapping: Mapping | str | Path | None = None) -> Recording:
+def read_recording(path: str | Path, mapping: TopicMapping | str | Path | None = None) -> Recording:
     """Read every mapped test point of a recording as a whole, and its operating point.
 
     Parameters and errors are those of `open_recording`; it is an error, too, when no test point has a single sample.
@@ -270,7 +269,9 @@ def read_recording(path: str | Path, mapping: Mapping | str | Path | None = None
     return _whole(open_recording(path, mapping))
 
 
-def read_acceleration(path: str | Path, topic: str, mapping: Mapping | str | Path | None = None) -> AccelerationRecord:
+def read_acceleration(
+    path: str | Path, topic: str, mapping: TopicMapping | str | Path | None = None
+) -> AccelerationRecord:
     """Read one acceleration topic of a recording.
 
     Parameters
@@ -279,14 +280,14 @@ def read_acceleration(path: str | Path, topic: str, mapping: Mapping | str | Pat
         rosbag2 folder or bare MCAP file.
     topic : str
         Absolute topic name. One that no mapping names is taken as m/s² in machine axes, gravity removed.
-    mapping : Mapping, str or Path, optional
+    mapping : TopicMapping, str or Path, optional
         As in `open_recording`.
     """
     bag = Bag(path)
     found = _topics(bag)
     stated = _stated_mapping(bag, mapping)
     sensor = stated.topics.get(topic) if stated else None
-    chosen = Mapping(topics={topic: sensor or contract_sensor(_point_of(topic))})
+    chosen = TopicMapping(topics={topic: sensor or contract_sensor(_point_of(topic))})
     mapped = _mapped(bag, found, chosen)
     if not mapped:
         raise RecordingError(f"{bag.path}: topic {topic} is not in the recording, {_listing(found)}")
@@ -311,8 +312,8 @@ def _whole(reader: RecordingReader) -> Recording:
     )
 
 
-def _stated_mapping(bag: Bag, mapping: Mapping | str | Path | None) -> Mapping | None:
-    if isinstance(mapping, Mapping):
+def _stated_mapping(bag: Bag, mapping: TopicMapping | str | Path | None) -> TopicMapping | None:
+    if isinstance(mapping, TopicMapping):
         return mapping
     file = default_mapping_file(bag.path) if mapping is None else mapping
     return None if file is None else load_mapping(file)
@@ -325,7 +326,7 @@ def _topics(bag: Bag) -> list[Topic]:
     return found
 
 
-def _mapped(bag: Bag, found: list[Topic], mapping: Mapping) -> dict[str, Topic]:
+def _mapped(bag: Bag, found: list[Topic], mapping: TopicMapping) -> dict[str, Topic]:
     """Topic of each mapped name that is in the recording."""
     mapped: dict[str, Topic] = {}
     by_name: dict[str, list[Topic]] = {}

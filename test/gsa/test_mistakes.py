@@ -36,7 +36,7 @@ MISTAKES = {
     ),
     "a unit not stated": (
         ["compare", "field_dz101", "--mapping", "none.yaml"],
-        "none.yaml: topics./rig.units: missing, allowed: a value that is stated, nothing is guessed",
+        "none.yaml: topics./rig.units: missing, allowed: a value that is stated",
     ),
     "a key misspelt in a mapping": (
         ["compare", "field_dz101", "--mapping", "unit.yaml"],

@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from sample_bag import START_NS
 
-from tbm_msgs_py import BagWriter, Mapping, SensorMapping, read_acceleration, read_recording
+from tbm_msgs_py import BagWriter, SensorMapping, TopicMapping, read_acceleration, read_recording
 from tbm_msgs_py.recordings.faults import clock_of, other_clocks, stuck_axes
 from tbm_msgs_py.recordings.health import check_recording
 
@@ -57,7 +57,7 @@ def test_clipping_at_the_range_of_the_mapping(tmp_path):
     clipped = np.clip(values, -16.0, 16.0)
     sensor = SensorMapping(point="shield", units="m/s2", gravity="removed", frame="fixed", range=16.0)
     path = written(tmp_path / "bag", np.arange(500.0), clipped)
-    record = read_acceleration(path, TOPIC, Mapping(topics={TOPIC: sensor}))
+    record = read_acceleration(path, TOPIC, TopicMapping(topics={TOPIC: sensor}))
     assert record.clipped == np.count_nonzero(np.abs(values[:, 0]) >= 16.0)
     assert len(record.time) == 500
 
