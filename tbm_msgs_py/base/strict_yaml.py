@@ -9,14 +9,18 @@ from pathlib import Path
 import yaml
 
 from tbm_msgs_py.base.errors import InputError
-from tbm_msgs_py.base.files import read_text
+from tbm_msgs_py.base.files import LARGEST_TEXT, read_text
 
 # The C parser is five times faster, which a calibration notices; a few builds of PyYAML lack it.
 _SafeLoader: type[yaml.SafeLoader] = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
 
 
 def read_yaml(
-    path: str | Path, what: str, keys: Iterable[str] = (), error: type[InputError] = InputError
+    path: str | Path,
+    what: str,
+    keys: Iterable[str] = (),
+    error: type[InputError] = InputError,
+    largest: int = LARGEST_TEXT,
 ) -> dict[str, object]:
     """Content of a YAML file.
 
@@ -29,6 +33,8 @@ def read_yaml(
         At least one of them is in the file; empty for any mapping.
     error : type
         Kind of error that is raised.
+    largest : int
+        Bytes that it may have.
 
     Raises
     ------
@@ -39,7 +45,7 @@ def read_yaml(
     if path.exists() and not path.is_file():
         raise error(f"{path}: no regular file, allowed: {what}")
     try:
-        text = read_text(path)
+        text = read_text(path, largest=largest)
     except OSError as problem:
         raise error(f"{path}: cannot be read ({problem.strerror}), allowed: {what}") from None
     except UnicodeDecodeError:
@@ -57,10 +63,12 @@ def parse_yaml(
         mark = problem.problem_mark or problem.context_mark
         place = f"line {mark.line + 1}, column {mark.column + 1}: " if mark else ""
         raise error(f"{label}: not YAML ({place}{problem.problem}), allowed: {what}") from None
+    except yaml.YAMLError as problem:
+        raise error(f"{label}: not YAML ({' '.join(str(problem).split())}), allowed: {what}") from None
     except RecursionError:
         raise error(f"{label}: not YAML (nested too deeply), allowed: {what}") from None
-    except (yaml.YAMLError, ValueError) as problem:  # a number of thousands of digits, a date that is none
-        raise error(f"{label}: not YAML ({' '.join(str(problem).split())}), allowed: {what}") from None
+    except (ValueError, LookupError, TypeError, AttributeError) as problem:  # thousands of digits, a date that is none
+        raise error(f"{label}: not YAML ({type(problem).__name__} at a value), allowed: {what}") from None
     keys = list(keys)
     if not isinstance(content, dict) or (keys and content.keys().isdisjoint(keys)):
         raise error(f"{label}: not {what}, allowed: a mapping{' with keys of ' * bool(keys)}{', '.join(keys)}")

@@ -12,8 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tbm_msgs_py.bags.bag import Bag
-from tbm_msgs_py.bags.batch import Stretch, Topic
-from tbm_msgs_py.bags.samples import JOINT_STATE_TYPE
+from tbm_msgs_py.bags.batch import MessageBatch, Topic
+from tbm_msgs_py.bags.definitions import JOINT_STATE_TYPE
 from tbm_msgs_py.base.errors import RecordingError
 from tbm_msgs_py.base.texts import listed
 from tbm_msgs_py.recordings.cutting import Cutter
@@ -213,7 +213,7 @@ class RecordingReader:
             raise ValueError(f"pieces of {length_s:g} s, allowed: 0.001 s or more")
         self._restart()
         cutter = Cutter(self._lines, length_s)
-        for stretch in self._bag.stretches():
+        for stretch in self._bag.batches():
             self._add(stretch)
             yield from map(self._records, cutter.due())
         yield from map(self._records, cutter.rest())
@@ -225,7 +225,7 @@ class RecordingReader:
         self._operating = OperatingPoints()
         self._given: set[str] = set()
 
-    def _add(self, stretch: Stretch) -> None:
+    def _add(self, stretch: MessageBatch) -> None:
         for topic, messages in stretch.by_topic():
             if point := self._points.get((topic.name, topic.type)):
                 self._lines[point].add(decode_samples(topic.type, messages))

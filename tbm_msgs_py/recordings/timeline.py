@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from tbm_msgs_py.bags.samples import Samples
+from tbm_msgs_py.recordings.decoding import Samples
 from tbm_msgs_py.recordings.faults import CLOCK_JUMP_NS, Clock, Faults, clock_of, other_clocks
 
 LATENESS_NS = CLOCK_JUMP_NS  # a piece waits so long for samples that are late

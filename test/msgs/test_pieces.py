@@ -10,8 +10,8 @@ from hypothesis import strategies as st
 from sample_bag import BLOCKS, RATE, SAMPLES, START_NS
 
 from tbm_msgs_py import ACCELERATION, BagWriter, OperatingPoint, open_recording, read_recording
-from tbm_msgs_py.bags.samples import Samples
 from tbm_msgs_py.recordings.cutting import Cutter
+from tbm_msgs_py.recordings.decoding import Samples
 from tbm_msgs_py.recordings.timeline import LATENESS_NS, Timeline
 
 S = 10**9

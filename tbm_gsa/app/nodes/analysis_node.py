@@ -163,7 +163,7 @@ class AnalysisNode(ManagedNode):
                 JointState,
                 name,
                 partial(self._on_operating_point, name),
-                qos.profile(topics.quality(name)),
+                qos.profile(topics.qos(name)),
                 qos_overriding_options=qos.overridable(),
             )
 
