@@ -13,8 +13,8 @@ from tbm_gsa.signals.conditioning import Frame
 from tbm_gsa.signals.reduction import ReducedSignal, SignalReducer, one_level
 from tbm_gsa.signals.settings import Settings
 from tbm_msgs_py.base.errors import InputError
-from tbm_msgs_py.recordings.health import PointHealth, Tally
 from tbm_msgs_py.recordings.recording import AccelerationRecord, RecordingReader
+from tbm_msgs_py.recordings.recording_health import PointHealth, Tally
 
 LEAST_SAMPLES = 1000  # that a sampling rate is taken from, if there are as many
 

@@ -40,7 +40,7 @@ class OperatingPoints:
         self._entries: list[tuple[int, OperatingPoint]] = []
 
     def add(self, messages: MessageBatch) -> None:
-        """Take the joint states of a stretch."""
+        """Add the joint states of a batch."""
         for message in messages.raw():
             try:
                 state = typestore().deserialize_cdr(message.data, JOINT_STATE_TYPE)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
 
@@ -16,9 +16,8 @@ from tbm_msgs_py.bags.batch import MessageBatch, Topic
 from tbm_msgs_py.bags.definitions import JOINT_STATE_TYPE
 from tbm_msgs_py.base.errors import RecordingError
 from tbm_msgs_py.base.texts import listed
-from tbm_msgs_py.recordings.cutting import Cutter
 from tbm_msgs_py.recordings.decoding import ACCELERATION_TYPES, decode_samples
-from tbm_msgs_py.recordings.faults import Faults, find_gaps, stuck_axes
+from tbm_msgs_py.recordings.faults import Clock, FaultCounts, find_gaps, stuck_axes
 from tbm_msgs_py.recordings.mapping import (
     SensorMapping,
     TopicMapping,
@@ -28,7 +27,8 @@ from tbm_msgs_py.recordings.mapping import (
     load_mapping,
 )
 from tbm_msgs_py.recordings.operating import OperatingPoints, OperatingRecord
-from tbm_msgs_py.recordings.timeline import Taken, Timeline
+from tbm_msgs_py.recordings.splitting import RecordSplitter
+from tbm_msgs_py.recordings.timeline import DecodedStream, Timeline
 
 PIECE_S = 60.0
 
@@ -52,19 +52,16 @@ class AccelerationRecord:
         `start_ns`, at a negative time.
     rate_hz : float
         Mean sample rate outside the gaps; 0 for fewer than two samples.
-    clipped, duplicates, invalid, undecodable : int
-        Samples at the stated range; samples dropped for a repeated time or a value that is not finite; messages that
-        could not be decoded.
+    clipped : int
+        Samples at the stated range.
     gravity, frame : str
         As the mapping states: ``included`` or ``removed``, ``fixed`` or ``rotating``.
-    disordered, late : int
-        Samples that came behind a later one and were put in order; those dropped as their time had passed for good.
-    astray, clock_steps : int
-        Messages dropped as their stamps come from another clock; times that the clock was set.
-    clock_offset, clock_drift : float
-        Header stamp minus log time, s, latency included, and its change in parts per million.
-    stuck : list of (str, float, float)
-        Sensor axis and times, s, of each stretch in which it holds one value.
+    stuck : tuple of (str, float, float)
+        Sensor axis and times, s, of each interval in which it holds one value.
+    faults : FaultCounts
+        What was dropped or put right.
+    clock : Clock
+        Header stamps against log times.
     """
 
     topic: str
@@ -75,18 +72,11 @@ class AccelerationRecord:
     gaps: list[tuple[float, float]]
     rate_hz: float
     clipped: int = 0
-    duplicates: int = 0
-    invalid: int = 0
-    undecodable: int = 0
     gravity: str = "removed"
     frame: str = "fixed"
-    disordered: int = 0
-    late: int = 0
-    astray: int = 0
-    clock_steps: int = 0
-    clock_offset: float = 0.0
-    clock_drift: float = 0.0
     stuck: tuple[tuple[str, float, float], ...] = ()
+    faults: FaultCounts = field(default_factory=FaultCounts)
+    clock: Clock = field(default_factory=Clock)
 
     @property
     def duration(self) -> float:
@@ -175,17 +165,17 @@ class RecordingReader:
         return self._operating.record()
 
     @property
-    def faults(self) -> Mapping[str, Faults]:
+    def faults(self) -> Mapping[str, FaultCounts]:
         """What was found so far, by test point."""
         return {point: line.total for point, line in self._lines.items()}
 
     @property
     def problems(self) -> Mapping[str, str]:
-        """Why a test point has given no samples so far."""
+        """Why a test point has no samples so far."""
         return {
             point: f"topic {self._topics[point].name}: {line.problem or 'no finite sample, allowed: at least one'}"
             for point, line in self._lines.items()
-            if point not in self._given
+            if point not in self._sampled
         }
 
     @cached_property
@@ -194,7 +184,7 @@ class RecordingReader:
         return self._bag.sha256()
 
     def pieces(self, length_s: float = PIECE_S) -> Iterator[Mapping[str, AccelerationRecord]]:
-        """Consecutive stretches of header time; a test point without samples in one is left out of it.
+        """Consecutive intervals of header time; a test point without samples in one is left out of it.
 
         Times are strictly increasing, also from one piece to the next; faults are counted per piece. What is held in
         memory is a piece and the samples that may still be late.
@@ -202,7 +192,7 @@ class RecordingReader:
         Parameters
         ----------
         length_s : float
-            Length of a stretch, s; ``inf`` for the whole recording in one piece.
+            Length of an interval, s; ``inf`` for the whole recording in one piece.
 
         Raises
         ------
@@ -212,29 +202,29 @@ class RecordingReader:
         if not length_s >= 1e-3:
             raise ValueError(f"pieces of {length_s:g} s, allowed: 0.001 s or more")
         self._restart()
-        cutter = Cutter(self._lines, length_s)
-        for stretch in self._bag.batches():
-            self._add(stretch)
-            yield from map(self._records, cutter.due())
-        yield from map(self._records, cutter.rest())
-        if not self._given:
+        splitter = RecordSplitter(self._lines, length_s)
+        for batch in self._bag.batches():
+            self._add(batch)
+            yield from map(self._records, splitter.due())
+        yield from map(self._records, splitter.rest())
+        if not self._sampled:
             raise RecordingError(f"{self.path}: {listed(self.problems.values(), separator='; ')}")
 
     def _restart(self) -> None:
         self._lines = {point: Timeline() for point in self.points}
         self._operating = OperatingPoints()
-        self._given: set[str] = set()
+        self._sampled: set[str] = set()
 
-    def _add(self, stretch: MessageBatch) -> None:
-        for topic, messages in stretch.by_topic():
+    def _add(self, batch: MessageBatch) -> None:
+        for topic, messages in batch.by_topic():
             if point := self._points.get((topic.name, topic.type)):
                 self._lines[point].add(decode_samples(topic.type, messages))
             elif topic.name == self._mapping.operating_point and topic.type == JOINT_STATE_TYPE:
                 self._operating.add(messages)
 
-    def _records(self, piece: Mapping[str, Taken]) -> dict[str, AccelerationRecord]:
-        self._given |= piece.keys()
-        return {point: _record(self._topics[point].name, self.points[point], taken) for point, taken in piece.items()}
+    def _records(self, piece: Mapping[str, DecodedStream]) -> dict[str, AccelerationRecord]:
+        self._sampled |= piece.keys()
+        return {point: _record(self._topics[point].name, self.points[point], data) for point, data in piece.items()}
 
 
 def open_recording(path: str | Path, mapping: TopicMapping | str | Path | None = None) -> RecordingReader:
@@ -344,35 +334,27 @@ def _mapped(bag: Bag, found: list[Topic], mapping: TopicMapping) -> dict[str, To
     return mapped
 
 
-def _record(topic: str, sensor: SensorMapping, taken: Taken) -> AccelerationRecord:
-    start = int(taken.times_ns[0])
-    time = np.asarray((taken.times_ns - start) * 1e-9, np.float64)
-    gaps, rate = find_gaps(time, None if taken.before_ns is None else (taken.before_ns - start) * 1e-9)
-    faults = taken.faults
+def _record(topic: str, sensor: SensorMapping, stream: DecodedStream) -> AccelerationRecord:
+    start, values = int(stream.times_ns[0]), stream.values
+    time = np.asarray((stream.times_ns - start) * 1e-9, np.float64)
+    gaps, rate = find_gaps(time, None if stream.before_ns is None else (stream.before_ns - start) * 1e-9)
     clipped = 0
     if sensor.range is not None:
-        clipped = int(np.count_nonzero((np.abs(taken.values) >= sensor.range * (1 - 1e-6)).any(axis=1)))
+        clipped = int(np.count_nonzero((np.abs(values) >= sensor.range * (1 - 1e-6)).any(axis=1)))
     return AccelerationRecord(
         topic=topic,
         point=sensor.point,
         start_ns=start,
         time=time,
-        values=taken.values @ sensor.matrix().T,
+        values=values @ sensor.matrix().T,
         gaps=gaps,
         rate_hz=rate,
         clipped=clipped,
-        duplicates=faults.duplicates,
-        invalid=faults.invalid,
-        undecodable=faults.undecodable,
         gravity=sensor.gravity,
         frame=sensor.frame,
-        disordered=faults.disordered,
-        late=faults.late,
-        astray=faults.astray,
-        clock_steps=faults.clock_steps,
-        clock_offset=taken.clock.offset,
-        clock_drift=taken.clock.drift,
-        stuck=tuple(("xyz"[axis], first, last) for axis, first, last in stuck_axes(time, taken.values, rate)),
+        stuck=tuple(("xyz"[axis], first, last) for axis, first, last in stuck_axes(time, values, rate)),
+        faults=stream.faults,
+        clock=stream.clock,
     )
 
 

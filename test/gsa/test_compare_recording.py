@@ -14,7 +14,7 @@ from tbm_gsa.comparison.workflow import compare_recording
 from tbm_msgs_py import ACCELERATION, OperatingPoint, RecordingError
 from tbm_msgs_py.bags.metadata import SYNTHETIC
 from tbm_msgs_py.bags.writing import BagWriter
-from tbm_msgs_py.recordings.health import COUNTS
+from tbm_msgs_py.recordings.recording_health import COUNTS
 
 SHORT = {"model_duration": 2.0}
 

@@ -170,7 +170,7 @@ def test_half_a_message_is_undecodable_and_counted(tmp_path):
             add(writer, "/tbm/field/shield/accel", schema, data)
         writer.finish()
     recording = read_recording(path)
-    assert (recording.messages, recording.lost, recording.points["shield"].undecodable) == (4, 3, 3)
+    assert (recording.messages, recording.lost, recording.points["shield"].faults.undecodable) == (4, 3, 3)
     np.testing.assert_array_equal(recording.points["shield"].values, [[0.0, 1.0, 2.0]])
 
 

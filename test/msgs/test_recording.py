@@ -214,7 +214,7 @@ def test_gaps_duplicates_and_bad_values(tmp_path):
         offsets = np.arange(SAMPLES) / RATE
         writer.write_block(BLOCK_TOPIC, START_NS + 5 * SAMPLES * 10**9 // RATE, ACCELERATION, offsets, bad)
     record = read_acceleration(tmp_path / "bag", BLOCK_TOPIC)
-    assert (record.duplicates, record.invalid) == (SAMPLES, SAMPLES)
+    assert (record.faults.duplicates, record.faults.invalid) == (SAMPLES, SAMPLES)
     period, block = 1 / RATE, SAMPLES / RATE
     np.testing.assert_allclose(record.gaps, [(2 * block - period, 3 * block)], atol=1e-9)
     assert record.rate_hz == pytest.approx(RATE)

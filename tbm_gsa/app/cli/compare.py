@@ -29,7 +29,7 @@ from tbm_gsa.history import History, HistoryError, Kind, Source, check_history, 
 from tbm_gsa.signals.settings import Settings
 from tbm_msgs_py.bags.metadata import is_synthetic
 from tbm_msgs_py.base.files import check_result
-from tbm_msgs_py.recordings.health import COUNTS
+from tbm_msgs_py.recordings.recording_health import COUNTS
 
 
 def compare(
