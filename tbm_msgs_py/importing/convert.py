@@ -19,16 +19,27 @@ from tbm_msgs_py.base.files import write_whole
 from tbm_msgs_py.base.operating_point import OperatingPoint
 from tbm_msgs_py.base.units import NANOSECONDS
 from tbm_msgs_py.blocks import ACCELERATION
-from tbm_msgs_py.importing.description import Description, OperatingColumns, PointColumns, TimeColumn
-from tbm_msgs_py.importing.extra import complaints
-from tbm_msgs_py.importing.formats import open_source
+from tbm_msgs_py.importing.csv_file import CsvFile
+from tbm_msgs_py.importing.description import Description, OperatingColumns, PointColumns, TimeColumn, same_unit
+from tbm_msgs_py.importing.library_warnings import library_warnings
+from tbm_msgs_py.importing.matlab_file import MatlabFile
+from tbm_msgs_py.importing.mdf_file import MdfFile
 from tbm_msgs_py.importing.source import Source
+from tbm_msgs_py.importing.tdms_file import TdmsFile
 from tbm_msgs_py.importing.timing import RowTimes
-from tbm_msgs_py.importing.units import same_unit
+from tbm_msgs_py.importing.wav_file import WavFile
 from tbm_msgs_py.recordings import mapping
 from tbm_msgs_py.recordings.mapping import contract_sensor
 
 BLOCK_SAMPLES = topics.MODEL_BLOCK_SAMPLES
+_OPENERS: dict[str, Callable[[Path, Description], Source]] = {
+    ".csv": lambda path, description: CsvFile(path, description.csv),
+    ".txt": lambda path, description: CsvFile(path, description.csv),
+    ".tdms": lambda path, _: TdmsFile(path),
+    ".mf4": lambda path, _: MdfFile(path),
+    ".wav": lambda path, _: WavFile(path),
+    ".mat": lambda path, _: MatlabFile(path),
+}
 
 
 @dataclass
@@ -96,13 +107,22 @@ def import_recording(
         Called with the number of samples of every message written.
     """
     path, out = Path(path), Path(out)
-    with complaints(path) as said:
+    with library_warnings(path) as said:
         imported = _import(path, description, out, progress)
     return Imported(imported.streams, [*imported.warnings, *said])
 
 
+def _open(path: Path, description: Description) -> Source:
+    opener = _OPENERS.get(path.suffix.lower())
+    if opener is None:
+        raise RecordingError(f"{path}: suffix {path.suffix or 'missing'}, allowed: {', '.join(_OPENERS)}")
+    if not path.is_file():
+        raise RecordingError(f"{path}: no such file, allowed: a file of measurements")
+    return opener(path, description)
+
+
 def _import(path: Path, description: Description, out: Path, progress: Callable[[int], None] | None) -> Imported:
-    source = open_source(path, description)
+    source = _open(path, description)
     stated = {topics.absolute(topics.field_block(name)): point.written() for name, point in description.points.items()}
     if out.suffix == ".mcap" and any(sensor != contract_sensor(sensor.point) for sensor in stated.values()):
         raise RecordingError(

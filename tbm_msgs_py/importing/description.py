@@ -6,7 +6,7 @@ import re
 from collections.abc import Mapping
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Generic, Literal, TypeAlias, TypeVar
 
 from pydantic import AwareDatetime, BaseModel, ConfigDict, Field, field_validator, model_validator
 
@@ -14,17 +14,41 @@ from tbm_msgs_py import topics
 from tbm_msgs_py.base.errors import RecordingError
 from tbm_msgs_py.base.strict_yaml import read_yaml
 from tbm_msgs_py.base.texts import quoted
-from tbm_msgs_py.base.units import R_MIN
+from tbm_msgs_py.base.units import R_MIN, STANDARD_GRAVITY
 from tbm_msgs_py.base.validation import Name, validated
 from tbm_msgs_py.recordings.mapping import SensorMapping
 
 Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
 
-THRUST_UNITS = {"N": 1.0, "kN": 1e3, "MN": 1e6}
-TORQUE_UNITS = {"N.m": 1.0, "kN.m": 1e3, "MN.m": 1e6}
-SPEED_UNITS = {"rad/s": 1.0, "r/min": R_MIN}
+UnitT = TypeVar("UnitT", bound=str)
+# Factor to SI units, and how files write the unit.
+_UNITS: dict[str, tuple[float, tuple[str, ...]]] = {
+    "m/s2": (1.0, ("m/s2", "m/s/s", "m.s-2")),
+    "g": (STANDARD_GRAVITY, ("g", "gn", "g_n")),
+    "N": (1.0, ("N",)),
+    "kN": (1e3, ("kN",)),
+    "MN": (1e6, ("MN",)),
+    "N.m": (1.0, ("N.m",)),
+    "kN.m": (1e3, ("kN.m",)),
+    "MN.m": (1e6, ("MN.m", "MNM")),
+    "rad/s": (1.0, ("rad/s", "rad.s-1")),
+    "r/min": (R_MIN, ("r/min", "rpm", "rev/min", "1/min", "min-1", "U/min")),
+    "m/s": (1.0, ("m/s", "m.s-1")),
+    "mm/min": (1e-3 / 60.0, ("mm/min", "mm.min-1")),
+}
+_SIGNS = str.maketrans({"²": "2", "¹": "1", **dict.fromkeys(" .·⋅∙*-⁻^", "")})
 _POINT_NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]*")
-ADVANCE_UNITS = {"m/s": 1.0, "mm/min": 1e-3 / 60.0}
+
+
+def same_unit(label: str, unit: str) -> bool:
+    """Whether what a file states means a unit of a description; the sign of a product and of a power is no matter."""
+    return _plain(label) in {_plain(spelling) for spelling in _UNITS[unit][1]}
+
+
+def _plain(label: str) -> str:
+    """Label without signs and in small letters, but for mega: mN is not MN."""
+    plain = label.translate(_SIGNS)
+    return plain if plain.startswith("MN") else plain.lower()
 
 
 class _Strict(BaseModel):
@@ -55,6 +79,9 @@ class TimeColumn(_Strict):
         return self
 
 
+TimeBase: TypeAlias = TimeColumn | Literal["file"] | None
+
+
 class PointColumns(SensorMapping):
     """A test point: its sensor as in a mapping file, and the columns of the sensor's axes.
 
@@ -67,7 +94,7 @@ class PointColumns(SensorMapping):
     """
 
     columns: tuple[Name | None, Name | None, Name | None]
-    full_scale: Annotated[float, Field(gt=0, allow_inf_nan=False)] | None = None
+    full_scale: Positive | None = None
 
     @field_validator("columns")
     @classmethod
@@ -97,63 +124,27 @@ class PointColumns(SensorMapping):
         )
 
 
-class Thrust(_Strict):
-    """Column of the thrust force."""
+class QuantityColumn(_Strict, Generic[UnitT]):
+    """Column of a quantity in one of its units."""
 
     column: Name
-    unit: Literal["N", "kN", "MN"]
+    unit: UnitT
 
     @property
     def factor(self) -> float:
-        """From a reading to N."""
-        return THRUST_UNITS[self.unit]
-
-
-class Torque(_Strict):
-    """Column of the cutterhead torque."""
-
-    column: Name
-    unit: Literal["N.m", "kN.m", "MN.m"]
-
-    @property
-    def factor(self) -> float:
-        """From a reading to N·m."""
-        return TORQUE_UNITS[self.unit]
-
-
-class Speed(_Strict):
-    """Column of the cutterhead speed."""
-
-    column: Name
-    unit: Literal["rad/s", "r/min"]
-
-    @property
-    def factor(self) -> float:
-        """From a reading to rad/s."""
-        return SPEED_UNITS[self.unit]
-
-
-class Advance(_Strict):
-    """Column of the advance speed."""
-
-    column: Name
-    unit: Literal["m/s", "mm/min"]
-
-    @property
-    def factor(self) -> float:
-        """From a reading to m/s."""
-        return ADVANCE_UNITS[self.unit]
+        """From a reading to SI units."""
+        return _UNITS[self.unit][0]
 
 
 class OperatingColumns(_Strict):
     """Columns of the operating point."""
 
-    speed: Speed
-    torque: Torque
-    thrust: Thrust
-    advance: Advance | None = None
+    speed: QuantityColumn[Literal["rad/s", "r/min"]]
+    torque: QuantityColumn[Literal["N.m", "kN.m", "MN.m"]]
+    thrust: QuantityColumn[Literal["N", "kN", "MN"]]
+    advance: QuantityColumn[Literal["m/s", "mm/min"]] | None = None
 
-    def entries(self) -> list[Speed | Torque | Thrust | Advance]:
+    def entries(self) -> list[QuantityColumn[Any]]:
         """Columns in the order of `OperatingPoint`: speed, torque, thrust and, where stated, advance."""
         return [self.speed, self.torque, self.thrust, *([self.advance] if self.advance else [])]
 
@@ -212,19 +203,18 @@ class Description(_Strict):
 
     points: dict[Name, PointColumns] = {}
     operating_point: OperatingColumns | None = None
-    time: TimeColumn | Literal["file"] | None = None
+    time: TimeBase = None
     rate: Positive | None = None
     start: AwareDatetime | Literal["file"] | None = None
     csv: CsvLayout = CsvLayout()
 
     @model_validator(mode="before")
     @classmethod
-    def _name_points(cls, content: Any) -> Any:
-        points = content.get("points") if isinstance(content, dict) else None
-        if not isinstance(points, dict):
+    def _name_points(cls, content: object) -> object:
+        if not isinstance(content, dict) or not isinstance(points := content.get("points"), dict):
             return content
         named = {key: {"point": key, **value} if isinstance(value, dict) else value for key, value in points.items()}
-        return {**content, "points": named}
+        return content | {"points": named}
 
     @model_validator(mode="after")
     def _complete(self) -> Description:
