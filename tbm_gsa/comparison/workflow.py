@@ -110,7 +110,7 @@ def compare_recording(
     predicted = _model_side(machines, field.signals, chosen, (model_duration, seed), progress)
     comparison, failed = _compare_each(reader, field, predicted, chosen)
     skipped = {
-        point: f"machine {described.name} has no such test point" for point in reader.points if point not in shared
+        point: f"machine {described.name} has no such test point" for point in reader.sensors if point not in shared
     }
     provenance = Provenance(reader, described, course, lines, {**skipped, **failed}, seed, model_duration)
     return ComparisonResult(
@@ -130,10 +130,10 @@ def _check_lengths(model_duration: float, window_s: float) -> None:
 
 def _shared_points(reader: RecordingReader, machine: Machine) -> list[str]:
     """Test points of the machine that are recorded, in the machine's order: along the power flow."""
-    shared = [point for point in machine.description.test_points if point in reader.points]
+    shared = [point for point in machine.description.test_points if point in reader.sensors]
     if not shared:
         raise RecordingError(
-            f"{reader.path}: test points {listed(map(repr, reader.points))}: none is one of machine "
+            f"{reader.path}: test points {listed(map(repr, reader.sensors))}: none is one of machine "
             f"{machine.name}, allowed: {listed(machine.description.test_points)}"
         )
     return shared

@@ -107,9 +107,14 @@ class PointColumns(SensorMapping):
         return columns
 
     @property
-    def factor(self) -> float:
-        """From a reading to m/s²."""
-        return self.scale * (self.full_scale or 1.0)
+    def stated_units(self) -> list[str]:
+        """Unit of each column."""
+        return [self.units] * len(self.columns)
+
+    @property
+    def factors(self) -> list[float]:
+        """From a reading of each column to m/s²."""
+        return [self.scale * (self.full_scale or 1.0)] * len(self.columns)
 
     def written(self) -> SensorMapping:
         """How the sensor is read from the recording: still in its own axes, in m/s²."""
@@ -130,11 +135,6 @@ class QuantityColumn(_Strict, Generic[UnitT]):
     column: Name
     unit: UnitT
 
-    @property
-    def factor(self) -> float:
-        """From a reading to SI units."""
-        return _UNITS[self.unit][0]
-
 
 class OperatingColumns(_Strict):
     """Columns of the operating point."""
@@ -144,9 +144,25 @@ class OperatingColumns(_Strict):
     thrust: QuantityColumn[Literal["N", "kN", "MN"]]
     advance: QuantityColumn[Literal["m/s", "mm/min"]] | None = None
 
-    def entries(self) -> list[QuantityColumn[Any]]:
+    @property
+    def _entries(self) -> list[QuantityColumn[Any]]:
         """Columns in the order of `OperatingPoint`: speed, torque, thrust and, where stated, advance."""
         return [self.speed, self.torque, self.thrust, *([self.advance] if self.advance else [])]
+
+    @property
+    def columns(self) -> list[str]:
+        """Names of the columns."""
+        return [entry.column for entry in self._entries]
+
+    @property
+    def stated_units(self) -> list[str]:
+        """Unit of each column."""
+        return [entry.unit for entry in self._entries]
+
+    @property
+    def factors(self) -> list[float]:
+        """From a reading of each column to SI units."""
+        return [_UNITS[unit][0] for unit in self.stated_units]
 
 
 class CsvLayout(_Strict):
@@ -239,6 +255,12 @@ class Description(_Strict):
                 "or `file`; none with a datetime column"
             )
         return self
+
+    @property
+    def streams(self) -> dict[str, PointColumns | OperatingColumns]:
+        """Columns of each stream: test points, and the operating point under its topic."""
+        operating = {topics.OPERATING_POINT: self.operating_point} if self.operating_point else {}
+        return {**self.points, **operating}
 
     @property
     def start_ns(self) -> int:

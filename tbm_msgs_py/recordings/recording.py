@@ -84,39 +84,6 @@ class AccelerationRecord:
         return float(self.time[-1])
 
 
-@dataclass(frozen=True)
-class Recording:
-    """All mapped test points of a recording.
-
-    Attributes
-    ----------
-    points : dict
-        Record of each test point.
-    operating_point : OperatingRecord or None
-        When the recording has it.
-    messages, lost : int
-        Messages read; messages known to be missing or undecodable.
-    truncated : bool
-        A file ends before its recording does.
-    sha256 : str
-        Digest of the files.
-    damaged : int
-        Places that are no part of a recording; `lost` is a lower bound when there are any.
-    problems : dict
-        Why a mapped test point that is in the recording has no samples.
-    """
-
-    path: Path
-    points: dict[str, AccelerationRecord]
-    operating_point: OperatingRecord | None
-    messages: int
-    lost: int
-    truncated: bool
-    sha256: str
-    damaged: int
-    problems: dict[str, str]
-
-
 class RecordingReader:
     """A recording read piece by piece; made by `open_recording`.
 
@@ -124,14 +91,13 @@ class RecordingReader:
     ----------
     path : Path
         Of the recording.
-    points : mapping of str to SensorMapping
-        Mapped test points that are in the recording.
+    sensors : dict
+        Sensor of each mapped test point that is in the recording.
     """
 
     def __init__(self, bag: Bag, topics: Mapping[str, Topic], mapping: TopicMapping) -> None:
         self.path = bag.path
-        sensors = [mapping.topics[name] for name in topics]
-        self.points: Mapping[str, SensorMapping] = {sensor.point: sensor for sensor in sensors}
+        self.sensors = {mapping.topics[name].point: mapping.topics[name] for name in topics}
         self._bag = bag
         self._topics = {mapping.topics[name].point: topic for name, topic in topics.items()}
         self._points = {(topic.name, topic.type): point for point, topic in self._topics.items()}
@@ -211,7 +177,7 @@ class RecordingReader:
             raise RecordingError(f"{self.path}: {listed(self.problems.values(), separator='; ')}")
 
     def _restart(self) -> None:
-        self._lines = {point: Timeline() for point in self.points}
+        self._lines = {point: Timeline() for point in self.sensors}
         self._operating = OperatingPoints()
         self._sampled: set[str] = set()
 
@@ -224,7 +190,22 @@ class RecordingReader:
 
     def _records(self, piece: Mapping[str, DecodedStream]) -> dict[str, AccelerationRecord]:
         self._sampled |= piece.keys()
-        return {point: _record(self._topics[point].name, self.points[point], data) for point, data in piece.items()}
+        return {point: _record(self._topics[point].name, self.sensors[point], data) for point, data in piece.items()}
+
+
+class Recording(RecordingReader):
+    """A recording that was read as a whole; made by `read_recording`.
+
+    Attributes
+    ----------
+    points : dict
+        Record of each mapped test point that has samples.
+    """
+
+    def __init__(self, bag: Bag, topics: Mapping[str, Topic], mapping: TopicMapping) -> None:
+        super().__init__(bag, topics, mapping)
+        found = {point: record for piece in self.pieces(math.inf) for point, record in piece.items()}
+        self.points = {point: found[point] for point in self.sensors if point in found}
 
 
 def open_recording(path: str | Path, mapping: TopicMapping | str | Path | None = None) -> RecordingReader:
@@ -242,13 +223,7 @@ def open_recording(path: str | Path, mapping: TopicMapping | str | Path | None =
     RecordingError
         Not readable, nothing in it, no mapped topic in it, or one of a type that is no acceleration.
     """
-    bag = Bag(path)
-    found = _topics(bag)
-    chosen = _stated_mapping(bag, mapping) or contract_mapping(dict.fromkeys(topic.name for topic in found))
-    mapped = _mapped(bag, found, chosen)
-    if not mapped:
-        raise RecordingError(f"{bag.path}: no topic of the mapping is in the recording, {_listing(found)}")
-    return RecordingReader(bag, mapped, chosen)
+    return RecordingReader(*_opened(path, mapping))
 
 
 def read_recording(path: str | Path, mapping: TopicMapping | str | Path | None = None) -> Recording:
@@ -256,7 +231,7 @@ def read_recording(path: str | Path, mapping: TopicMapping | str | Path | None =
 
     Parameters and errors are those of `open_recording`; it is an error, too, when no test point has a single sample.
     """
-    return _whole(open_recording(path, mapping))
+    return Recording(*_opened(path, mapping))
 
 
 def read_acceleration(
@@ -281,25 +256,18 @@ def read_acceleration(
     mapped = _mapped(bag, found, chosen)
     if not mapped:
         raise RecordingError(f"{bag.path}: topic {topic} is not in the recording, {_listing(found)}")
-    (record,) = _whole(RecordingReader(bag, mapped, chosen)).points.values()
+    (record,) = Recording(bag, mapped, chosen).points.values()
     return record
 
 
-def _whole(reader: RecordingReader) -> Recording:
-    points: dict[str, AccelerationRecord] = {}
-    for piece in reader.pieces(math.inf):
-        points |= piece
-    return Recording(
-        path=reader.path,
-        points={point: points[point] for point in reader.points if point in points},
-        operating_point=reader.operating_point,
-        messages=reader.messages,
-        lost=reader.lost,
-        truncated=reader.truncated,
-        sha256=reader.sha256,
-        damaged=reader.damaged,
-        problems=dict(reader.problems),
-    )
+def _opened(path: str | Path, mapping: TopicMapping | str | Path | None) -> tuple[Bag, dict[str, Topic], TopicMapping]:
+    bag = Bag(path)
+    found = _topics(bag)
+    chosen = _stated_mapping(bag, mapping) or contract_mapping(dict.fromkeys(topic.name for topic in found))
+    mapped = _mapped(bag, found, chosen)
+    if not mapped:
+        raise RecordingError(f"{bag.path}: no topic of the mapping is in the recording, {_listing(found)}")
+    return bag, mapped, chosen
 
 
 def _stated_mapping(bag: Bag, mapping: TopicMapping | str | Path | None) -> TopicMapping | None:

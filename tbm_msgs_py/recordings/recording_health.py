@@ -144,39 +144,29 @@ class PointHealth:
         self.stuck.append((axis, begin, end))
 
 
-class Tally:
-    """Adds up the health of the test points while a recording is read.
-
-    Attributes
-    ----------
-    points : dict
-        `PointHealth` of every test point with samples so far.
-    """
+class RecordingHealth:
+    """Health of the test points of a recording, added up while it is read."""
 
     def __init__(self, reader: RecordingReader) -> None:
         self._reader = reader
-        self.points: dict[str, PointHealth] = {}
+        self._points: dict[str, PointHealth] = {}
+
+    @property
+    def points(self) -> dict[str, PointHealth]:
+        """Test points with samples so far, in the order of the mapping, with the faults behind their last samples."""
+        for point, health in self._points.items():
+            health.faults = self._reader.faults[point]
+        return {point: self._points[point] for point in self._reader.sensors if point in self._points}
+
+    @property
+    def problems(self) -> dict[str, str]:
+        """Why a test point has no samples so far."""
+        return dict(self._reader.problems)
 
     def add(self, piece: Mapping[str, AccelerationRecord]) -> None:
         """Add the next piece."""
         for point, record in piece.items():
-            self.points.setdefault(point, PointHealth.of(record)).add(record)
-
-    def finish(self) -> dict[str, PointHealth]:
-        """Test points in the order of the mapping, with the faults behind their last samples."""
-        found = {point: self.points[point] for point in self._reader.points if point in self.points}
-        faults = self._reader.faults
-        for point, health in found.items():
-            health.faults = faults[point]
-        return found
-
-
-@dataclass(frozen=True)
-class RecordingHealth:
-    """Test points of a recording, and why those without samples have none."""
-
-    points: dict[str, PointHealth]
-    problems: dict[str, str]
+            self._points.setdefault(point, PointHealth.of(record)).add(record)
 
 
 def check_recording(path: str | Path, mapping: TopicMapping | str | Path | None = None) -> RecordingHealth:
@@ -185,7 +175,7 @@ def check_recording(path: str | Path, mapping: TopicMapping | str | Path | None 
     Parameters and errors are those of `open_recording`; a recording whose test points have no samples is no error.
     """
     reader = open_recording(path, mapping)
-    tally = Tally(reader)
+    health = RecordingHealth(reader)
     for piece in reader.pieces():
-        tally.add(piece)
-    return RecordingHealth(tally.finish(), dict(reader.problems))
+        health.add(piece)
+    return health

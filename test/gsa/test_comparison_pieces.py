@@ -25,7 +25,7 @@ class Reader:
     """Pieces as `open_recording` gives them, cut where the test says."""
 
     def __init__(self, cuts):
-        self.points = {"shield": SimpleNamespace(frame="fixed")}
+        self.sensors = {"shield": SimpleNamespace(frame="fixed")}
         self.faults = {"shield": FaultCounts()}
         self._cuts = cuts
 

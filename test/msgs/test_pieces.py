@@ -29,7 +29,7 @@ def together(pieces):
 def test_pieces_are_the_whole(folder, length):
     whole = read_recording(folder)
     reader = open_recording(folder)
-    assert reader.points.keys() == whole.points.keys()
+    assert reader.sensors.keys() == whole.points.keys()
     for point, records in together(reader.pieces(length)).items():
         times = np.concatenate([r.start_ns + np.rint(r.time * 1e9).astype(np.int64) for r in records])
         record = whole.points[point]
