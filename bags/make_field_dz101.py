@@ -18,8 +18,8 @@ from tbm_dynamics import Machine, load_machine, simulate
 from tbm_dynamics.streaming.sensors import SensorModel, SensorPacket, SensorParameters
 from tbm_gsa.signals.conditioning import common_band, condition
 from tbm_msgs_py import blocks, topics
-from tbm_msgs_py.bags import BagWriter
-from tbm_msgs_py.bags.marks import SYNTHETIC
+from tbm_msgs_py.bags.metadata import SYNTHETIC
+from tbm_msgs_py.bags.writing import BagWriter
 from tbm_msgs_py.base.operating_point import OperatingPoint
 
 FOLDER = Path(__file__).parent / "field_dz101"

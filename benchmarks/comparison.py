@@ -45,7 +45,7 @@ class InPieces:
     """A reader whose pieces have another length."""
 
     def __init__(self, reader: RecordingReader, length_s: float) -> None:
-        self.points, self._reader, self._length = reader.points, reader, length_s
+        self.sensors, self._reader, self._length = reader.sensors, reader, length_s
 
     def pieces(self) -> Iterator[Mapping[str, AccelerationRecord]]:
         """Consecutive stretches."""

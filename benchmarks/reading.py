@@ -20,8 +20,8 @@ from mcap_ros2.decoder import DecoderFactory
 from rosbags.highlevel import AnyReader
 
 from tbm_msgs_py import ACCELERATION, Bag, blocks, open_recording, topics
-from tbm_msgs_py.bags.samples import BLOCK_TYPE, Samples, typestore
-from tbm_msgs_py.recordings.decoding import decode_samples
+from tbm_msgs_py.bags.definitions import BLOCK_TYPE, typestore
+from tbm_msgs_py.recordings.decoding import Samples, decode_samples
 
 ACCEL, IMU = "geometry_msgs/msg/AccelStamped", "sensor_msgs/msg/Imu"
 START = 1_700_000_000 * 10**9
@@ -100,8 +100,8 @@ def by_rosbags(path: Path, found: Callable[[str, object], None]) -> None:
 
 def by_us(path: Path, found: Callable[[str, Samples], None]) -> None:
     """Decode to arrays of times (ns) and values, a few megabytes at a time."""
-    for stretch in Bag(path).stretches():
-        for topic, messages in stretch.by_topic():
+    for batch in Bag(path).batches():
+        for topic, messages in batch.by_topic():
             found(topic.name, decode_samples(topic.type, messages))
 
 

@@ -10,7 +10,9 @@ from typing import Annotated, Any, Final, NoReturn
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from tbm_gsa.sensitivity.study.errors import StudyError
-from tbm_msgs_py.base.bounds import LONGEST_LINE, LONGEST_NAME, quoted, read_text, shortened
+from tbm_msgs_py.base.files import read_text
+from tbm_msgs_py.base.texts import LONGEST_LINE, LONGEST_NAME, shortened
+from tbm_msgs_py.base.validation import first_problem
 
 LARGEST_DOCUMENT: Final = 256 << 20
 """Bytes of a document: a comparison of hours of recording is tens of megabytes."""
@@ -63,24 +65,13 @@ def validated(text: str, form: type[Part], refusal: Callable[[str], StudyError])
         document: dict[str, Any] = json.loads(text, parse_constant=_no_number)
         form.model_validate(document)
     except ValidationError as error:
-        raise refusal(_problem(error)) from None
+        place, problem = first_problem(error, form)
+        raise refusal(f"{f'{place}: ' if place else ''}{problem}") from None
     except RecursionError:
         raise refusal("nested too deeply") from None
     except ValueError as error:  # no JSON, a number of thousands of digits
         raise refusal(f"no JSON: {shortened(' '.join(str(error).split()), LONGEST_NAME)}") from None
     return document
-
-
-def _problem(error: ValidationError) -> str:
-    """Say what of a document is wrong first."""
-    first = error.errors(include_url=False)[0]
-    # The forms of a choice begin with _ and are no keys.
-    place = shortened(".".join(str(part) for part in first["loc"] if not str(part).startswith("_")), LONGEST_NAME)
-    if first["type"] == "missing":
-        return f"{place}: missing"
-    given = first["input"]
-    shown = f", given: {quoted(given)}" if isinstance(given, str | int | float | None) else ""
-    return f"{place + ': ' if place else ''}{first['msg'].removeprefix('Value error, ')}{shown}"
 
 
 def _no_number(name: str) -> NoReturn:

@@ -9,7 +9,7 @@ if TYPE_CHECKING:
     from tbm_msgs_py.base.errors import RecordingError
     from tbm_msgs_py.base.operating_point import OperatingPoint
     from tbm_msgs_py.blocks import ACCELERATION, LOADS, Block, BlockError, BlockLayout, mesh_forces
-    from tbm_msgs_py.recordings.mapping import Mapping, SensorMapping, load_mapping
+    from tbm_msgs_py.recordings.mapping import SensorMapping, TopicMapping, load_mapping
     from tbm_msgs_py.recordings.recording import (
         AccelerationRecord,
         Recording,
@@ -29,12 +29,12 @@ __all__ = [
     "Block",
     "BlockError",
     "BlockLayout",
-    "Mapping",
     "OperatingPoint",
     "Recording",
     "RecordingError",
     "RecordingReader",
     "SensorMapping",
+    "TopicMapping",
     "load_mapping",
     "mesh_forces",
     "open_recording",
@@ -53,7 +53,7 @@ _HOME = {
     "Block": "tbm_msgs_py.blocks",
     "BlockError": "tbm_msgs_py.blocks",
     "BlockLayout": "tbm_msgs_py.blocks",
-    "Mapping": "tbm_msgs_py.recordings.mapping",
+    "TopicMapping": "tbm_msgs_py.recordings.mapping",
     "OperatingPoint": "tbm_msgs_py.base.operating_point",
     "Recording": "tbm_msgs_py.recordings.recording",
     "RecordingError": "tbm_msgs_py.base.errors",

@@ -37,7 +37,7 @@ ANALYSIS_QUANTITIES = ("model_rms", "field_rms", "relative_error")
 
 
 @dataclass(frozen=True)
-class Quality:
+class QoS:
     """Quality of service of a topic; history is always keep-last.
 
     Attributes
@@ -55,24 +55,24 @@ class Quality:
     depth: int
 
 
-OPERATING_POINT_QUALITY = Quality(reliable=True, latched=True, depth=1)
-BLOCK_QUALITY = Quality(reliable=True, latched=False, depth=64)
+OPERATING_POINT_QOS = QoS(reliable=True, latched=True, depth=1)
+BLOCK_QOS = QoS(reliable=True, latched=False, depth=64)
 # Each one counts from its stamp on, and there may be one a block.
-LOADS_OPERATING_POINT_QUALITY = Quality(reliable=True, latched=True, depth=BLOCK_QUALITY.depth)
+LOADS_OPERATING_POINT_QOS = QoS(reliable=True, latched=True, depth=BLOCK_QOS.depth)
 # Best effort like any sensor; the depth is what keeps a 1 kHz stream whole in a busy process.
-LIVE_QUALITY = Quality(reliable=False, latched=False, depth=100)
-ANALYSIS_QUALITY = Quality(reliable=True, latched=False, depth=64)
-GSA_QUALITY = Quality(reliable=True, latched=True, depth=1)
-DIAGNOSTICS_QUALITY = Quality(reliable=True, latched=False, depth=10)
+LIVE_QOS = QoS(reliable=False, latched=False, depth=100)
+ANALYSIS_QOS = QoS(reliable=True, latched=False, depth=64)
+GSA_QOS = QoS(reliable=True, latched=True, depth=1)
+DIAGNOSTICS_QOS = QoS(reliable=True, latched=False, depth=10)
 # Reliable offers match both kinds of clock subscriber.
-CLOCK_QUALITY = Quality(reliable=True, latched=False, depth=10)
+CLOCK_QOS = QoS(reliable=True, latched=False, depth=10)
 
 
 _OTHERS = {
-    OPERATING_POINT: OPERATING_POINT_QUALITY,
-    LOADS_OPERATING_POINT: LOADS_OPERATING_POINT_QUALITY,
-    DIAGNOSTICS: DIAGNOSTICS_QUALITY,
-    CLOCK: CLOCK_QUALITY,
+    OPERATING_POINT: OPERATING_POINT_QOS,
+    LOADS_OPERATING_POINT: LOADS_OPERATING_POINT_QOS,
+    DIAGNOSTICS: DIAGNOSTICS_QOS,
+    CLOCK: CLOCK_QOS,
 }
 
 
@@ -121,13 +121,13 @@ def status_name(task: str, namespace: str = NAMESPACE) -> str:
     return f"{namespace.strip('/')}: {task}"
 
 
-def quality(name: str, namespace: str = NAMESPACE) -> Quality:
+def qos(name: str, namespace: str = NAMESPACE) -> QoS:
     """Quality of service that the contract gives a topic, by its absolute or relative name."""
     name = name.removeprefix(f"{namespace.rstrip('/')}/")
     if name in (GSA_STATUS, GSA_RESULT):
-        return GSA_QUALITY
+        return GSA_QOS
     if name == MODEL_DRIVES or name.endswith("/accel"):
-        return LIVE_QUALITY
+        return LIVE_QOS
     if name.startswith("analysis/"):
-        return ANALYSIS_QUALITY
-    return _OTHERS.get(name, BLOCK_QUALITY)
+        return ANALYSIS_QOS
+    return _OTHERS.get(name, BLOCK_QOS)

@@ -7,7 +7,7 @@ from typing import Annotated, Literal
 from pydantic import Field, FiniteFloat
 
 from tbm_dynamics.machine.entries import Entry, Node, NonNegative, Positive
-from tbm_msgs_py.base.texts import Line, Source
+from tbm_msgs_py.base.validation import Line, Source
 
 Share = Annotated[float, Field(ge=0.0, le=1.0)]
 

@@ -25,9 +25,9 @@ from tbm_dynamics.machine.entries import (
     SixPositiveOrZero,
     Vector3,
 )
-from tbm_msgs_py.base.bounds import LONGEST_NAME
-from tbm_msgs_py.base.texts import Label, Source
+from tbm_msgs_py.base.texts import LONGEST_NAME
 from tbm_msgs_py.base.units import R_MIN
+from tbm_msgs_py.base.validation import Label, Source
 
 
 class OperatingPointEntry(Entry):

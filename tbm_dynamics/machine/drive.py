@@ -15,7 +15,7 @@ from tbm_dynamics.machine.entries import (
     Positive,
     SixPositiveOrZero,
 )
-from tbm_msgs_py.base.texts import Source
+from tbm_msgs_py.base.validation import Source
 
 
 class Gear(Entry):

@@ -11,10 +11,9 @@ from functools import partial
 from numbers import Real
 from typing import Any
 
-from pydantic import ValidationError
-
 from tbm_dynamics.machine.description import MachineDescription
 from tbm_msgs_py.base.errors import MachineError
+from tbm_msgs_py.base.validation import validated
 
 # (path in the description, factor from Table 4's unit to the file's)
 _VALUES: dict[str, tuple[str, float]] = {
@@ -71,13 +70,7 @@ def apply_inputs(base: MachineDescription, inputs: Mapping[str, float]) -> Machi
             _edit(data, path, partial(_replaced, number * factor))
         else:
             _multiply(data, code, number)
-    try:
-        return MachineDescription.model_validate(data)
-    except ValidationError as error:
-        problem = error.errors(include_url=False)[0]
-        message = problem["msg"].removeprefix("Value error, ")
-        place = ".".join(str(part) for part in problem["loc"])
-        raise MachineError(f"inputs {dict(inputs)}: {f'{place}: {message}' if place else message}") from None
+    return validated(MachineDescription, data, f"inputs {dict(inputs)}", MachineError)
 
 
 def _number(code: str, value: object) -> float:

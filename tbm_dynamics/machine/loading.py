@@ -4,15 +4,14 @@ from __future__ import annotations
 
 from importlib import resources
 from pathlib import Path
-from typing import Any, get_args
-
-import yaml
-from pydantic import ValidationError
+from typing import Final
 
 from tbm_dynamics.machine.description import MachineDescription
-from tbm_msgs_py.base.bounds import LONGEST_NAME, quoted, read_text, shortened
 from tbm_msgs_py.base.errors import MachineError
-from tbm_msgs_py.base.strict_yaml import strict_yaml, yaml_problem
+from tbm_msgs_py.base.strict_yaml import parse_yaml, read_yaml
+from tbm_msgs_py.base.validation import validated
+
+_CONTENT: Final = "a machine file"
 
 
 def shipped_machines() -> list[str]:
@@ -29,59 +28,18 @@ def read_description(machine: str | Path) -> MachineDescription:
     MachineError
         No such machine, not YAML, or a value that is not allowed.
     """
-    label, text = _read_text(machine)
-    return described_by(text, label)
+    if str(machine) in shipped_machines():
+        shipped = resources.files("tbm_dynamics") / "machines" / f"{machine}.yaml"
+        return described_by(shipped.read_text("utf-8"), str(machine))
+    if not Path(machine).is_file():
+        raise MachineError(
+            f"{machine}: no such machine; shipped are {', '.join(shipped_machines())}, or give the path of a YAML file"
+        )
+    content = read_yaml(machine, _CONTENT, MachineDescription.model_fields, MachineError)
+    return validated(MachineDescription, content, str(machine), MachineError)
 
 
 def described_by(text: str, label: str) -> MachineDescription:
     """Take the description from the text of a machine file, which messages call `label`; see `read_description`."""
-    try:
-        data = strict_yaml(text)
-    except yaml.YAMLError as error:
-        raise MachineError(f"{label}: not valid YAML: {yaml_problem(error)}") from None
-    if not isinstance(data, dict) or data.keys().isdisjoint(MachineDescription.model_fields):
-        raise MachineError(
-            f"{label}: a machine file is a mapping with the keys {', '.join(MachineDescription.model_fields)}"
-        )
-    try:
-        return MachineDescription.model_validate(data)
-    except ValidationError as error:
-        raise MachineError(_one_line(label, error)) from None
-
-
-def _read_text(machine: str | Path) -> tuple[str, str]:
-    if str(machine) in shipped_machines():
-        return str(machine), (resources.files("tbm_dynamics") / "machines" / f"{machine}.yaml").read_text("utf-8")
-    path = Path(machine)
-    if not path.is_file():
-        raise MachineError(
-            f"{machine}: no such machine; shipped are {', '.join(shipped_machines())}, or give the path of a YAML file"
-        )
-    try:
-        return str(machine), read_text(path)
-    except OSError as error:
-        raise MachineError(f"{machine}: cannot be read: {error.strerror}") from None
-    except UnicodeDecodeError:
-        raise MachineError(f"{machine}: cannot be read: no UTF-8 text") from None
-
-
-def _one_line(label: str, error: ValidationError) -> str:
-    # A misspelt key is also a missing one: the misspelling comes first.
-    problems = error.errors(include_url=False)
-    first, *rest = sorted(problems, key=lambda problem: problem["type"] != "extra_forbidden")
-    key = shortened(".".join(map(str, first["loc"])), LONGEST_NAME) or "machine"
-    given = first.get("input")
-    shown = f" (given: {quoted(given)})" if isinstance(given, int | float | str) else ""
-    more = f" (and {len(rest)} more)" if rest else ""
-    message = first["msg"].removeprefix("Value error, ")
-    if first["type"] == "extra_forbidden":
-        message, shown = f"unknown key; allowed are {', '.join(_keys_of(first['loc'][:-1]))}", ""
-    return f"{label}: {key}: {message}{shown}{more}"
-
-
-def _keys_of(place: tuple[int | str, ...]) -> list[str]:
-    """Keys allowed in the entry at a place of the machine file."""
-    kind: Any = MachineDescription
-    for part in place:
-        kind = kind.model_fields[part].annotation if isinstance(part, str) else get_args(kind)[0]
-    return list(kind.model_fields)
+    content = parse_yaml(text, label, _CONTENT, MachineDescription.model_fields, MachineError)
+    return validated(MachineDescription, content, label, MachineError)

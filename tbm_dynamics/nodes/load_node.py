@@ -28,7 +28,7 @@ from tbm_msgs_py.nodes.rate import Rate
 # A clock that leaps further than this (a bag that loops, a suspended computer), or than readers have room for, starts
 # the stream afresh.
 _LONGEST_BACKLOG_S = 5.0
-_MOST_BLOCKS = topics.BLOCK_QUALITY.depth - 8
+_MOST_BLOCKS = topics.BLOCK_QOS.depth - 8
 _MATCHING_S = 0.3  # a publisher knows of a subscriber before that one takes what it sends
 # A block is late by up to the time between two looks at the clock.
 _LOOKS_A_BLOCK = 5

@@ -12,9 +12,10 @@ from typing import Final
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from tbm_msgs_py.base.bounds import LARGEST_TABLE, listed, quoted, read_text
 from tbm_msgs_py.base.errors import MachineError
+from tbm_msgs_py.base.files import LARGEST_TABLE, read_text
 from tbm_msgs_py.base.operating_point import OperatingPoint
+from tbm_msgs_py.base.texts import listed, quoted
 from tbm_msgs_py.base.units import R_MIN
 
 COLUMNS: Final = {"time": "time_s", "speed": "speed_r_min", "torque": "torque_kn_m", "thrust": "thrust_kn"}

@@ -15,11 +15,11 @@ from tbm_gsa.comparison.offline import AxisComparison, Comparison, PointComparis
 from tbm_gsa.provenance import machine_sha256, package_versions
 from tbm_gsa.signals.estimates import SignalStatistics
 from tbm_gsa.signals.intervals import CONFIDENCE, Interval
-from tbm_msgs_py.bags.marks import is_synthetic
+from tbm_msgs_py.bags.metadata import is_synthetic
 from tbm_msgs_py.base.arrays import Array
 from tbm_msgs_py.base.units import STANDARD_GRAVITY
-from tbm_msgs_py.recordings.health import PointHealth
 from tbm_msgs_py.recordings.recording import RecordingReader
+from tbm_msgs_py.recordings.recording_health import PointHealth
 
 STATISTICS = ("rms", "peak", "crest_factor", "kurtosis", "velocity_rms")
 _DIGITS = 8  # significant ones of what is written by the thousand

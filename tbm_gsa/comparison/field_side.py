@@ -13,8 +13,8 @@ from tbm_gsa.signals.conditioning import Frame
 from tbm_gsa.signals.reduction import ReducedSignal, SignalReducer, one_level
 from tbm_gsa.signals.settings import Settings
 from tbm_msgs_py.base.errors import InputError
-from tbm_msgs_py.recordings.health import PointHealth, Tally
 from tbm_msgs_py.recordings.recording import AccelerationRecord, RecordingReader
+from tbm_msgs_py.recordings.recording_health import PointHealth, RecordingHealth
 
 LEAST_SAMPLES = 1000  # that a sampling rate is taken from, if there are as many
 
@@ -68,19 +68,19 @@ def reduce_field(
     progress : callable
         Called with the seconds of the recording that are done.
     """
-    tally = Tally(reader)
-    intakes = {point: _Intake(reader.points[point].frame, settings, course) for point in points}
+    recorded = RecordingHealth(reader)
+    intakes = {point: _Intake(reader.sensors[point].frame, settings, course) for point in points}
     for piece in reader.pieces():
-        tally.add(piece)
+        recorded.add(piece)
         for point, record in piece.items():
             if point in intakes:
                 intakes[point].feed(record)
-        if tally.points:
-            progress(max(health.duration for health in tally.points.values()))
+        if found := recorded.points.values():
+            progress(max(health.duration for health in found))
     signals = {point: intakes[point].finish() for point in points}
     return FieldSide(
         {point: signal for point, signal in signals.items() if isinstance(signal, ReducedSignal)},
-        tally.finish(),
+        recorded.points,
         {point: signal for point, signal in signals.items() if isinstance(signal, str)},
     )
 

@@ -16,9 +16,9 @@ from tbm_gsa.comparison.model_run import MODEL_RATE_HZ, run_model
 from tbm_gsa.comparison.offline import Comparison, PointComparison, compare_signals
 from tbm_gsa.signals.reduction import ReducedSignal, SignalReducer
 from tbm_gsa.signals.settings import Settings
-from tbm_msgs_py.base.bounds import listed
 from tbm_msgs_py.base.errors import InputError, RecordingError
-from tbm_msgs_py.recordings.mapping import Mapping as TopicMapping
+from tbm_msgs_py.base.texts import listed
+from tbm_msgs_py.recordings.mapping import TopicMapping
 from tbm_msgs_py.recordings.recording import RecordingReader, open_recording
 
 LONGEST_MODEL_S = 3600.0
@@ -110,7 +110,7 @@ def compare_recording(
     predicted = _model_side(machines, field.signals, chosen, (model_duration, seed), progress)
     comparison, failed = _compare_each(reader, field, predicted, chosen)
     skipped = {
-        point: f"machine {described.name} has no such test point" for point in reader.points if point not in shared
+        point: f"machine {described.name} has no such test point" for point in reader.sensors if point not in shared
     }
     provenance = Provenance(reader, described, course, lines, {**skipped, **failed}, seed, model_duration)
     return ComparisonResult(
@@ -130,10 +130,10 @@ def _check_lengths(model_duration: float, window_s: float) -> None:
 
 def _shared_points(reader: RecordingReader, machine: Machine) -> list[str]:
     """Test points of the machine that are recorded, in the machine's order: along the power flow."""
-    shared = [point for point in machine.description.test_points if point in reader.points]
+    shared = [point for point in machine.description.test_points if point in reader.sensors]
     if not shared:
         raise RecordingError(
-            f"{reader.path}: test points {listed(map(repr, reader.points))}: none is one of machine "
+            f"{reader.path}: test points {listed(map(repr, reader.sensors))}: none is one of machine "
             f"{machine.name}, allowed: {listed(machine.description.test_points)}"
         )
     return shared

@@ -23,7 +23,7 @@ from tbm_gsa.sensitivity.study.inputs import InputSet
 from tbm_gsa.sensitivity.study.problem import Problem
 from tbm_gsa.sensitivity.study.store import Store
 from tbm_msgs_py.base.arrays import Array
-from tbm_msgs_py.base.results import write_json
+from tbm_msgs_py.base.files import write_json
 
 STORE_NAME: Final = "explanation.sqlite"
 RESULT_NAME: Final = "explanation.json"

@@ -16,7 +16,7 @@ from tbm_gsa.history.baseline import Baseline, Usual
 from tbm_gsa.history.entries import KINDS, Entry, Group, Source, Window
 from tbm_gsa.history.errors import HistoryError
 from tbm_gsa.history.sound import AXES, BASELINE, USUAL, WINDOW
-from tbm_msgs_py.base.bounds import LONGEST_LINE, listed
+from tbm_msgs_py.base.texts import LONGEST_LINE, listed
 
 SOURCE_COLUMNS: Final = "kind, name, digest, machine, machine_sha256"
 ENTRY_COLUMNS: Final = ", ".join(field.name for field in fields(Entry))

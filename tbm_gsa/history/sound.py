@@ -3,7 +3,7 @@
 from typing import Final
 
 from tbm_gsa.history.entries import KINDS
-from tbm_msgs_py.base.bounds import LONGEST_LINE
+from tbm_msgs_py.base.texts import LONGEST_LINE
 
 AXES: Final = ("x", "y", "z", "yz")
 

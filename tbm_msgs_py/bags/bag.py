@@ -8,8 +8,8 @@ from collections.abc import Collection, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
-from tbm_msgs_py.bags.batch import RawMessage, Stretch, Topic
-from tbm_msgs_py.bags.chunks import Spare, UnpackingError
+from tbm_msgs_py.bags.batch import MessageBatch, RawMessage, Topic
+from tbm_msgs_py.bags.chunks import UnpackingBudget, UnpackingError
 from tbm_msgs_py.bags.folder import find_files
 from tbm_msgs_py.bags.mcap_file import McapFile
 from tbm_msgs_py.base.errors import RecordingError
@@ -100,16 +100,16 @@ class Bag:
                     digest.update(block)
         return digest.hexdigest()
 
-    def stretches(self) -> Iterator[Stretch]:
+    def batches(self) -> Iterator[MessageBatch]:
         """All messages in file order, as arrays."""
         problem: RecordingError | None = None
         self._read_through = False
         for file in self.files:
             file.restart()  # one that is not reached holds nothing of the reading before
-        spare = Spare()
+        budget = UnpackingBudget()
         for file in self.files:
             try:
-                yield from file.stretches(spare)
+                yield from file.batches(budget)
             except UnpackingError:
                 raise
             except RecordingError as error:  # one of several files is none
@@ -129,13 +129,13 @@ class Bag:
             Log time of the first message wanted.
         """
         held: list[RawMessage] = []
-        for batch in (batch for stretch in self.stretches() for batch in stretch.batches() if len(batch)):
+        for chunk in (chunk for batch in self.batches() for chunk in batch.chunks() if len(chunk)):
             # Neighbouring chunks may overlap in time: one chunk is held back and merged with the next.
-            first = int(batch.messages[1].min())
+            first = int(chunk.messages[1].min())
             held.sort(key=lambda message: message.log_ns)
             yield from (message for message in held if message.log_ns < first)
             held = [message for message in held if message.log_ns >= first]
-            held += [m for m in batch.raw() if m.log_ns >= start_ns and (topics is None or m.topic.name in topics)]
+            held += [m for m in chunk.raw() if m.log_ns >= start_ns and (topics is None or m.topic.name in topics)]
         yield from sorted(held, key=lambda message: message.log_ns)
 
     def info(self, *, scan: bool = False) -> BagInfo:
@@ -167,9 +167,9 @@ class Bag:
     def _scan(self) -> BagInfo:
         topics: Counter[Topic] = Counter()
         start, end = 2**63, 0
-        for stretch in self.stretches():
-            topics.update(stretch.counts())
-            if len(stretch):
-                start, end = min(start, int(stretch.messages[1].min())), max(end, int(stretch.messages[1].max()))
+        for batch in self.batches():
+            topics.update(batch.counts())
+            if len(batch):
+                start, end = min(start, int(batch.messages[1].min())), max(end, int(batch.messages[1].max()))
         count = sum(topics.values())
         return BagInfo(dict(topics), start if count else 0, end, count, self.lost, self.truncated, self.damaged)

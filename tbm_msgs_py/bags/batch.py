@@ -1,4 +1,4 @@
-"""Messages of a stretch of a file as arrays: what everything that reads recordings works on."""
+"""Messages of a part of a file as arrays: what everything that reads recordings works on."""
 
 from __future__ import annotations
 
@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 if TYPE_CHECKING:
     from tbm_msgs_py.bags.records import Bytes
 
-POOL = 4 << 20  # bytes of decompressed chunks that are handed on together
-BATCH = 1000  # messages outside chunks that count as one batch
+POOL = 4 << 20  # bytes of decompressed chunks that are passed on together
+LOOSE = 1000  # messages outside chunks that count as one chunk
 
 
 @dataclass(frozen=True)
@@ -50,7 +50,7 @@ class RawMessage(NamedTuple):
 
 
 @dataclass(frozen=True, eq=False)
-class Stretch:
+class MessageBatch:
     """Messages in file order.
 
     Attributes
@@ -62,7 +62,7 @@ class Stretch:
     topics : dict
         Topic of each channel that occurs.
     ends : tuple of int
-        Where the batches (chunks) end within the messages.
+        Where the chunks end within the messages.
     """
 
     data: Bytes
@@ -82,8 +82,8 @@ class Stretch:
                 found[topic] = found.get(topic, 0) + int(count)
         return found
 
-    def by_topic(self) -> Iterator[tuple[Topic, Stretch]]:
-        """Messages of each topic, in file order, as one batch."""
+    def by_topic(self) -> Iterator[tuple[Topic, MessageBatch]]:
+        """Messages of each topic, in file order, as one chunk."""
         channels = self.messages[0].astype(np.uint16)
         ordered = np.take(self.messages, np.argsort(channels, kind="stable"), axis=1)
         ends = np.cumsum(np.bincount(channels))
@@ -95,12 +95,12 @@ class Stretch:
             chosen = parts[0] if len(parts) == 1 else np.concatenate(parts, axis=1)
             if len(parts) > 1:  # two publishers of a topic: back into file order
                 chosen = chosen[:, np.argsort(chosen[2], kind="stable")]
-            yield topic, Stretch(self.data, chosen, self.topics, (chosen.shape[1],))
+            yield topic, MessageBatch(self.data, chosen, self.topics, (chosen.shape[1],))
 
-    def batches(self) -> Iterator[Stretch]:
+    def chunks(self) -> Iterator[MessageBatch]:
         """Chunk after chunk."""
         for first, end in zip((0, *self.ends), self.ends, strict=False):
-            yield Stretch(self.data, self.messages[:, first:end], self.topics, (end - first,))
+            yield MessageBatch(self.data, self.messages[:, first:end], self.topics, (end - first,))
 
     def raw(self) -> Iterator[RawMessage]:
         """One object a message, ordered by log time."""
@@ -111,7 +111,7 @@ class Stretch:
 
 def joined(
     window: Bytes, parts: Iterable[tuple[Bytes, NDArray[np.int64]]], topics: dict[int, Topic]
-) -> Iterator[Stretch]:
+) -> Iterator[MessageBatch]:
     """Put the messages of chunks together: a call for each small chunk would cost more than the work in it.
 
     Parts within the window are joined as they are, the others by copying their bytes behind one another.
@@ -126,4 +126,4 @@ def joined(
             found = [(data, part + shift) for (_, part), shift in zip(found, shifts, strict=True)]
         messages = np.concatenate([part for _, part in found], axis=1)
         ends = tuple(np.cumsum([part.shape[1] for _, part in found]).tolist())
-        yield Stretch(data, messages, topics, ends)
+        yield MessageBatch(data, messages, topics, ends)

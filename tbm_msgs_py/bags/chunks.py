@@ -29,7 +29,7 @@ class ChunkError(InputError):
     """A chunk that cannot be trusted, in one line."""
 
 
-class Spare:
+class UnpackingBudget:
     """What the chunks of one reading may still unpack to beyond `DENSEST` times what is stored.
 
     A few bytes can stand for a chunk of the largest size: without a limit, a small file of many takes minutes.
@@ -38,8 +38,8 @@ class Spare:
     def __init__(self) -> None:
         self._left = SPARE
 
-    def take(self, stored: int, size: int) -> None:
-        """Take note of a chunk before it is unpacked; a RecordingError when nothing is left."""
+    def spend(self, stored: int, size: int) -> None:
+        """Subtract a chunk before it is unpacked; an `UnpackingError` when nothing is left."""
         self._left -= max(0, size - DENSEST * stored)
         if self._left < 0:
             raise UnpackingError(
@@ -49,7 +49,7 @@ class Spare:
 
 
 class UnpackingError(RecordingError):
-    """A recording that unpacks to more than anybody would wait for."""
+    """A recording that unpacks to far more than it holds."""
 
 
 class ChunkRecords(NamedTuple):
@@ -61,7 +61,7 @@ class ChunkRecords(NamedTuple):
     whole: bool
 
 
-def chunk_records(data: Bytes, first: int, end: int, spare: Spare) -> ChunkRecords:
+def chunk_records(data: Bytes, first: int, end: int, budget: UnpackingBudget) -> ChunkRecords:
     """Open the chunk whose body is ``data[first:end]``, cut off or not.
 
     A chunk that is whole and does not have the stated size or checksum is a `ChunkError`: some of it is wrong, and
@@ -75,7 +75,7 @@ def chunk_records(data: Bytes, first: int, end: int, spare: Spare) -> ChunkRecor
     stored = int.from_bytes(data[start - 8 : start].tobytes(), "little")
     whole = end - start >= stored
     if compression:
-        spare.take(min(stored, end - start), size)
+        budget.spend(min(stored, end - start), size)
         data = _decompressed(data[start : start + stored].tobytes(), compression, size)
         start, end = 0, len(data)
     if whole and (end - start != size or (crc and isal_zlib.crc32(data[start:end]) != crc)):

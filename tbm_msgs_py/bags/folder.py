@@ -1,7 +1,9 @@
-"""The files of a recording on disk: a rosbag2 folder, by its metadata or without, or a bare `.mcap`."""
+"""A recording on disk: the files of a rosbag2 folder or a bare `.mcap`, and a folder claimed by its writer."""
 
 from __future__ import annotations
 
+import fcntl
+import os
 from pathlib import Path
 from typing import NamedTuple
 
@@ -29,11 +31,6 @@ class Files(NamedTuple):
     problem: str
 
 
-class _Metadata(NamedTuple):
-    names: list[str]
-    declared: int | None
-
-
 def find_files(path: Path) -> Files:
     """Find the files of a recording; metadata that are damaged, or that name files that are not there, are a problem
     and no error as long as a file is left.
@@ -49,8 +46,7 @@ def _find_files(path: Path) -> Files:
         raise RecordingError(f"{path}: no such file or folder, allowed: {ALLOWED}")
     if not path.is_dir():
         return Files(_filled([path]), None, "")
-    stated, problem = _read(path)
-    names = stated.names if stated else []
+    names, declared, problem = _stated(path)
     files = [file for file in (path / name for name in names) if file.is_file()]
     if missing := [name for name in names if not (path / name).is_file()]:
         problem = f"{path / missing[0]}: named by {metadata.FILE_NAME} and not there, allowed: every file that it names"
@@ -60,7 +56,7 @@ def _find_files(path: Path) -> Files:
         raise RecordingError(f"{path}: rosbag2 with SQLite storage, allowed: MCAP, as `ros2 bag convert` writes it")
     if not files:
         raise RecordingError(problem or f"{path}: no .mcap file in this folder, allowed: {ALLOWED}")
-    return Files(_filled(files), stated.declared if stated else None, problem)
+    return Files(_filled(files), declared, problem)
 
 
 def _filled(files: list[Path]) -> list[Path]:
@@ -70,23 +66,37 @@ def _filled(files: list[Path]) -> list[Path]:
     return filled
 
 
-def _read(folder: Path) -> tuple[_Metadata | None, str]:
-    """Metadata, and what is wrong with them."""
+def _stated(folder: Path) -> tuple[list[str], int | None, str]:
+    """Names of the files and number of messages by the metadata, and what is wrong with them."""
     file = folder / metadata.FILE_NAME
     if not file.is_file():
-        return None, ""
+        return [], None, ""
     try:
         content = metadata.read(folder)
         storage, compression = content["storage_identifier"], content.get("compression_mode")
         names = [Path(name).name for name in content.get("relative_file_paths") or []]
         count = content.get("message_count")
     except RecordingError as error:
-        return None, str(error)
+        return [], None, str(error)
     except (KeyError, TypeError, ValueError) as error:
-        return None, str(metadata.not_metadata(file, error))
+        return [], None, f"{file}: {type(error).__name__} at {error}, allowed: metadata as rosbag2 writes them"
     if storage == "sqlite3":
         raise RecordingError(f"{file}: storage_identifier {storage}, allowed: mcap (convert with `ros2 bag convert`)")
     if isinstance(compression, str) and compression.lower() in ("file", "message"):
         raise RecordingError(f"{file}: compression_mode {compression}, allowed: none (MCAP chunks may be zstd or lz4)")
     names = [name for name in names if name and "\0" not in name]
-    return _Metadata(names, count if isinstance(count, int) and count > 0 else None), ""
+    return names, count if isinstance(count, int) and count > 0 else None, ""
+
+
+def lock(folder: Path) -> int | None:
+    """Open descriptor that claims a folder until it is closed, be it by the death of the process.
+
+    None when another process has the folder.
+    """
+    descriptor = os.open(folder, os.O_RDONLY)
+    try:
+        fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except OSError:
+        os.close(descriptor)
+        return None
+    return descriptor

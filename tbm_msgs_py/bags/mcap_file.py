@@ -22,8 +22,8 @@ from mcap.opcode import Opcode
 from mcap.records import Channel, Schema, Statistics
 from numpy.typing import NDArray
 
-from tbm_msgs_py.bags.batch import BATCH, POOL, Stretch, Topic, joined
-from tbm_msgs_py.bags.chunks import ChunkError, Spare, UnpackingError, chunk_records
+from tbm_msgs_py.bags.batch import LOOSE, POOL, MessageBatch, Topic, joined
+from tbm_msgs_py.bags.chunks import ChunkError, UnpackingBudget, UnpackingError, chunk_records
 from tbm_msgs_py.bags.records import CHUNK_HEAD, CUT, FOOTER, HEAD, LONGEST, MORE, Bytes, Walk, walk
 from tbm_msgs_py.base.errors import RecordingError
 
@@ -43,7 +43,7 @@ class Summary(NamedTuple):
 
 
 class McapFile:
-    """One MCAP file, read forward once per call of `stretches`.
+    """One MCAP file, read forward once per call of `batches`.
 
     Attributes
     ----------
@@ -62,12 +62,12 @@ class McapFile:
         self._stated: dict[int, Topic] | None = None  # channels by the end of the file, once it was looked at
         self.restart()
 
-    def stretches(self, spare: Spare | None = None) -> Iterator[Stretch]:
+    def batches(self, budget: UnpackingBudget | None = None) -> Iterator[MessageBatch]:
         """Messages in file order, a window at a time; the bytes of one are valid until the next is asked for.
 
         Parameters
         ----------
-        spare : Spare, optional
+        budget : UnpackingBudget, optional
             What the files of a recording share.
 
         Raises
@@ -76,7 +76,7 @@ class McapFile:
             No MCAP file, or one that unpacks to far more than it holds.
         """
         self.restart()
-        self._spare = spare or Spare()
+        self._budget = budget or UnpackingBudget()
         with self.path.open("rb", buffering=0) as file:
             at = self._begin(file)
             buffer, searching = np.empty(WINDOW, np.uint8), at == 0
@@ -85,7 +85,7 @@ class McapFile:
                 size = os.fstat(file.fileno()).st_size
                 limit = max(size - at, len(data))
                 found = walk(data, 0, len(data), limit, searching=searching)
-                yield from self._taken(data, found)
+                yield from self._messages_in(data, found)
                 # A file that is being written has grown meanwhile: then it is not cut there.
                 grown = os.fstat(file.fileno()).st_size > size
                 if found.state == FOOTER or (found.state == CUT and not grown):
@@ -128,7 +128,7 @@ class McapFile:
 
     def restart(self) -> None:
         """Forget what the last reading found."""
-        self._spare = Spare()
+        self._budget = UnpackingBudget()
         self.messages, self.lost, self.damaged, self.truncated = 0, 0, 0, False
         self.declared: int | None = None
         self._schemas: dict[int, Schema] = {}
@@ -153,7 +153,7 @@ class McapFile:
         file.seek(0)
         return 0
 
-    def _taken(self, data: Bytes, found: Walk) -> Iterator[Stretch]:
+    def _messages_in(self, data: Bytes, found: Walk) -> Iterator[MessageBatch]:
         """Messages of a window: those outside chunks and those in its chunks, in file order."""
         self.damaged += found.damaged
         self.lost += found.lost
@@ -163,7 +163,7 @@ class McapFile:
         for opcode, at, size in found.others.T.tolist():
             if opcode == Opcode.CHUNK:
                 before = int(np.searchsorted(loose[2], at))
-                parts += _batched(data, loose[:, :before])
+                parts += _in_chunks(data, loose[:, :before])
                 self._accounted += before
                 loose = loose[:, before:]
                 bytes_, messages = self._chunk(data, at, at + size)
@@ -176,14 +176,14 @@ class McapFile:
                 self._indexed += max(0, (size - 6) // 16)
             else:
                 self._record(opcode, data[at : at + size].tobytes())
-        parts += _batched(data, loose)
+        parts += _in_chunks(data, loose)
         self._accounted += loose.shape[1]
         yield from self._known(data, parts)
 
     def _chunk(self, data: Bytes, first: int, end: int) -> tuple[Bytes, NDArray[np.int64]]:
         """Messages of the chunk with the body ``data[first:end]``, and the bytes that hold them."""
         try:
-            records = chunk_records(data, first, end, self._spare)
+            records = chunk_records(data, first, end, self._budget)
         except (ChunkError, struct.error):
             self._settle(0, 1)
             return data, np.empty((4, 0), np.int64)
@@ -204,20 +204,20 @@ class McapFile:
         self.damaged += damaged
         self._indexed, self._accounted = 0, accounted
 
-    def _known(self, window: Bytes, parts: list[tuple[Bytes, NDArray[np.int64]]]) -> Iterator[Stretch]:
+    def _known(self, window: Bytes, parts: list[tuple[Bytes, NDArray[np.int64]]]) -> Iterator[MessageBatch]:
         """Messages of known channels."""
-        for stretch in joined(window, [part for part in parts if part[1].size], self._channels):
-            channels = np.flatnonzero(np.bincount(stretch.messages[0]))
+        for batch in joined(window, [part for part in parts if part[1].size], self._channels):
+            channels = np.flatnonzero(np.bincount(batch.messages[0]))
             unknown = [channel for channel in channels.tolist() if not self._is_known(channel)]
             if not unknown:
-                self.messages += len(stretch)
-                yield stretch
+                self.messages += len(batch)
+                yield batch
                 continue
-            keep = ~np.isin(stretch.messages[0], unknown)
+            keep = ~np.isin(batch.messages[0], unknown)
             self.lost += int(np.count_nonzero(~keep))
             self.messages += int(np.count_nonzero(keep))
-            ends = np.concatenate(([0], np.cumsum(keep)))[list(stretch.ends)]
-            yield Stretch(stretch.data, stretch.messages[:, keep], self._channels, tuple(ends.tolist()))
+            ends = np.concatenate(([0], np.cumsum(keep)))[list(batch.ends)]
+            yield MessageBatch(batch.data, batch.messages[:, keep], self._channels, tuple(ends.tolist()))
 
     def _is_known(self, channel: int) -> bool:
         """Whether a channel is described, if not before its messages then at the end of the file."""
@@ -229,7 +229,7 @@ class McapFile:
                 self._channels[channel] = self._stated[channel]
         return channel in self._channels
 
-    def _end(self, data: Bytes, found: Walk) -> Iterator[Stretch]:
+    def _end(self, data: Bytes, found: Walk) -> Iterator[MessageBatch]:
         """Read what is left of the record that the file ends in."""
         self.truncated = True
         left = len(data) - found.stop
@@ -250,7 +250,7 @@ class McapFile:
 
 
 def _describe(opcode: int, body: bytes, schemas: dict[int, Schema], channels: dict[int, Topic]) -> None:
-    """Take in a schema or a channel; the first description of a channel counts."""
+    """Add a schema or a channel; the first description of a channel counts."""
     stream = ReadDataStream(BytesIO(body))
     if opcode == Opcode.SCHEMA:
         schema = Schema.read(stream)
@@ -281,8 +281,8 @@ def _loaded(file: IO[bytes], at: int, buffer: Bytes) -> Bytes:
     return buffer[:filled]
 
 
-def _batched(data: Bytes, messages: NDArray[np.int64]) -> list[tuple[Bytes, NDArray[np.int64]]]:
-    return [(data, messages[:, first : first + BATCH]) for first in range(0, messages.shape[1], BATCH)]
+def _in_chunks(data: Bytes, messages: NDArray[np.int64]) -> list[tuple[Bytes, NDArray[np.int64]]]:
+    return [(data, messages[:, first : first + LOOSE]) for first in range(0, messages.shape[1], LOOSE)]
 
 
 def _summary_records(file: IO[bytes]) -> list[tuple[int, bytes]] | None:

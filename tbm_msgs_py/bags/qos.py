@@ -6,18 +6,18 @@ from rosbags.interfaces import Qos, QosDurability, QosHistory, QosLiveliness, Qo
 from rosbags.rosbag2.errors import ReaderError
 from rosbags.rosbag2.metadata import parse_qos
 
-from tbm_msgs_py.topics import BLOCK_QUALITY, Quality
+from tbm_msgs_py.topics import BLOCK_QOS, QoS
 
 _FOREVER = QosTime(*divmod(2**63 - 1, 10**9))
 
 
-def rosbag_qos(quality: Quality) -> Qos:
+def rosbag_profile(qos: QoS) -> Qos:
     """Quality of service as rosbag2 stores it."""
     return Qos(
         history=QosHistory.KEEP_LAST,
-        depth=quality.depth,
-        reliability=QosReliability.RELIABLE if quality.reliable else QosReliability.BEST_EFFORT,
-        durability=QosDurability.TRANSIENT_LOCAL if quality.latched else QosDurability.VOLATILE,
+        depth=qos.depth,
+        reliability=QosReliability.RELIABLE if qos.reliable else QosReliability.BEST_EFFORT,
+        durability=QosDurability.TRANSIENT_LOCAL if qos.latched else QosDurability.VOLATILE,
         deadline=_FOREVER,
         lifespan=_FOREVER,
         liveliness=QosLiveliness.AUTOMATIC,
@@ -26,7 +26,7 @@ def rosbag_qos(quality: Quality) -> Qos:
     )
 
 
-def offered_quality(text: str) -> Quality | None:
+def offered_qos(text: str) -> QoS | None:
     """Quality of service that a recording states for a topic; None when it states none.
 
     Reliable and latched only when every recorded publisher was. A volatile queue is at least as deep as that of a
@@ -40,8 +40,8 @@ def offered_quality(text: str) -> Quality | None:
         return None
     latched = all(profile.durability == QosDurability.TRANSIENT_LOCAL for profile in profiles)
     depth = max(profile.depth for profile in profiles)
-    return Quality(
+    return QoS(
         reliable=all(profile.reliability != QosReliability.BEST_EFFORT for profile in profiles),
         latched=latched,
-        depth=max(1, depth) if latched else max(depth, BLOCK_QUALITY.depth),
+        depth=max(1, depth) if latched else max(depth, BLOCK_QOS.depth),
     )

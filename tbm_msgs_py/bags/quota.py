@@ -15,8 +15,7 @@ from pathlib import Path
 from typing import Final
 
 from tbm_msgs_py.bags import metadata
-from tbm_msgs_py.bags.locking import lock
-from tbm_msgs_py.bags.marks import custom_data
+from tbm_msgs_py.bags.folder import lock
 from tbm_msgs_py.bags.writing import BagWriter
 from tbm_msgs_py.base.errors import RecordingError
 
@@ -29,7 +28,7 @@ _SIGNS: Final = (f"recorder: {_RECORDER['recorder']}", f"{_QUOTA}: ")
 
 
 def mark(quota: float) -> dict[str, str]:
-    """Give the custom data of a recording that is made under a quota in MB or, with 0, without."""
+    """Mark, as custom data, a recording that is made under a quota in MB or, with 0, without."""
     return {**_RECORDER, **({_QUOTA: f"{quota:g}"} if quota else {})}
 
 
@@ -102,7 +101,7 @@ def _delete_finished(file: Path) -> bool:
 
     folder = file.parent
     described = metadata.read(folder)
-    names, found = [other["path"] for other in described["files"]], custom_data(described)
+    names, found = [other["path"] for other in described["files"]], metadata.custom_data(described)
     if file.name not in names or _QUOTA not in found or not _RECORDER.items() <= found.items():
         return False
     if names == [file.name]:

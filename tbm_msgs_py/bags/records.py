@@ -1,7 +1,7 @@
 """The records of an MCAP file or chunk, walked over in compiled code, damaged or not.
 
 A record is an opcode (1 byte), the length of its body (8 bytes) and the body (mcap.dev/spec). One walk finds the
-messages of a stretch of bytes as four rows of numbers; nothing is made for a single message. Where no record can
+messages among some bytes as four rows of numbers; nothing is made for a single message. Where no record can
 begin, the walk searches for the next place from which three records follow one another.
 """
 
@@ -204,7 +204,7 @@ def _walk(data: Any, first: int, end: int, limit: int, searching: bool) -> Any: 
                         break
                     if opcode == _MESSAGE:
                         log = number(data, body + 6, 8)
-                        if log < 0:  # no time of this world
+                        if log < 0:  # beyond what a signed number of ns can be
                             lost += 1
                         else:
                             messages[0, n] = number(data, body, 2)

@@ -5,21 +5,15 @@ from __future__ import annotations
 from collections import Counter
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
-
-from rosbags.typesys import get_types_from_idl, get_types_from_msg
-from rosbags.typesys.store import Typestore
 
 from tbm_msgs_py.bags.bag import Bag
 from tbm_msgs_py.bags.batch import Topic
-from tbm_msgs_py.bags.marks import SYNTHETIC, is_synthetic
-from tbm_msgs_py.bags.qos import offered_quality
-from tbm_msgs_py.bags.samples import typestore
+from tbm_msgs_py.bags.definitions import recorded_definition
+from tbm_msgs_py.bags.metadata import SYNTHETIC, is_synthetic
+from tbm_msgs_py.bags.qos import offered_qos
 from tbm_msgs_py.bags.writing import BagWriter
 from tbm_msgs_py.base.errors import RecordingError
-
-UNKNOWN_HASH = "RIHS01_" + 64 * "0"  # of a definition that the library cannot parse
-_IDL = "=" * 80 + "\nIDL: "  # how a definition in IDL begins
+from tbm_msgs_py.topics import QoS
 
 
 @dataclass(frozen=True)
@@ -62,7 +56,7 @@ def recover(path: str | Path, out: str | Path) -> Recovery:
     """
     bag = Bag(path)
     left_out: Counter[str] = Counter()
-    described: dict[Topic, dict[str, Any]] = {}
+    described: dict[Topic, tuple[QoS | None, tuple[str, str] | None]] = {}
     recovered = 0
     with BagWriter(out, custom_data=SYNTHETIC if is_synthetic(bag.path) else None) as writer:
         for topic, log_ns, data in bag.messages():
@@ -70,30 +64,10 @@ def recover(path: str | Path, out: str | Path) -> Recovery:
                 left_out[topic.name] += 1
                 continue
             if topic not in described:
-                described[topic] = {"quality": offered_quality(topic.qos), "definition": _definition(topic)}
-            writer.write(topic.name, topic.type, log_ns, data, **described[topic])
+                described[topic] = offered_qos(topic.qos), recorded_definition(topic)
+            qos, definition = described[topic]
+            writer.write(topic.name, topic.type, log_ns, data, qos=qos, definition=definition)
             recovered += 1
         if not recovered:
             raise RecordingError(f"{bag.path}: no message could be read, allowed: at least one to recover")
     return Recovery(recovered, bag.lost + left_out.total(), bag.damaged, bag.truncated, dict(left_out))
-
-
-def _definition(topic: Topic) -> tuple[str, str] | None:
-    """Definition and hash as they were recorded; None for those of the library."""
-    if topic.type in typestore().types:
-        known, _ = typestore().generate_msgdef(topic.type, ros_version=2)
-        if topic.definition in ("", known):
-            return None
-    return topic.definition, topic.type_hash or _hash(topic)
-
-
-def _hash(topic: Topic) -> str:
-    store = Typestore()
-    try:
-        if topic.definition.startswith(_IDL):
-            store.register(get_types_from_idl(topic.definition))
-        else:
-            store.register(get_types_from_msg(topic.definition, topic.type))
-        return str(store.hash_rihs01(topic.type))
-    except Exception:  # noqa: BLE001  the parser and the hash fail in many ways at a definition that is damaged
-        return UNKNOWN_HASH

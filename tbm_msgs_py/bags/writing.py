@@ -7,7 +7,6 @@ import shutil
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, suppress
 from pathlib import Path
-from types import TracebackType
 from typing import Any, Self
 
 import numpy as np
@@ -15,16 +14,16 @@ from numpy.typing import ArrayLike
 
 from tbm_msgs_py import blocks, topics
 from tbm_msgs_py.bags import metadata
-from tbm_msgs_py.bags.locking import lock
+from tbm_msgs_py.bags.bag_file import BagFile, Compression
+from tbm_msgs_py.bags.definitions import BLOCK_TYPE, JOINT_STATE_TYPE, typestore
+from tbm_msgs_py.bags.folder import lock
 from tbm_msgs_py.bags.metadata import TopicEntry
-from tbm_msgs_py.bags.part import Compression, Part
-from tbm_msgs_py.bags.samples import BLOCK_TYPE, JOINT_STATE_TYPE, typestore
 from tbm_msgs_py.base.errors import RecordingError
 from tbm_msgs_py.base.files import hidden_beside
 from tbm_msgs_py.base.operating_point import OperatingPoint
 from tbm_msgs_py.base.units import NANOSECONDS
 from tbm_msgs_py.blocks import BlockLayout
-from tbm_msgs_py.topics import Quality
+from tbm_msgs_py.topics import QoS
 
 
 class BagWriter:
@@ -66,7 +65,7 @@ class BagWriter:
         self._max_ns = np.inf if max_seconds is None else max_seconds * NANOSECONDS
         self._custom_data = dict(custom_data or {})
         self._finished: list[metadata.FileEntry] = []
-        self._part: Part | None = None
+        self._file: BagFile | None = None
         self._number = 0
         self._lock: int | None = None
         self._entries: dict[tuple[str, str], TopicEntry] = {}
@@ -77,9 +76,7 @@ class BagWriter:
         self.open()
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, kind: type[BaseException] | None, *_: object) -> None:
         if kind is None:
             self.close()
         else:
@@ -88,7 +85,7 @@ class BagWriter:
     @property
     def current(self) -> Path | None:
         """File being written, None when the recording is not open."""
-        return self._part.path if self._part else None
+        return self._file.path if self._file else None
 
     @property
     def messages(self) -> int:
@@ -102,14 +99,14 @@ class BagWriter:
             if not self._bare:
                 self.path.mkdir()
                 self._lock = lock(self.path)
-            self._begin_part()
+            self._begin_file()
 
     def close(self) -> None:
         """Finish the recording: index and metadata; one that is not open stays as it is."""
-        if self._part is None:
+        if self._file is None:
             return
         try:
-            file = self._end_part().path
+            file = self._end_file().path
             with self._one_line():
                 if self._bare:
                     file.replace(self.path)
@@ -121,11 +118,11 @@ class BagWriter:
         self._unlock()
 
     def salvage(self) -> None:
-        """Give the recording up as it is on the disk: every message up to the last flush, and metadata that say so."""
-        if self._part is not None:
-            self._part.abandon()
-            self._finished.append(self._part.entry)
-            self._part = None
+        """End the recording as it is on the disk: every message up to the last flush, and metadata that say so."""
+        if self._file is not None:
+            self._file.abandon()
+            self._finished.append(self._file.entry)
+            self._file = None
         if not self._bare:
             with suppress(OSError):  # no room for that either: the last metadata are true for the files before
                 self._describe()
@@ -133,18 +130,18 @@ class BagWriter:
 
     def discard(self) -> None:
         """Remove what has been written."""
-        part, self._part = self._part, None
-        if part is not None:
-            part.abandon()
+        file, self._file = self._file, None
+        if file is not None:
+            file.abandon()
             if self._bare:
-                part.path.unlink()
+                file.path.unlink()
         if not self._bare:
             shutil.rmtree(self.path, ignore_errors=True)
         self._unlock()
 
     def flush(self) -> None:
-        """Hand everything written so far to the operating system: what was flushed survives a kill."""
-        self._open_part().flush()
+        """Pass everything written so far to the operating system: what was flushed survives a kill."""
+        self._current_file().flush()
         if self._undescribed and not self._bare:
             with self._one_line():
                 self._describe()
@@ -165,7 +162,7 @@ class BagWriter:
         log_ns: int,
         data: bytes | memoryview,
         *,
-        quality: Quality | None = None,
+        qos: QoS | None = None,
         definition: tuple[str, str] | None = None,
     ) -> None:
         """Write one serialised message.
@@ -178,18 +175,18 @@ class BagWriter:
             Log time, ns.
         data : bytes
             CDR.
-        quality : Quality, optional
+        qos : QoS, optional
             Offered quality of service, taken from the first message of a topic; default that of the contract.
         definition : (str, str), optional
             Definition text and hash of a type that ROS 2 Jazzy's common interfaces do not hold.
         """
-        part, log_ns, data = self._open_part(), int(log_ns), bytes(data)
-        entry = self._entries.get((topic, message_type)) or self._declare(topic, message_type, quality, definition)
-        full = part.size >= self._max_bytes or log_ns - part.entry.start_ns >= self._max_ns
-        if full and part.entry.messages:
-            part = self._next_part(log_ns)
-        part.write(entry, log_ns, data)
-        if entry.quality.latched:
+        file, log_ns, data = self._current_file(), int(log_ns), bytes(data)
+        entry = self._entries.get((topic, message_type)) or self._declare(topic, message_type, qos, definition)
+        full = file.size >= self._max_bytes or log_ns - file.entry.start_ns >= self._max_ns
+        if full and file.entry.messages:
+            file = self._next_file(log_ns)
+        file.write(entry, log_ns, data)
+        if entry.qos.latched:
             self._latched[entry] = data
 
     def write_block(
@@ -239,7 +236,7 @@ class BagWriter:
         self.write(topic, message_type, log_ns, typestore().serialize_cdr(message, message_type))
 
     def _declare(
-        self, topic: str, message_type: str, quality: Quality | None, definition: tuple[str, str] | None
+        self, topic: str, message_type: str, qos: QoS | None, definition: tuple[str, str] | None
     ) -> TopicEntry:
         if definition is None:
             if message_type not in typestore().types:
@@ -249,27 +246,27 @@ class BagWriter:
                 )
             text, _ = typestore().generate_msgdef(message_type, ros_version=2)
             definition = text, typestore().hash_rihs01(message_type)
-        entry = TopicEntry(topic, message_type, definition[1], quality or topics.quality(topic), definition[0])
+        entry = TopicEntry(topic, message_type, definition[1], qos or topics.qos(topic), definition[0])
         self._entries[topic, message_type] = entry
         self._undescribed = True
         return entry
 
-    def _next_part(self, log_ns: int) -> Part:
-        self._end_part()
+    def _next_file(self, log_ns: int) -> BagFile:
+        self._end_file()
         with self._one_line():
-            following = self._begin_part()
+            following = self._begin_file()
         for entry, data in self._latched.items():
             following.write(entry, log_ns, data)
         return following
 
-    def _end_part(self) -> Part:
-        part = self._open_part()
-        part.close()
-        self._finished.append(part.entry)
-        self._part = None
-        return part
+    def _end_file(self) -> BagFile:
+        file = self._current_file()
+        file.close()
+        self._finished.append(file.entry)
+        self._file = None
+        return file
 
-    def _begin_part(self) -> Part:
+    def _begin_file(self) -> BagFile:
         """Start the next file; it is there before the metadata name it."""
         if self._bare:
             # Beside the result, so that the finished file moves into its place in one step.
@@ -277,13 +274,13 @@ class BagWriter:
         else:
             file = self.path / (f"{self.path.name}_{self._number}.mcap" if self._split else f"{self.path.name}.mcap")
         self._number += 1
-        self._part = Part(file, self._compression)
+        self._file = BagFile(file, self._compression)
         if not self._bare:
             self._describe()
-        return self._part
+        return self._file
 
     def _files(self) -> list[metadata.FileEntry]:
-        return [*self._finished, *([self._part.entry] if self._part else [])]
+        return [*self._finished, *([self._file.entry] if self._file else [])]
 
     def _describe(self) -> None:
         metadata.write(self.path, metadata.information(self._files(), self._custom_data))
@@ -302,14 +299,14 @@ class BagWriter:
         except OSError as error:
             raise RecordingError(f"{self.path}: {error.strerror}, allowed: a folder that can be written") from error
 
-    def _open_part(self) -> Part:
-        if self._part is None:
+    def _current_file(self) -> BagFile:
+        if self._file is None:
             raise RecordingError(f"{self.path}: the recording is not open, allowed: to write between open and close")
-        return self._part
+        return self._file
 
 
 def bare_label(path: Path, process: int) -> str:
-    """Begin of the name that a bare file has while a process writes it, after its dot."""
+    """Beginning of the name that a bare file has while a process writes it, after its dot."""
     return f"{path.stem}.{process}."
 
 

@@ -1,1 +1,1 @@
-"""What everything stands on: errors, units, the operating point, strict YAML, arrays, files written whole."""
+"""What everything stands on: errors, units, the operating point, texts, files, strict YAML, validation, arrays."""

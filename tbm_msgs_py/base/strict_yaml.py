@@ -1,32 +1,78 @@
-"""YAML as people mean it: `1e9` is a number (YAML 1.1 asks for `1.0e+9`), a key given twice is an error."""
+"""YAML files of people: `1e9` is a number (YAML 1.1 asks for `1.0e+9`), a key given twice is an error."""
 
 from __future__ import annotations
 
 import re
-from collections.abc import Hashable
+from collections.abc import Hashable, Iterable
+from pathlib import Path
 
 import yaml
+
+from tbm_msgs_py.base.errors import InputError
+from tbm_msgs_py.base.files import LARGEST_TEXT, read_text
 
 # The C parser is five times faster, which a calibration notices; a few builds of PyYAML lack it.
 _SafeLoader: type[yaml.SafeLoader] = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
 
 
-def strict_yaml(text: str) -> object:
-    """Parse a document; raises yaml.YAMLError."""
+def read_yaml(
+    path: str | Path,
+    what: str,
+    keys: Iterable[str] = (),
+    error: type[InputError] = InputError,
+    largest: int = LARGEST_TEXT,
+) -> dict[str, object]:
+    """Content of a YAML file.
+
+    Parameters
+    ----------
+    path : str or Path
+    what : str
+        What the file holds, for messages.
+    keys : iterable of str
+        At least one of them is in the file; empty for any mapping.
+    error : type
+        Kind of error that is raised.
+    largest : int
+        Bytes that it may have.
+
+    Raises
+    ------
+    InputError
+        What is wrong, and where, without a word of the file: over ROS anybody may name one.
+    """
+    path = Path(path)
+    if path.exists() and not path.is_file():
+        raise error(f"{path}: no regular file, allowed: {what}")
     try:
-        return yaml.load(text, Loader=_Loader)  # noqa: S506 - a SafeLoader that also refuses repeated keys
+        text = read_text(path, largest=largest)
+    except OSError as problem:
+        raise error(f"{path}: cannot be read ({problem.strerror}), allowed: {what}") from None
+    except UnicodeDecodeError:
+        raise error(f"{path}: not YAML (no UTF-8 text), allowed: {what}") from None
+    return parse_yaml(text, str(path), what, keys, error)
+
+
+def parse_yaml(
+    text: str, label: str, what: str, keys: Iterable[str] = (), error: type[InputError] = InputError
+) -> dict[str, object]:
+    """Content of a YAML text, which messages call `label`; see `read_yaml`."""
+    try:
+        content = yaml.load(text, Loader=_Loader)  # noqa: S506 - a SafeLoader that also refuses repeated keys
+    except yaml.MarkedYAMLError as problem:
+        mark = problem.problem_mark or problem.context_mark
+        place = f"line {mark.line + 1}, column {mark.column + 1}: " if mark else ""
+        raise error(f"{label}: not YAML ({place}{problem.problem}), allowed: {what}") from None
+    except yaml.YAMLError as problem:
+        raise error(f"{label}: not YAML ({' '.join(str(problem).split())}), allowed: {what}") from None
     except RecursionError:
-        raise yaml.YAMLError("nested too deeply") from None
-    except ValueError as error:  # a number of thousands of digits, a date that is none
-        raise yaml.YAMLError(str(error)) from None
-
-
-def yaml_problem(error: Exception) -> str:
-    """Say what is wrong with a text that is no YAML, and where, without quoting it: it may be anybody's file."""
-    mark = getattr(error, "problem_mark", None)
-    if mark is None:
-        return " ".join(str(error).split())
-    return f"line {mark.line + 1}, column {mark.column + 1}: {getattr(error, 'problem', '')}"
+        raise error(f"{label}: not YAML (nested too deeply), allowed: {what}") from None
+    except (ValueError, LookupError, TypeError, AttributeError) as problem:  # thousands of digits, a date that is none
+        raise error(f"{label}: not YAML ({type(problem).__name__} at a value), allowed: {what}") from None
+    keys = list(keys)
+    if not isinstance(content, dict) or (keys and content.keys().isdisjoint(keys)):
+        raise error(f"{label}: not {what}, allowed: a mapping{' with keys of ' * bool(keys)}{', '.join(keys)}")
+    return content
 
 
 class _Loader(_SafeLoader):  # type: ignore[valid-type, misc]  # chosen at run time

@@ -1,23 +1,44 @@
-"""Texts of a machine file."""
+"""Texts of others, such as names in a recording or values of a file: held within bounds and fit for a terminal."""
 
-from typing import Annotated, Final
+from __future__ import annotations
 
-from pydantic import AfterValidator, Field
+from collections.abc import Iterable
+from typing import Final
 
-from tbm_msgs_py.base.bounds import LONGEST_LINE, LONGEST_NAME
+LONGEST_NAME: Final = 255
+"""Characters of a name, as of a topic in ROS 2: of a machine, a test point, a column, a group of inputs."""
+LONGEST_LINE: Final = 1000
+"""Characters of a line of prose, as the source of a value."""
+LONGEST_MESSAGE: Final = 2000
+"""Characters of a message; its beginning says what is wrong."""
+_QUOTED: Final = 80
+_LISTED: Final = 20
 
 
-def _printable(text: str) -> str:
-    """Text that a terminal, a picture and a page can show."""
-    if not text.isprintable():
-        raise ValueError("must be one line of printable characters")
-    return text
+def shortened(text: str, most: int = LONGEST_MESSAGE) -> str:
+    """Text as it is, or the beginning of a long one and its length."""
+    return text if len(text) <= most else f"{text[:most]}… ({len(text)} characters)"
 
 
-Label = Annotated[str, Field(min_length=1, max_length=LONGEST_NAME), AfterValidator(_printable)]
-Line = Annotated[str, Field(min_length=1, max_length=LONGEST_LINE), AfterValidator(_printable)]
-Source = Line
-"""Where a value is from: one of `SOURCES`, or the user's own words, as `drawing 4711, rev. B`."""
+def quoted(value: object) -> str:
+    """Value in quotes, or the beginning of a long one and its length."""
+    return shortened(repr(value), _QUOTED)
 
-SOURCES: Final = ("table1", "table4", "table5", "assumed", "calibrated", "updated")
-"""Sources with a meaning: tables of the paper, ours, fitted by the calibration, changed to explain a recording."""
+
+def listed(names: Iterable[str], most: int = _LISTED, separator: str = ", ") -> str:
+    """Names for a message, each once and in their order; of many the first, and how many more there are."""
+    there = list(dict.fromkeys(names))
+    more = f" and {len(there) - most} more" if len(there) > most else ""
+    return (separator.join(shortened(name, LONGEST_LINE) for name in there[:most]) or "none") + more
+
+
+def printable(text: str, keep: str = "") -> str:
+    r"""Text with escapes such as ``\x1b`` for what a terminal would obey, or what would turn its line around.
+
+    Control characters, those that change the direction of writing, and whatever else has no shape of its own; the
+    characters of `keep` stay as they are.
+    """
+    if text.isprintable():
+        return text
+    escaped = (one if one.isprintable() or one in keep else one.encode("unicode_escape").decode() for one in text)
+    return "".join(escaped)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import heapq
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import NamedTuple
@@ -19,16 +19,27 @@ from tbm_msgs_py.base.files import write_whole
 from tbm_msgs_py.base.operating_point import OperatingPoint
 from tbm_msgs_py.base.units import NANOSECONDS
 from tbm_msgs_py.blocks import ACCELERATION
-from tbm_msgs_py.importing.description import Description, OperatingColumns, PointColumns, TimeColumn
-from tbm_msgs_py.importing.extra import complaints
-from tbm_msgs_py.importing.formats import open_source
+from tbm_msgs_py.importing.csv_file import CsvFile
+from tbm_msgs_py.importing.description import Description, TimeColumn, same_unit
+from tbm_msgs_py.importing.library_warnings import library_warnings
+from tbm_msgs_py.importing.matlab_file import MatlabFile
+from tbm_msgs_py.importing.mdf_file import MdfFile
 from tbm_msgs_py.importing.source import Source
+from tbm_msgs_py.importing.tdms_file import TdmsFile
 from tbm_msgs_py.importing.timing import RowTimes
-from tbm_msgs_py.importing.units import same_unit
+from tbm_msgs_py.importing.wav_file import WavFile
 from tbm_msgs_py.recordings import mapping
 from tbm_msgs_py.recordings.mapping import contract_sensor
 
 BLOCK_SAMPLES = topics.MODEL_BLOCK_SAMPLES
+_OPENERS: dict[str, Callable[[Path, Description], Source]] = {
+    ".csv": lambda path, description: CsvFile(path, description.csv),
+    ".txt": lambda path, description: CsvFile(path, description.csv),
+    ".tdms": lambda path, _: TdmsFile(path),
+    ".mf4": lambda path, _: MdfFile(path),
+    ".wav": lambda path, _: WavFile(path),
+    ".mat": lambda path, _: MatlabFile(path),
+}
 
 
 @dataclass
@@ -96,116 +107,88 @@ def import_recording(
         Called with the number of samples of every message written.
     """
     path, out = Path(path), Path(out)
-    with complaints(path) as said:
+    with library_warnings(path) as texts:
         imported = _import(path, description, out, progress)
-    return Imported(imported.streams, [*imported.warnings, *said])
+    return Imported(imported.streams, [*imported.warnings, *texts])
+
+
+def _open(path: Path, description: Description) -> Source:
+    opener = _OPENERS.get(path.suffix.lower())
+    if opener is None:
+        raise RecordingError(f"{path}: suffix {path.suffix or 'missing'}, allowed: {', '.join(_OPENERS)}")
+    if not path.is_file():
+        raise RecordingError(f"{path}: no such file, allowed: a file of measurements")
+    return opener(path, description)
 
 
 def _import(path: Path, description: Description, out: Path, progress: Callable[[int], None] | None) -> Imported:
-    source = open_source(path, description)
+    source = _open(path, description)
     stated = {topics.absolute(topics.field_block(name)): point.written() for name, point in description.points.items()}
     if out.suffix == ".mcap" and any(sensor != contract_sensor(sensor.point) for sensor in stated.values()):
         raise RecordingError(
             f"{out}: a bare file cannot say gravity, frame, axes, rotation and range, allowed: a new folder"
         )
-    warnings = _check_units(path, source, description)
-    streams = _streams(description)
+    warnings = _check_units(source, description)
+    streams = {name: _stream(name, entry.columns) for name, entry in description.streams.items()}
+    groups = [streams] if source.shared_rows else [{name: stream} for name, stream in streams.items()]
+    messages = [_messages(source, description, group) for group in groups]
     with BagWriter(out) as writer:
-        for message in heapq.merge(*_groups(path, source, description, streams), key=lambda message: message.stamp_ns):
+        for message in heapq.merge(*messages, key=lambda message: message.stamp_ns):
             _write(writer, streams[message.name].topic, message)
             if progress:
                 progress(len(message.times_ns))
         if stated and out.suffix != ".mcap":
-            content = mapping.Mapping(topics=stated).model_dump(mode="json", exclude_none=True)
+            content = mapping.TopicMapping(topics=stated).model_dump(mode="json", exclude_none=True)
             text = yaml.safe_dump(content, sort_keys=False)
             write_whole(out / mapping.FILE_NAME, text.encode())
     return Imported(streams, warnings)
 
 
-def _streams(description: Description) -> dict[str, Stream]:
-    streams = {}
-    for name, point in description.points.items():
-        missing = [axis for axis, column in zip("xyz", point.columns, strict=True) if column is None]
-        streams[name] = Stream(topics.absolute(topics.field_block(name)), unmeasured=missing)
-    if description.operating_point:
-        streams[topics.OPERATING_POINT] = Stream(topics.absolute(topics.OPERATING_POINT))
-    return streams
+def _stream(name: str, columns: Sequence[str | None]) -> Stream:
+    if name == topics.OPERATING_POINT:
+        return Stream(topics.absolute(topics.OPERATING_POINT))
+    missing = [axis for axis, column in zip("xyz", columns, strict=True) if column is None]
+    return Stream(topics.absolute(topics.field_block(name)), unmeasured=missing)
 
 
-def _check_units(path: Path, source: Source, description: Description) -> list[str]:
+def _check_units(source: Source, description: Description) -> list[str]:
     """Refuse a missing full scale; warnings where the file states another unit than the user."""
     for name, point in description.points.items():
         if source.full_scale and point.full_scale is None:
-            raise RecordingError(
-                f"{path}: points.{name}.full_scale: missing, allowed: what full scale is in {point.units}"
-            )
-    stated: list[tuple[str, str]] = [
-        (column, point.units) for point in description.points.values() for column in point.columns if column
-    ]
-    if description.operating_point:
-        stated += [(entry.column, entry.unit) for entry in description.operating_point.entries()]
+            raise source.error(f"points.{name}.full_scale: missing, allowed: what full scale is in {point.units}")
     return [
-        f"{path}: column {column}: the file says {label}, the description {unit}"
-        for column, unit in stated
-        if (label := source.unit(column).strip()) and not same_unit(label, unit)
+        f"{source.path}: column {column}: the file says {label}, the description {unit}"
+        for entry in description.streams.values()
+        for column, unit in zip(entry.columns, entry.stated_units, strict=True)
+        if column and (label := source.unit(column).strip()) and not same_unit(label, unit)
     ]
 
 
-def _groups(
-    path: Path, source: Source, description: Description, streams: dict[str, Stream]
-) -> list[Iterator[_Message]]:
-    """Give one reading for all streams whose columns share their rows."""
-    groups = [list(streams)] if source.shared_rows else [[name] for name in streams]
-    return [_messages(path, source, description, {name: streams[name] for name in group}) for group in groups]
-
-
-def _messages(path: Path, source: Source, description: Description, streams: dict[str, Stream]) -> Iterator[_Message]:
+def _messages(source: Source, description: Description, streams: dict[str, Stream]) -> Iterator[_Message]:
     """Messages of the streams of one time base, in the order of time."""
-    wanted = {name: _columns(description, name) for name in streams}
-    columns = list(dict.fromkeys(column for names in wanted.values() for column in names if column))
-    time = description.time
-    restart_gap = time.restart_gap if isinstance(time, TimeColumn) else None
-    clock = RowTimes(path, _start(path, source, description), description.rate, restart_gap, source.row)
+    entries = {name: description.streams[name] for name in streams}
+    columns = list(dict.fromkeys(column for entry in entries.values() for column in entry.columns if column))
+    time, start_ns = description.time, description.start_ns
+    if description.start == "file":
+        if source.start_ns is None:
+            raise source.error("start: file: the file states no moment, allowed: a date and time with its zone")
+        start_ns = source.start_ns
+    clock = RowTimes(source, start_ns, description.rate, time.restart_gap if isinstance(time, TimeColumn) else None)
     for piece in source.pieces(columns, time):
         stamps = clock.stamps(piece.times_ns, len(piece.values))
         edges = clock.gaps_before(stamps)
-        batches = []
-        for name, names in wanted.items():
-            values = _scaled(description, name, [piece.values[:, columns.index(c)] if c else None for c in names])
-            batches += _batches(name, stamps, values, edges)
-        yield from sorted(batches, key=lambda message: message.stamp_ns)
+        messages = []
+        for name, entry in entries.items():
+            # An axis that was not measured is 0.
+            values = [piece.values[:, columns.index(c)] if c else np.zeros(len(stamps)) for c in entry.columns]
+            scaled = np.column_stack([column * by for column, by in zip(values, entry.factors, strict=True)])
+            messages += _batches(name, stamps, scaled, edges)
+        yield from sorted(messages, key=lambda message: message.stamp_ns)
     for stream in streams.values():
         stream.samples, stream.gaps, stream.restarts = clock.rows, clock.gaps, clock.restarts
         if clock.step_ns:
             stream.rate_hz = NANOSECONDS / clock.step_ns
             stream.jitter = clock.jitter_ns / clock.step_ns
-
-
-def _start(path: Path, source: Source, description: Description) -> int:
-    if description.start != "file":
-        return description.start_ns
-    if source.start_ns is None:
-        raise RecordingError(f"{path}: start: file: the file states no moment, allowed: a date and time with its zone")
-    return source.start_ns
-
-
-def _columns(description: Description, name: str) -> list[str | None]:
-    operating = description.operating_point
-    if name == topics.OPERATING_POINT and operating:
-        return [entry.column for entry in operating.entries()]
-    return list(description.points[name].columns)
-
-
-def _scaled(description: Description, name: str, columns: list[NDArray[np.float64] | None]) -> NDArray[np.float64]:
-    """Columns of a stream in SI units, (n, k); an axis that was not measured is 0."""
-    described: PointColumns | OperatingColumns | None = description.points.get(name) or description.operating_point
-    length = next(len(column) for column in columns if column is not None)
-    if isinstance(described, PointColumns):
-        factors = [described.factor] * len(columns)
-    else:
-        factors = [entry.factor for entry in described.entries()] if described else []
-    filled = [np.zeros(length) if column is None else column for column in columns]
-    return np.column_stack([column * factor for column, factor in zip(filled, factors, strict=True)])
 
 
 def _batches(

@@ -12,10 +12,9 @@ from typing import IO, Final, NoReturn
 import numpy as np
 from numpy.typing import NDArray
 
-from tbm_msgs_py.base.bounds import LONGEST_NAME, quoted, shortened
-from tbm_msgs_py.base.errors import RecordingError
-from tbm_msgs_py.importing.description import CsvLayout, TimeColumn, to_ns
-from tbm_msgs_py.importing.source import PIECE_ROWS, Piece, nanoseconds, no_column, no_time_of_its_own
+from tbm_msgs_py.base.texts import LONGEST_NAME, quoted, shortened
+from tbm_msgs_py.importing.description import CsvLayout, TimeBase, TimeColumn, to_ns
+from tbm_msgs_py.importing.source import PIECE_ROWS, Piece, Source, nanoseconds
 
 _LONGEST_LINE: Final = 1 << 20  # characters
 
@@ -23,7 +22,7 @@ _LONGEST_LINE: Final = 1 << 20  # characters
 _EXACT: dict[str, Callable[[str], int]] = {"ns": int, "datetime": lambda text: to_ns(_moment(text))}
 
 
-class CsvFile:
+class CsvFile(Source):
     """A CSV file with a line of column names.
 
     Parameters
@@ -34,52 +33,44 @@ class CsvFile:
         Delimiter, decimal sign, lines.
     """
 
-    shared_rows = True
-    start_ns = None
-    full_scale = False
+    kind = "a CSV"
+    clocks = ("column", "datetime")
 
     def __init__(self, path: Path, layout: CsvLayout) -> None:
-        self.path = path
+        super().__init__(path)
         self._layout = layout
         try:
             with path.open(encoding=layout.encoding, newline="") as file:
-                line = next(islice(_lines_of(path, file), layout.header - 1, None), None)
+                line = next(islice(self._lines_of(file), layout.header - 1, None), None)
         except (UnicodeError, LookupError) as error:
-            raise RecordingError(f"{path}: encoding {layout.encoding}: {error}, allowed: that of the file") from error
+            raise self.error(f"encoding {layout.encoding}: {error}, allowed: that of the file") from error
         if line is None or not line.strip():
-            raise RecordingError(f"{path}: line {layout.header}: empty, allowed: the column names")
+            raise self.error(f"line {layout.header}: empty, allowed: the column names")
         self.columns = [name.strip() for name in self._cells(line, f"line {layout.header}")]
 
     def row(self, index: int) -> str:
-        """Name a row for a message."""
+        """Name of a row for a message."""
         return f"line {self._layout.first_line + index}"
 
-    def unit(self, column: str) -> str:  # noqa: ARG002
-        """Give no unit: a CSV file states none."""
-        return ""
-
-    def pieces(self, columns: Sequence[str], time: TimeColumn | str | None) -> Iterator[Piece]:
-        """Rows of these columns, see `Source`."""
-        if isinstance(time, str):
-            no_time_of_its_own(self.path, "a CSV file")
+    def _pieces(self, columns: Sequence[str], time: TimeBase) -> Iterator[Piece]:
         wanted = [self._index(column) for column in columns]
-        clock = self._index(time.column) if time else None
+        clock = self._index(time.column) if isinstance(time, TimeColumn) else None
         first = 0
         for lines in self._lines():
             self._check_width(lines, first)
             times = None
-            if time and clock is not None:
+            if isinstance(time, TimeColumn) and clock is not None:
                 times = self._times(lines, clock, time, first)
             yield Piece(self._numbers(lines, wanted, first), times)
             first += len(lines)
         if first == 0:
-            raise RecordingError(f"{self.path}: no row after line {self._layout.header}, allowed: at least one")
+            raise self.error(f"no row after line {self._layout.header}, allowed: at least one")
 
     def _lines(self) -> Iterator[list[str]]:
         """Lines of rows, some at a time; empty lines may only follow the last row."""
         layout = self._layout
         with self.path.open(encoding=layout.encoding, newline="") as file:
-            rows = islice(_lines_of(self.path, file), layout.first_line - 1, None)
+            rows = islice(self._lines_of(file), layout.first_line - 1, None)
             try:
                 while lines := list(islice(rows, PIECE_ROWS)):
                     ended = len(lines) < PIECE_ROWS
@@ -88,9 +79,14 @@ class CsvFile:
                     if lines:
                         yield lines
             except UnicodeError as error:
-                raise RecordingError(
-                    f"{self.path}: encoding {layout.encoding}: {error}, allowed: that of the file"
-                ) from error
+                raise self.error(f"encoding {layout.encoding}: {error}, allowed: that of the file") from error
+
+    def _lines_of(self, file: IO[str]) -> Iterator[str]:
+        """Lines of a file; a line that does not end is none of a table."""
+        while line := file.readline(_LONGEST_LINE + 1):
+            if len(line) > _LONGEST_LINE:
+                raise self.error(f"a line of more than {_LONGEST_LINE} characters, allowed: up to that many")
+            yield line
 
     def _check_width(self, lines: Sequence[str], first: int) -> None:
         """Refuse a row whose number of cells is not that of the header: its columns are not where they seem."""
@@ -100,9 +96,7 @@ class CsvFile:
                 row = self.row(first + index)
                 cells = self._cells(line, row)
                 if len(cells) != expected:
-                    raise RecordingError(
-                        f"{self.path}: {row}: {len(cells)} cells, allowed: the {expected} of the header"
-                    )
+                    raise self.error(f"{row}: {len(cells)} cells, allowed: the {expected} of the header")
 
     def _numbers(self, lines: list[str], wanted: Sequence[int], first: int) -> NDArray[np.float64]:
         """Columns of some lines, (n, k)."""
@@ -125,11 +119,11 @@ class CsvFile:
             cells = self._cells(line, row)
             for column in wanted:
                 if not _is_number(cells[column]):
-                    raise RecordingError(
-                        f"{self.path}: {row}, column {shortened(self.columns[column], LONGEST_NAME)}: "
+                    raise self.error(
+                        f"{row}, column {shortened(self.columns[column], LONGEST_NAME)}: "
                         f"{quoted(cells[column].strip())}, allowed: a finite number"
                     )
-        raise RecordingError(f"{self.path}: {self.row(first)} and after: not rows of numbers, allowed: finite numbers")
+        raise self.error(f"{self.row(first)} and after: not rows of numbers, allowed: finite numbers")
 
     def _times(self, lines: list[str], column: int, time: TimeColumn, first: int) -> NDArray[np.int64]:
         exact = _EXACT.get(time.unit)
@@ -143,16 +137,14 @@ class CsvFile:
                 times[index] = exact(cell)
             except (ValueError, OverflowError) as error:
                 allowed = "a whole number of ns" if time.unit == "ns" else "ISO 8601 with its zone"
-                raise RecordingError(
-                    f"{self.path}: {row}, column {time.column}: {quoted(cell)}, allowed: {allowed}"
-                ) from error
+                raise self.error(f"{row}, column {time.column}: {quoted(cell)}, allowed: {allowed}") from error
         return times
 
     def _index(self, column: str) -> int:
         if column not in self.columns:
-            no_column(self.path, column, self.columns)
+            raise self.no_column(column, self.columns)
         if self.columns.count(column) > 1:
-            raise RecordingError(f"{self.path}: column {column} occurs twice in the header, allowed: once")
+            raise self.error(f"column {column} occurs twice in the header, allowed: once")
         return self.columns.index(column)
 
     def _cells(self, line: str, place: str) -> list[str]:
@@ -160,15 +152,7 @@ class CsvFile:
         try:
             return next(csv.reader([line], delimiter=self._layout.delimiter), [])
         except csv.Error as error:
-            raise RecordingError(f"{self.path}: {place}: {error}, allowed: cells of a CSV file") from error
-
-
-def _lines_of(path: Path, file: IO[str]) -> Iterator[str]:
-    """Lines of a file; one that does not end is none of a table."""
-    while line := file.readline(_LONGEST_LINE + 1):
-        if len(line) > _LONGEST_LINE:
-            raise RecordingError(f"{path}: a line of more than {_LONGEST_LINE} characters, allowed: up to that many")
-        yield line
+            raise self.error(f"{place}: {error}, allowed: cells of a CSV file") from error
 
 
 def _is_number(cell: str) -> bool:

@@ -3,26 +3,52 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Generic, Literal, TypeAlias, TypeVar
 
-from pydantic import AwareDatetime, BaseModel, ConfigDict, Field, ValidationError, field_validator, model_validator
+from pydantic import AwareDatetime, BaseModel, ConfigDict, Field, field_validator, model_validator
 
 from tbm_msgs_py import topics
-from tbm_msgs_py.base.bounds import LONGEST_NAME, quoted, shortened
 from tbm_msgs_py.base.errors import RecordingError
-from tbm_msgs_py.base.units import R_MIN
-from tbm_msgs_py.recordings.mapping import Name, SensorMapping, entry_problem, read_yaml
+from tbm_msgs_py.base.strict_yaml import read_yaml
+from tbm_msgs_py.base.texts import quoted
+from tbm_msgs_py.base.units import R_MIN, STANDARD_GRAVITY
+from tbm_msgs_py.base.validation import Name, validated
+from tbm_msgs_py.recordings.mapping import SensorMapping
 
 Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
 
-THRUST_UNITS = {"N": 1.0, "kN": 1e3, "MN": 1e6}
-TORQUE_UNITS = {"N.m": 1.0, "kN.m": 1e3, "MN.m": 1e6}
-SPEED_UNITS = {"rad/s": 1.0, "r/min": R_MIN}
+UnitT = TypeVar("UnitT", bound=str)
+# Factor to SI units, and how files write the unit.
+_UNITS: dict[str, tuple[float, tuple[str, ...]]] = {
+    "m/s2": (1.0, ("m/s2", "m/s/s", "m.s-2")),
+    "g": (STANDARD_GRAVITY, ("g", "gn", "g_n")),
+    "N": (1.0, ("N",)),
+    "kN": (1e3, ("kN",)),
+    "MN": (1e6, ("MN",)),
+    "N.m": (1.0, ("N.m",)),
+    "kN.m": (1e3, ("kN.m",)),
+    "MN.m": (1e6, ("MN.m", "MNM")),
+    "rad/s": (1.0, ("rad/s", "rad.s-1")),
+    "r/min": (R_MIN, ("r/min", "rpm", "rev/min", "1/min", "min-1", "U/min")),
+    "m/s": (1.0, ("m/s", "m.s-1")),
+    "mm/min": (1e-3 / 60.0, ("mm/min", "mm.min-1")),
+}
+_SIGNS = str.maketrans({"²": "2", "¹": "1", **dict.fromkeys(" .·⋅∙*-⁻^", "")})
 _POINT_NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]*")
-ADVANCE_UNITS = {"m/s": 1.0, "mm/min": 1e-3 / 60.0}
+
+
+def same_unit(label: str, unit: str) -> bool:
+    """Whether what a file states means a unit of a description; the sign of a product and of a power is no matter."""
+    return _plain(label) in {_plain(spelling) for spelling in _UNITS[unit][1]}
+
+
+def _plain(label: str) -> str:
+    """Label without signs and in small letters, but for mega: mN is not MN."""
+    plain = label.translate(_SIGNS)
+    return plain if plain.startswith("MN") else plain.lower()
 
 
 class _Strict(BaseModel):
@@ -53,6 +79,9 @@ class TimeColumn(_Strict):
         return self
 
 
+TimeBase: TypeAlias = TimeColumn | Literal["file"] | None
+
+
 class PointColumns(SensorMapping):
     """A test point: its sensor as in a mapping file, and the columns of the sensor's axes.
 
@@ -65,20 +94,27 @@ class PointColumns(SensorMapping):
     """
 
     columns: tuple[Name | None, Name | None, Name | None]
-    full_scale: Annotated[float, Field(gt=0, allow_inf_nan=False)] | None = None
+    full_scale: Positive | None = None
 
     @field_validator("columns")
     @classmethod
     def _each_column_once(cls, columns: tuple[str | None, ...]) -> tuple[str | None, ...]:
         named = [column for column in columns if column is not None]
         if not named or len(set(named)) < len(named):
-            raise ValueError("three columns, null for an axis that was not measured, none of them twice")
+            raise ValueError(
+                "none or one twice, allowed: three columns, null for an axis that was not measured, none of them twice"
+            )
         return columns
 
     @property
-    def factor(self) -> float:
-        """From a reading to m/s²."""
-        return self.scale * (self.full_scale or 1.0)
+    def stated_units(self) -> list[str]:
+        """Unit of each column."""
+        return [self.units] * len(self.columns)
+
+    @property
+    def factors(self) -> list[float]:
+        """From a reading of each column to m/s²."""
+        return [self.scale * (self.full_scale or 1.0)] * len(self.columns)
 
     def written(self) -> SensorMapping:
         """How the sensor is read from the recording: still in its own axes, in m/s²."""
@@ -93,65 +129,40 @@ class PointColumns(SensorMapping):
         )
 
 
-class Thrust(_Strict):
-    """Column of the thrust force."""
+class QuantityColumn(_Strict, Generic[UnitT]):
+    """Column of a quantity in one of its units."""
 
     column: Name
-    unit: Literal["N", "kN", "MN"]
-
-    @property
-    def factor(self) -> float:
-        """From a reading to N."""
-        return THRUST_UNITS[self.unit]
-
-
-class Torque(_Strict):
-    """Column of the cutterhead torque."""
-
-    column: Name
-    unit: Literal["N.m", "kN.m", "MN.m"]
-
-    @property
-    def factor(self) -> float:
-        """From a reading to N·m."""
-        return TORQUE_UNITS[self.unit]
-
-
-class Speed(_Strict):
-    """Column of the cutterhead speed."""
-
-    column: Name
-    unit: Literal["rad/s", "r/min"]
-
-    @property
-    def factor(self) -> float:
-        """From a reading to rad/s."""
-        return SPEED_UNITS[self.unit]
-
-
-class Advance(_Strict):
-    """Column of the advance speed."""
-
-    column: Name
-    unit: Literal["m/s", "mm/min"]
-
-    @property
-    def factor(self) -> float:
-        """From a reading to m/s."""
-        return ADVANCE_UNITS[self.unit]
+    unit: UnitT
 
 
 class OperatingColumns(_Strict):
     """Columns of the operating point."""
 
-    speed: Speed
-    torque: Torque
-    thrust: Thrust
-    advance: Advance | None = None
+    speed: QuantityColumn[Literal["rad/s", "r/min"]]
+    torque: QuantityColumn[Literal["N.m", "kN.m", "MN.m"]]
+    thrust: QuantityColumn[Literal["N", "kN", "MN"]]
+    advance: QuantityColumn[Literal["m/s", "mm/min"]] | None = None
 
-    def entries(self) -> list[Speed | Torque | Thrust | Advance]:
+    @property
+    def _entries(self) -> list[QuantityColumn[Any]]:
         """Columns in the order of `OperatingPoint`: speed, torque, thrust and, where stated, advance."""
         return [self.speed, self.torque, self.thrust, *([self.advance] if self.advance else [])]
+
+    @property
+    def columns(self) -> list[str]:
+        """Names of the columns."""
+        return [entry.column for entry in self._entries]
+
+    @property
+    def stated_units(self) -> list[str]:
+        """Unit of each column."""
+        return [entry.unit for entry in self._entries]
+
+    @property
+    def factors(self) -> list[float]:
+        """From a reading of each column to SI units."""
+        return [_UNITS[unit][0] for unit in self.stated_units]
 
 
 class CsvLayout(_Strict):
@@ -208,19 +219,18 @@ class Description(_Strict):
 
     points: dict[Name, PointColumns] = {}
     operating_point: OperatingColumns | None = None
-    time: TimeColumn | Literal["file"] | None = None
+    time: TimeBase = None
     rate: Positive | None = None
     start: AwareDatetime | Literal["file"] | None = None
     csv: CsvLayout = CsvLayout()
 
     @model_validator(mode="before")
     @classmethod
-    def _name_points(cls, content: Any) -> Any:
-        points = content.get("points") if isinstance(content, dict) else None
-        if not isinstance(points, dict):
+    def _name_points(cls, content: object) -> object:
+        if not isinstance(content, dict) or not isinstance(points := content.get("points"), dict):
             return content
         named = {key: {"point": key, **value} if isinstance(value, dict) else value for key, value in points.items()}
-        return {**content, "points": named}
+        return content | {"points": named}
 
     @model_validator(mode="after")
     def _complete(self) -> Description:
@@ -247,6 +257,12 @@ class Description(_Strict):
         return self
 
     @property
+    def streams(self) -> dict[str, PointColumns | OperatingColumns]:
+        """Columns of each stream: test points, and the operating point under its topic."""
+        operating = {topics.OPERATING_POINT: self.operating_point} if self.operating_point else {}
+        return {**self.points, **operating}
+
+    @property
     def start_ns(self) -> int:
         """Stated moment of time 0, ns since the epoch; 0 when it comes from the file or from dates."""
         return to_ns(self.start) if isinstance(self.start, datetime) else 0
@@ -257,8 +273,8 @@ def to_ns(moment: datetime) -> int:
     return (moment - datetime(1970, 1, 1, tzinfo=UTC)) // timedelta(microseconds=1) * 1000
 
 
-def describe(path: str | Path | None, changes: Mapping[str, Any] | None = None) -> Description:
-    """Make a description from a YAML file, or from nothing, and what is stated beside it.
+def describe(path: str | Path | None, changes: Mapping[str, object] | None = None) -> Description:
+    """Describe a file by a YAML file, or by nothing, and by what is stated beside it.
 
     Parameters
     ----------
@@ -267,38 +283,16 @@ def describe(path: str | Path | None, changes: Mapping[str, Any] | None = None) 
     changes : mapping, optional
         Goes over the file: keys of a mapping are joined, everything else is replaced.
     """
-    where = "import description" if path is None else str(path)
-    try:
-        content = {} if path is None else read_yaml(path, "an import description", Description.model_fields)
-        return Description.model_validate(_joined(content, changes or {}))
-    except ValidationError as error:
-        # A misspelt key is also a missing one: the misspelling comes first.
-        first = min(error.errors(), key=lambda problem: problem["type"] != "extra_forbidden")
-        place = shortened(".".join(map(str, first["loc"])), LONGEST_NAME)
-        problem = entry_problem(first, _keys(first["loc"]))
-        raise RecordingError(f"{where}: {f'{place}: ' if place else ''}{problem}") from error
+    label = "import description"
+    if path is None:
+        return validated(Description, changes or {}, label, RecordingError)
+    content = read_yaml(path, f"an {label}", Description.model_fields, RecordingError)
+    return validated(Description, _joined(content, changes or {}), str(path), RecordingError)
 
 
-def _keys(place: tuple[int | str, ...]) -> Iterable[str]:
-    """Keys that there may be beside the one at a place."""
-    entries: dict[int | str, type[BaseModel]] = {
-        "points": PointColumns,
-        "operating_point": OperatingColumns,
-        "time": TimeColumn,
-        "csv": CsvLayout,
-    }
-    if len(place) < 2 or place[0] not in entries:
-        return Description.model_fields
-    if place[0] == "operating_point" and len(place) > 2:
-        return Speed.model_fields  # all columns are described alike
-    return entries[place[0]].model_fields
-
-
-def _joined(content: Any, changes: Mapping[str, Any]) -> Any:
-    if not isinstance(content, dict):
-        return content
+def _joined(content: Mapping[str, object], changes: Mapping[str, object]) -> dict[str, object]:
     joined = dict(content)
     for key, value in changes.items():
-        both = isinstance(value, Mapping) and isinstance(joined.get(key), dict)
-        joined[key] = _joined(joined[key], value) if both else value
+        old = joined.get(key)
+        joined[key] = _joined(old, value) if isinstance(value, Mapping) and isinstance(old, dict) else value
     return joined

@@ -1,21 +1,26 @@
-"""What an opened file of measurements is to the import, whatever its format."""
+"""An opened file of measurements as the import sees it, and what the formats have in common."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Collection, Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
+from importlib import import_module
 from pathlib import Path
-from typing import NoReturn, Protocol
+from types import ModuleType
+from typing import Any, ClassVar, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
-from tbm_msgs_py.base.bounds import listed
 from tbm_msgs_py.base.errors import RecordingError
+from tbm_msgs_py.base.texts import listed
 from tbm_msgs_py.base.units import NANOSECONDS
-from tbm_msgs_py.importing.description import TimeColumn
+from tbm_msgs_py.importing.description import TimeBase, TimeColumn
 
 PIECE_ROWS = 50_000  # read at a time; a multiple of the samples of a block
+_EXTRA = "import"
 _SECONDS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
 
 
@@ -35,25 +40,46 @@ class Piece:
     times_ns: NDArray[np.int64] | None
 
 
-class Source(Protocol):
-    """A file that is open for reading."""
+class Rows(Protocol):
+    """Values of a column, read when a slice of them is asked for."""
 
-    @property
-    def shared_rows(self) -> bool:
-        """All columns have the same rows; else each has its own time base and length."""
-        ...
+    def __len__(self) -> int: ...
+    def __getitem__(self, rows: slice, /) -> NDArray[np.generic]: ...
+
+
+class Source(ABC):
+    """A file that is open for reading.
+
+    Attributes
+    ----------
+    path : Path
+    kind : str
+        Its format with an article, for messages.
+    row_name : str
+        What a row is called in messages.
+    shared_rows : bool
+        All columns have the same rows; else each has its own time base and length.
+    full_scale : bool
+        Readings are shares of a full scale that only the user knows.
+    clocks : collection of str
+        Where times may come from: the ``file`` itself, a ``column`` of numbers, or one of ``datetime``.
+    """
+
+    kind: ClassVar[str]
+    row_name: ClassVar[str] = "sample"
+    shared_rows: ClassVar[bool] = True
+    full_scale: ClassVar[bool] = False
+    clocks: ClassVar[Collection[str]]
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
 
     @property
     def start_ns(self) -> int | None:
         """Moment of time 0 that the file states."""
-        ...
+        return None
 
-    @property
-    def full_scale(self) -> bool:
-        """Readings are shares of a full scale that only the user knows."""
-        ...
-
-    def pieces(self, columns: Sequence[str], time: TimeColumn | str | None) -> Iterator[Piece]:
+    def pieces(self, columns: Sequence[str], time: TimeBase) -> Iterator[Piece]:
         """Rows of these columns in their order, with the time that is asked for.
 
         Raises
@@ -61,47 +87,90 @@ class Source(Protocol):
         RecordingError
             A column is not there or not of numbers, a value is missing: which row and column.
         """
-        ...
+        if time == "file" and "file" not in self.clocks:
+            raise self.error(f"time: file: {self.kind} file states no time, allowed: a time column or a rate")
+        if isinstance(time, TimeColumn):
+            if "column" not in self.clocks:
+                raise self.error("time: a column, allowed: `file`, the times of the file, or a rate")
+            if time.unit == "datetime" and "datetime" not in self.clocks:
+                raise self.error(f"time: unit datetime, allowed: s, ms, us or ns in {self.kind} file")
+        return self._pieces(columns, time)
+
+    @abstractmethod
+    def _pieces(self, columns: Sequence[str], time: TimeBase) -> Iterator[Piece]: ...
 
     def row(self, index: int) -> str:
-        """Name a row for a message: `line 17`."""
-        ...
+        """Name of a row for a message: `line 17`."""
+        return f"{self.row_name} {index + 1}"
 
-    def unit(self, column: str) -> str:
-        """Give the unit that the file states for a column; empty when it states none."""
-        ...
+    def unit(self, column: str) -> str:  # noqa: ARG002
+        """Return the unit that the file states for a column, empty when it states none."""
+        return ""
 
+    def error(self, problem: str) -> RecordingError:
+        """Error of one line that names the file."""
+        return RecordingError(f"{self.path}: {problem}")
 
-def array_pieces(
-    path: Path, columns: Sequence[str], arrays: Sequence[NDArray[np.generic]], times: NDArray[np.int64] | None
-) -> Iterator[Piece]:
-    """Pieces of whole columns that are in memory or mapped; refuses what is no number."""
-    lengths = {len(array) for array in arrays} | ({len(times)} if times is not None else set())
-    if len(lengths) > 1:
-        raise RecordingError(
-            f"{path}: columns {', '.join(columns)} have {' and '.join(map(str, sorted(lengths)))} rows, "
-            "allowed: columns of the same length"
-        )
-    for column, array in zip(columns, arrays, strict=True):
-        if array.ndim != 1 or array.dtype.kind not in "iuf":
-            raise RecordingError(
-                f"{path}: column {column}: {array.ndim} dimensions of {array.dtype}, allowed: real numbers, one a row"
+    def no_column(self, column: str, there: Sequence[str]) -> RecordingError:
+        """Error of a column that the file does not have."""
+        return self.error(f"column {column} is not there, allowed: {listed(there)}")
+
+    @contextmanager
+    def reading(self) -> Iterator[None]:
+        """Say in one line what a library finds wrong with a file; on a damaged one they raise whatever there is."""
+        try:
+            yield
+        except RecordingError:
+            raise
+        except Exception as error:
+            why = " ".join(str(error).split()) or type(error).__name__
+            raise self.error(
+                f"not {self.kind} file that can be read ({why}), allowed: one that is not damaged"
+            ) from error
+
+    def in_pieces(
+        self,
+        columns: Sequence[str],
+        arrays: Sequence[Rows],
+        time: TimeColumn | None = None,
+        ticks: Callable[[NDArray[np.int64]], NDArray[np.floating[Any]]] | None = None,
+    ) -> Iterator[Piece]:
+        """Pieces of whole columns; refuses what is no number.
+
+        Parameters
+        ----------
+        columns : sequence of str
+        arrays : sequence of Rows
+            Values of the columns and, behind them, of a time column.
+        time : TimeColumn, optional
+            What the last array is, unless it is a column.
+        ticks : callable, optional
+            Time, ns, of rows by their numbers.
+        """
+        names = [*columns, *([time.column] if time else [])]
+        lengths = {len(array) for array in arrays}
+        if len(lengths) > 1:
+            counts = " and ".join(map(str, sorted(lengths)))
+            raise self.error(
+                f"columns {', '.join(names)} have {counts} {self.row_name}s, allowed: columns of the same length"
             )
-    for first in range(0, max(lengths), PIECE_ROWS):
-        rows = slice(first, first + PIECE_ROWS)
-        values = np.column_stack([np.asarray(array[rows], np.float64) for array in arrays])
-        require_finite(path, columns, values, first)
-        yield Piece(values, None if times is None else times[rows])
-
-
-def require_finite(path: Path, columns: Sequence[str], values: NDArray[np.float64], first: int) -> None:
-    """Refuse a value that is missing or not finite, by its row (counted from 1) and column."""
-    finite = np.isfinite(values)
-    if not finite.all():
-        row, column = np.argwhere(~finite)[0]
-        raise RecordingError(
-            f"{path}: row {first + row + 1}, column {columns[column]}: {values[row, column]}, allowed: a finite number"
-        )
+        for first in range(0, max(lengths), PIECE_ROWS):
+            with self.reading():
+                rows = [np.asarray(array[slice(first, first + PIECE_ROWS)]) for array in arrays]
+            for name, found in zip(names, rows, strict=True):
+                if found.ndim != 1 or found.dtype.kind not in "iuf":
+                    kind = f"{found.ndim} dimensions of {found.dtype}"
+                    raise self.error(f"column {name}: {kind}, allowed: real numbers, one a row")
+            values = np.column_stack(rows).astype(np.float64)
+            finite = np.isfinite(values)
+            if not finite.all():
+                row, column = np.argwhere(~finite)[0]
+                place = f"{self.row(first + row)}, column {names[column]}"
+                raise self.error(f"{place}: {values[row, column]}, allowed: a finite number")
+            times = nanoseconds(rows[-1], time.unit) if time else None
+            if ticks:
+                times = np.rint(ticks(np.arange(first, first + len(values)))).astype(np.int64)
+            yield Piece(values[:, : len(columns)], times)
 
 
 def nanoseconds(values: NDArray[np.generic], unit: str) -> NDArray[np.int64]:
@@ -111,12 +180,12 @@ def nanoseconds(values: NDArray[np.generic], unit: str) -> NDArray[np.int64]:
     return np.rint(np.asarray(values, np.float64) * (_SECONDS[unit] * NANOSECONDS)).astype(np.int64)
 
 
-def no_column(path: Path, column: str, there: Sequence[str]) -> NoReturn:
-    """Refuse a column that the file does not have."""
-    allowed = listed(there) or "none, the file has no columns"
-    raise RecordingError(f"{path}: column {column} is not there, allowed: {allowed}")
-
-
-def no_time_of_its_own(path: Path, kind: str) -> NoReturn:
-    """Refuse `time: file` for a file that states no time."""
-    raise RecordingError(f"{path}: time: file: {kind} states no time of its own, allowed: a time column or a rate")
+def library(name: str) -> ModuleType:
+    """Import a library by name; where it is missing, say in one line what installs it."""
+    try:
+        return import_module(name)
+    except ImportError as error:
+        raise RecordingError(
+            f"{name.partition('.')[0]} is not installed ({error}), allowed: a format that does not need it, "
+            f"or this one after pip install 'tbm_monitor[{_EXTRA}]'"
+        ) from error

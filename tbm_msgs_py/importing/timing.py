@@ -2,25 +2,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
-from tbm_msgs_py.base.errors import RecordingError
 from tbm_msgs_py.base.units import NANOSECONDS
+from tbm_msgs_py.importing.source import Source
 from tbm_msgs_py.recordings.faults import GAP_FACTOR
 
 
 @dataclass
 class RowTimes:
-    """Turns the times of a file, piece by piece, into stamps, and keeps count of what is uneven.
+    """Stamps of the rows of a file, piece by piece, and counts of what is uneven in them.
 
     Attributes
     ----------
-    path : Path
+    source : Source
         File, for messages.
     start_ns : int
         Moment of time 0.
@@ -28,8 +26,6 @@ class RowTimes:
         Stated sample rate, Hz: row k is at k / rate; None when the file has times.
     restart_gap : float or None
         What a step back means, see `TimeColumn`.
-    row : callable
-        Names a row for a message.
     rows, gaps, restarts : int
         Counted so far.
     step_ns : int
@@ -38,11 +34,10 @@ class RowTimes:
         Largest deviation of a step that is no gap from it.
     """
 
-    path: Path
+    source: Source
     start_ns: int
     rate: float | None
     restart_gap: float | None
-    row: Callable[[int], str]
     rows: int = 0
     gaps: int = 0
     restarts: int = 0
@@ -57,7 +52,7 @@ class RowTimes:
             ticks = np.arange(self.rows, self.rows + count) * (NANOSECONDS / self.rate)
             stamps: NDArray[np.int64] = np.rint(ticks).astype(np.int64)
         elif times_ns is None:
-            raise RecordingError(f"{self.path}: no time of the rows, allowed: a time column or a rate")
+            raise self.source.error("no time of the rows, allowed: a time column or a rate")
         else:
             stamps = self._increasing(times_ns)
         self._measure(stamps)
@@ -77,8 +72,8 @@ class RowTimes:
             before = int(stamps[at - 1]) if at else self._last
             if before is None or self.restart_gap is None or steps[at] == 0:
                 kind = "repeats" if steps[at] == 0 else f"steps back by {-steps[at] / NANOSECONDS:g} s"
-                raise RecordingError(
-                    f"{self.path}: {self.row(self.rows + int(at))}: the time {kind}, "
+                raise self.source.error(
+                    f"{self.source.row(self.rows + int(at))}: the time {kind}, "
                     "allowed: increasing times, or a rate, or restart_gap"
                 )
             shift = before + round(self.restart_gap * NANOSECONDS) - int(stamps[at])

@@ -17,10 +17,12 @@ from rclpy.publisher import Publisher
 from rosgraph_msgs.msg import Clock as ClockMessage
 
 from tbm_msgs_py import topics
-from tbm_msgs_py.bags import Bag, RawMessage, RecordingError, Topic
-from tbm_msgs_py.bags.qos import offered_quality
-from tbm_msgs_py.base.bounds import listed
+from tbm_msgs_py.bags.bag import Bag
+from tbm_msgs_py.bags.batch import RawMessage, Topic
+from tbm_msgs_py.bags.qos import offered_qos
+from tbm_msgs_py.base.errors import RecordingError
 from tbm_msgs_py.base.files import write_whole
+from tbm_msgs_py.base.texts import listed
 from tbm_msgs_py.base.units import NANOSECONDS
 from tbm_msgs_py.nodes import messages, qos
 from tbm_msgs_py.nodes.managed import ManagedNode, Parameter, run_node
@@ -155,7 +157,7 @@ class BagPlayer(ManagedNode):
         message_type = messages.message_class(topic.type)
         if message_type is None:
             return f"type {topic.type} is not installed"
-        quality = offered_quality(topic.qos) or topics.quality(topic.name)  # what the recording states goes first
+        quality = offered_qos(topic.qos) or topics.qos(topic.name)  # what the recording states goes first
         try:
             made = self.create_publisher(message_type, topic.name, qos.profile(quality))
         except Exception as error:  # noqa: BLE001 - rclpy's own: a name that is none, a topic it has as another type

@@ -12,9 +12,10 @@ from diagnostic_msgs.msg import DiagnosticStatus
 from rclpy.event_handler import SubscriptionEventCallbacks
 
 from tbm_msgs_py import topics
-from tbm_msgs_py.bags import BagWriter, RecordingError
+from tbm_msgs_py.bags.definitions import typestore
 from tbm_msgs_py.bags.quota import enforce, mark
-from tbm_msgs_py.bags.samples import typestore
+from tbm_msgs_py.bags.writing import BagWriter
+from tbm_msgs_py.base.errors import RecordingError
 from tbm_msgs_py.base.files import write_whole
 from tbm_msgs_py.nodes import messages, qos
 from tbm_msgs_py.nodes.faults import Faults
@@ -22,7 +23,7 @@ from tbm_msgs_py.nodes.following import Offer, TopicFollower
 from tbm_msgs_py.nodes.logs import get_logger
 from tbm_msgs_py.nodes.managed import ManagedNode, Parameter, run_node
 from tbm_msgs_py.nodes.parameters import ROOT
-from tbm_msgs_py.topics import Quality
+from tbm_msgs_py.topics import QoS
 
 DISCOVERY = 0.05  # s between looks for topics that are not there yet
 FOLLOWING = 1.0  # s between looks at what the publishers of the others offer
@@ -55,7 +56,7 @@ class Arrived(NamedTuple):
 
     topic: str
     type: str
-    offered: Quality
+    offered: QoS
     data: bytes
 
 
@@ -66,7 +67,7 @@ class BagRecorder(ManagedNode):
         super().__init__("bag_recorder", PARAMETERS, **options)
         self._writer: BagWriter | None = None
         self._topics = TopicFollower(self, self)
-        self._asked: dict[str, Quality] = {}
+        self._asked: dict[str, QoS] = {}
         self._types: dict[str, str] = {}  # of the topics of which a message has come
         self._unrecorded: Faults[str] = Faults(lambda text: self.get_logger().error(text))
         self._arrived: list[Arrived] = []
@@ -144,7 +145,7 @@ class BagRecorder(ManagedNode):
             return "none of ROS 2 Jazzy's common interfaces"
         return "" if messages.message_class(kind) else "not installed"
 
-    def asks(self, topic: str, offered: Offer) -> Quality:
+    def asks(self, topic: str, offered: Offer) -> QoS:
         """Ask what was asked before; less where the publishers of now offer less."""
         before, now = self._asked.get(topic, offered.quality), offered.quality
         return now if before.reliable > now.reliable or before.latched > now.latched else before
@@ -156,7 +157,7 @@ class BagRecorder(ManagedNode):
             messages.message_class(offer.type),
             topic,
             self._recorder(topic, offer),
-            qos.profile(Quality(quality.reliable, quality.latched, DEPTH)),
+            qos.profile(QoS(quality.reliable, quality.latched, DEPTH)),
             raw=True,
             event_callbacks=SubscriptionEventCallbacks(message_lost=self._on_lost),
         )
@@ -187,7 +188,7 @@ class BagRecorder(ManagedNode):
         if now := self.get_clock().now().nanoseconds:
             arrived, self._arrived, self._held = self._arrived, [], 0
             for message in arrived:
-                writer.write(message.topic, message.type, now, message.data, quality=message.offered)
+                writer.write(message.topic, message.type, now, message.data, qos=message.offered)
 
     def _on_disk(self, work: Callable[[BagWriter], None]) -> None:
         """Do what writes; a disk that refuses ends the recording with what it has."""

@@ -6,7 +6,7 @@ from collections.abc import Iterable
 from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
 
 from tbm_msgs_py.nodes import qos
-from tbm_msgs_py.topics import Quality
+from tbm_msgs_py.topics import QoS
 
 if TYPE_CHECKING:
     from tbm_msgs_py.nodes.managed import ManagedNode
@@ -16,7 +16,7 @@ class Offer(NamedTuple):
     """Message type of a topic, and the quality of service to ask for."""
 
     type: str
-    quality: Quality
+    quality: QoS
 
 
 class Reader(Protocol):
@@ -25,7 +25,7 @@ class Reader(Protocol):
     def refuses(self, topic: str, kind: str) -> str:
         """Say why messages of this type cannot be used; nothing if they can."""
 
-    def asks(self, topic: str, offered: Offer) -> Quality:
+    def asks(self, topic: str, offered: Offer) -> QoS:
         """Quality of service to ask of publishers that all offer this."""
 
     def subscribe(self, topic: str, offer: Offer) -> Any:

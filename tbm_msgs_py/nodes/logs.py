@@ -8,7 +8,7 @@ from typing import Any
 from rclpy.impl import rcutils_logger
 from rclpy.logging import LoggingSeverity
 
-from tbm_msgs_py.base.printing import printable
+from tbm_msgs_py.base.texts import printable
 
 # A line names the one who says it, not this file; rclpy keeps what it finds in that list.
 rcutils_logger._internal_callers.append(__file__)

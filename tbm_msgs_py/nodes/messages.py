@@ -24,7 +24,7 @@ from std_msgs.msg import Header
 
 from tbm_msgs_py import blocks
 from tbm_msgs_py.base.operating_point import OperatingPoint
-from tbm_msgs_py.base.printing import printable
+from tbm_msgs_py.base.texts import printable
 from tbm_msgs_py.blocks import BlockLayout
 
 Level = Literal["ok", "warn", "error", "stale"]

@@ -8,8 +8,8 @@ from typing import Any, Literal
 
 from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescriptor
 
-from tbm_msgs_py.base.bounds import LONGEST_NAME, shortened
 from tbm_msgs_py.base.errors import InputError
+from tbm_msgs_py.base.texts import LONGEST_NAME, shortened
 
 _KINDS = {bool: "true or false", int: "a whole number", float: "a decimal number", str: "text", list: "a list"}
 DATA_ROOT = "data_root"

@@ -9,10 +9,10 @@ from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSPolicyKind, QoSProfile
 from rclpy.qos_overriding_options import QoSOverridingOptions
 
 from tbm_msgs_py import topics
-from tbm_msgs_py.topics import Quality
+from tbm_msgs_py.topics import QoS
 
 
-def profile(quality: Quality) -> QoSProfile:
+def profile(quality: QoS) -> QoSProfile:
     """Profile of rclpy for a quality of service."""
     return QoSProfile(
         history=HistoryPolicy.KEEP_LAST,
@@ -27,7 +27,7 @@ def overridable() -> QoSOverridingOptions:
     return QoSOverridingOptions([QoSPolicyKind.DEPTH, QoSPolicyKind.RELIABILITY, QoSPolicyKind.DURABILITY])
 
 
-def offered(publishers: Iterable[Any]) -> Quality:
+def offered(publishers: Iterable[Any]) -> QoS:
     """Quality of service that every publisher of a topic offers: asking for it matches all of them.
 
     Parameters
@@ -37,19 +37,19 @@ def offered(publishers: Iterable[Any]) -> Quality:
     """
     profiles = [publisher.qos_profile for publisher in publishers]
     depths = [known.depth for known in profiles if known.history == HistoryPolicy.KEEP_LAST]
-    return Quality(
+    return QoS(
         reliable=all(known.reliability == ReliabilityPolicy.RELIABLE for known in profiles),
         latched=all(known.durability == DurabilityPolicy.TRANSIENT_LOCAL for known in profiles),
         # Fast DDS tells nobody how much others keep: as much then as keeps a live topic whole.
-        depth=max([0, *depths]) or topics.LIVE_QUALITY.depth,
+        depth=max([0, *depths]) or topics.LIVE_QOS.depth,
     )
 
 
-OPERATING_POINT = profile(topics.OPERATING_POINT_QUALITY)
-LOADS_OPERATING_POINT = profile(topics.LOADS_OPERATING_POINT_QUALITY)
-BLOCK = profile(topics.BLOCK_QUALITY)
-LIVE = profile(topics.LIVE_QUALITY)
-ANALYSIS = profile(topics.ANALYSIS_QUALITY)
-GSA = profile(topics.GSA_QUALITY)
-DIAGNOSTICS = profile(topics.DIAGNOSTICS_QUALITY)
-CLOCK = profile(topics.CLOCK_QUALITY)
+OPERATING_POINT = profile(topics.OPERATING_POINT_QOS)
+LOADS_OPERATING_POINT = profile(topics.LOADS_OPERATING_POINT_QOS)
+BLOCK = profile(topics.BLOCK_QOS)
+LIVE = profile(topics.LIVE_QOS)
+ANALYSIS = profile(topics.ANALYSIS_QOS)
+GSA = profile(topics.GSA_QOS)
+DIAGNOSTICS = profile(topics.DIAGNOSTICS_QOS)
+CLOCK = profile(topics.CLOCK_QOS)

@@ -18,7 +18,7 @@ PERSISTENT = 5  # messages after which another clock is taken to be the clock fr
 
 
 @dataclass(frozen=True)
-class Faults:
+class FaultCounts:
     """Counts of what was found and dropped or put right.
 
     Attributes
@@ -41,8 +41,8 @@ class Faults:
     disordered: int = 0
     clock_steps: int = 0
 
-    def __add__(self, other: Faults) -> Faults:
-        return Faults(*(getattr(self, field.name) + getattr(other, field.name) for field in fields(self)))
+    def __add__(self, other: FaultCounts) -> FaultCounts:
+        return FaultCounts(*(getattr(self, field.name) + getattr(other, field.name) for field in fields(self)))
 
 
 @dataclass(frozen=True)

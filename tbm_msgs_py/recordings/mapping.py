@@ -3,26 +3,22 @@
 from __future__ import annotations
 
 import math
-import re
 from collections import Counter
 from collections.abc import Iterable
 from pathlib import Path
 from typing import Annotated, Literal
 
 import numpy as np
-import yaml
 from numpy.typing import NDArray
-from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_validator, model_validator
-from pydantic_core import ErrorDetails
+from pydantic import BaseModel, ConfigDict, Field, field_validator, model_validator
 
-from tbm_msgs_py.base.bounds import LONGEST_NAME, quoted, read_text, shortened
 from tbm_msgs_py.base.errors import RecordingError
+from tbm_msgs_py.base.strict_yaml import read_yaml
 from tbm_msgs_py.base.units import STANDARD_GRAVITY
+from tbm_msgs_py.base.validation import Name, validated
 from tbm_msgs_py.topics import OPERATING_POINT, absolute
 
 FILE_NAME = "mapping.yaml"
-_Loader = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
-Name = Annotated[str, Field(min_length=1, max_length=LONGEST_NAME)]
 Axis = Literal["x", "y", "z", "-x", "-y", "-z"]
 
 
@@ -61,14 +57,14 @@ class SensorMapping(BaseModel):
     @classmethod
     def _each_axis_once(cls, axes: tuple[Axis, Axis, Axis]) -> tuple[Axis, Axis, Axis]:
         if sorted(axis[-1] for axis in axes) != ["x", "y", "z"]:
-            raise ValueError("each of x, y, z once, with or without a minus sign")
+            raise ValueError("an axis twice, allowed: each of x, y, z once, with or without a minus sign")
         return axes
 
     @field_validator("rotation")
     @classmethod
     def _finite(cls, rotation: tuple[float, float, float]) -> tuple[float, float, float]:
         if not all(map(math.isfinite, rotation)):
-            raise ValueError("three finite angles in degrees")
+            raise ValueError("an angle that is not finite, allowed: three finite angles in degrees")
         return rotation
 
     @property
@@ -84,7 +80,7 @@ class SensorMapping(BaseModel):
         return self.scale * _rotation(self.rotation) @ permutation
 
 
-class Mapping(BaseModel):
+class TopicMapping(BaseModel):
     """Topics of a recording, and the topic of its operating point."""
 
     model_config = ConfigDict(frozen=True, extra="forbid")
@@ -93,7 +89,7 @@ class Mapping(BaseModel):
     operating_point: Name = absolute(OPERATING_POINT)
 
     @model_validator(mode="after")
-    def _one_topic_a_point(self) -> Mapping:
+    def _one_topic_a_point(self) -> TopicMapping:
         for point, count in Counter(sensor.point for sensor in self.topics.values()).items():
             if count > 1:
                 raise ValueError(f"point {point}: {count} topics, allowed: one")
@@ -105,7 +101,7 @@ def contract_sensor(point: str) -> SensorMapping:
     return SensorMapping(point=point, units="m/s2", gravity="removed", frame="fixed")
 
 
-def contract_mapping(names: Iterable[str]) -> Mapping:
+def contract_mapping(names: Iterable[str]) -> TopicMapping:
     """Map the topics that follow the contract; a block goes before single samples of the same point."""
     sensors: dict[str, SensorMapping] = {}
     given: set[str] = set()
@@ -117,61 +113,13 @@ def contract_mapping(names: Iterable[str]) -> Mapping:
         if point not in given:
             given.add(point)
             sensors[name] = contract_sensor(point)
-    return Mapping(topics=sensors)
+    return TopicMapping(topics=sensors)
 
 
-def read_yaml(path: str | Path, what: str, keys: Iterable[str]) -> dict[str, object]:
-    """Read a YAML file that holds `what`: a mapping with some of the keys.
-
-    Raises
-    ------
-    RecordingError
-        What is wrong, and where, without a word of the file: over ROS anybody may name one.
-    """
-    path = Path(path)
-    if path.exists() and not path.is_file():
-        raise RecordingError(f"{path}: no regular file, allowed: {what}")
-    try:
-        content = yaml.load(read_text(path), Loader=_Loader)  # noqa: S506  a safe one
-    except OSError as error:
-        raise RecordingError(f"{path}: {error.strerror}, allowed: a readable file with {what}") from None
-    except UnicodeDecodeError:
-        raise RecordingError(f"{path}: not YAML (no UTF-8 text), allowed: {what}") from None
-    except yaml.MarkedYAMLError as error:
-        mark = error.problem_mark or error.context_mark
-        place = f"line {mark.line + 1}, column {mark.column + 1}: " if mark else ""
-        raise RecordingError(f"{path}: not YAML ({place}{error.problem}), allowed: {what}") from None
-    except (yaml.YAMLError, RecursionError, ValueError) as error:
-        why = "nested too deeply" if isinstance(error, RecursionError) else " ".join(str(error).split())
-        raise RecordingError(f"{path}: not YAML ({why}), allowed: {what}") from None
-    if not isinstance(content, dict) or content.keys().isdisjoint(keys):
-        raise RecordingError(f"{path}: not {what}, allowed: a mapping with keys of {', '.join(keys)}")
-    return content
-
-
-def load_mapping(path: str | Path) -> Mapping:
-    """Read a mapping file; a `RecordingError` names the key that is wrong and what is allowed."""
-    content = read_yaml(path, "a mapping of topics", Mapping.model_fields)
-    try:
-        return Mapping.model_validate(content)
-    except ValidationError as error:
-        # A misspelt key is also a missing one: the misspelling comes first.
-        first = min(error.errors(), key=lambda problem: problem["type"] != "extra_forbidden")
-        where = shortened(".".join(map(str, first["loc"])), LONGEST_NAME) or "mapping"
-        keys = SensorMapping.model_fields if len(first["loc"]) > 1 else Mapping.model_fields
-        raise RecordingError(f"{path}: {where}: {entry_problem(first, keys)}") from error
-
-
-def entry_problem(found: ErrorDetails, keys: Iterable[str]) -> str:
-    """Say what is wrong with an entry of a file and what is allowed; `keys` are those beside an unknown one."""
-    if found["type"] == "missing":
-        return "missing, allowed: a value that is stated, nothing is guessed"
-    if found["type"] == "extra_forbidden":
-        return f"unknown key, allowed: {', '.join(keys)}"
-    allowed = re.sub(r"^(Value error, |\w+ should (be|have) )", "", found["msg"])
-    if isinstance(found["input"], dict) and found["type"] == "value_error":
-        return allowed  # of a whole entry: which of its values is wrong is in the text
-    return f"{quoted(found['input'])}, allowed: {allowed}"
+def load_mapping(path: str | Path) -> TopicMapping:
+    """TopicMapping of a file; a `RecordingError` names the key that is wrong and what is allowed."""
+    content = read_yaml(path, "a mapping of topics", TopicMapping.model_fields, RecordingError)
+    return validated(TopicMapping, content, str(path), RecordingError)
 
 
 def default_mapping_file(recording: Path) -> Path | None:

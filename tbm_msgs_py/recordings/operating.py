@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from tbm_msgs_py.bags.batch import Stretch
-from tbm_msgs_py.bags.samples import JOINT_STATE_TYPE, UNDECODABLE, typestore
+from tbm_msgs_py.bags.batch import MessageBatch
+from tbm_msgs_py.bags.definitions import JOINT_STATE_TYPE, UNDECODABLE, typestore
 from tbm_msgs_py.base.operating_point import OperatingPoint, from_joint_state
 from tbm_msgs_py.blocks import stamp_to_ns
 
@@ -39,8 +39,8 @@ class OperatingPoints:
         self.undecodable = 0
         self._entries: list[tuple[int, OperatingPoint]] = []
 
-    def add(self, messages: Stretch) -> None:
-        """Take the joint states of a stretch."""
+    def add(self, messages: MessageBatch) -> None:
+        """Add the joint states of a batch."""
         for message in messages.raw():
             try:
                 state = typestore().deserialize_cdr(message.data, JOINT_STATE_TYPE)

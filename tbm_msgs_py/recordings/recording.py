@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
-from collections.abc import Mapping as Dictionary
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
 
@@ -13,23 +12,23 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tbm_msgs_py.bags.bag import Bag
-from tbm_msgs_py.bags.batch import Stretch, Topic
-from tbm_msgs_py.bags.samples import JOINT_STATE_TYPE
-from tbm_msgs_py.base.bounds import listed
+from tbm_msgs_py.bags.batch import MessageBatch, Topic
+from tbm_msgs_py.bags.definitions import JOINT_STATE_TYPE
 from tbm_msgs_py.base.errors import RecordingError
-from tbm_msgs_py.recordings.cutting import Cutter
+from tbm_msgs_py.base.texts import listed
 from tbm_msgs_py.recordings.decoding import ACCELERATION_TYPES, decode_samples
-from tbm_msgs_py.recordings.faults import Faults, find_gaps, stuck_axes
+from tbm_msgs_py.recordings.faults import Clock, FaultCounts, find_gaps, stuck_axes
 from tbm_msgs_py.recordings.mapping import (
-    Mapping,
     SensorMapping,
+    TopicMapping,
     contract_mapping,
     contract_sensor,
     default_mapping_file,
     load_mapping,
 )
 from tbm_msgs_py.recordings.operating import OperatingPoints, OperatingRecord
-from tbm_msgs_py.recordings.timeline import Taken, Timeline
+from tbm_msgs_py.recordings.splitting import RecordSplitter
+from tbm_msgs_py.recordings.timeline import DecodedStream, Timeline
 
 PIECE_S = 60.0
 
@@ -53,19 +52,16 @@ class AccelerationRecord:
         `start_ns`, at a negative time.
     rate_hz : float
         Mean sample rate outside the gaps; 0 for fewer than two samples.
-    clipped, duplicates, invalid, undecodable : int
-        Samples at the stated range; samples dropped for a repeated time or a value that is not finite; messages that
-        could not be decoded.
+    clipped : int
+        Samples at the stated range.
     gravity, frame : str
         As the mapping states: ``included`` or ``removed``, ``fixed`` or ``rotating``.
-    disordered, late : int
-        Samples that came behind a later one and were put in order; those dropped as their time had passed for good.
-    astray, clock_steps : int
-        Messages dropped as their stamps come from another clock; times that the clock was set.
-    clock_offset, clock_drift : float
-        Header stamp minus log time, s, latency included, and its change in parts per million.
-    stuck : list of (str, float, float)
-        Sensor axis and times, s, of each stretch in which it holds one value.
+    stuck : tuple of (str, float, float)
+        Sensor axis and times, s, of each interval in which it holds one value.
+    faults : FaultCounts
+        What was dropped or put right.
+    clock : Clock
+        Header stamps against log times.
     """
 
     topic: str
@@ -76,56 +72,16 @@ class AccelerationRecord:
     gaps: list[tuple[float, float]]
     rate_hz: float
     clipped: int = 0
-    duplicates: int = 0
-    invalid: int = 0
-    undecodable: int = 0
     gravity: str = "removed"
     frame: str = "fixed"
-    disordered: int = 0
-    late: int = 0
-    astray: int = 0
-    clock_steps: int = 0
-    clock_offset: float = 0.0
-    clock_drift: float = 0.0
     stuck: tuple[tuple[str, float, float], ...] = ()
+    faults: FaultCounts = field(default_factory=FaultCounts)
+    clock: Clock = field(default_factory=Clock)
 
     @property
     def duration(self) -> float:
         """Seconds from the first to the last sample."""
         return float(self.time[-1])
-
-
-@dataclass(frozen=True)
-class Recording:
-    """All mapped test points of a recording.
-
-    Attributes
-    ----------
-    points : dict
-        Record of each test point.
-    operating_point : OperatingRecord or None
-        When the recording has it.
-    messages, lost : int
-        Messages read; messages known to be missing or undecodable.
-    truncated : bool
-        A file ends before its recording does.
-    sha256 : str
-        Digest of the files.
-    damaged : int
-        Places that are no part of a recording; `lost` is a lower bound when there are any.
-    problems : dict
-        Why a mapped test point that is in the recording has no samples.
-    """
-
-    path: Path
-    points: dict[str, AccelerationRecord]
-    operating_point: OperatingRecord | None
-    messages: int
-    lost: int
-    truncated: bool
-    sha256: str
-    damaged: int
-    problems: dict[str, str]
 
 
 class RecordingReader:
@@ -135,14 +91,13 @@ class RecordingReader:
     ----------
     path : Path
         Of the recording.
-    points : mapping of str to SensorMapping
-        Mapped test points that are in the recording.
+    sensors : dict
+        Sensor of each mapped test point that is in the recording.
     """
 
-    def __init__(self, bag: Bag, topics: Dictionary[str, Topic], mapping: Mapping) -> None:
+    def __init__(self, bag: Bag, topics: Mapping[str, Topic], mapping: TopicMapping) -> None:
         self.path = bag.path
-        sensors = [mapping.topics[name] for name in topics]
-        self.points: Dictionary[str, SensorMapping] = {sensor.point: sensor for sensor in sensors}
+        self.sensors = {mapping.topics[name].point: mapping.topics[name] for name in topics}
         self._bag = bag
         self._topics = {mapping.topics[name].point: topic for name, topic in topics.items()}
         self._points = {(topic.name, topic.type): point for point, topic in self._topics.items()}
@@ -176,17 +131,17 @@ class RecordingReader:
         return self._operating.record()
 
     @property
-    def faults(self) -> Dictionary[str, Faults]:
+    def faults(self) -> Mapping[str, FaultCounts]:
         """What was found so far, by test point."""
         return {point: line.total for point, line in self._lines.items()}
 
     @property
-    def problems(self) -> Dictionary[str, str]:
-        """Why a test point has given no samples so far."""
+    def problems(self) -> Mapping[str, str]:
+        """Why a test point has no samples so far."""
         return {
             point: f"topic {self._topics[point].name}: {line.problem or 'no finite sample, allowed: at least one'}"
             for point, line in self._lines.items()
-            if point not in self._given
+            if point not in self._sampled
         }
 
     @cached_property
@@ -194,8 +149,8 @@ class RecordingReader:
         """Digest of the files."""
         return self._bag.sha256()
 
-    def pieces(self, length_s: float = PIECE_S) -> Iterator[Dictionary[str, AccelerationRecord]]:
-        """Consecutive stretches of header time; a test point without samples in one is left out of it.
+    def pieces(self, length_s: float = PIECE_S) -> Iterator[Mapping[str, AccelerationRecord]]:
+        """Consecutive intervals of header time; a test point without samples in one is left out of it.
 
         Times are strictly increasing, also from one piece to the next; faults are counted per piece. What is held in
         memory is a piece and the samples that may still be late.
@@ -203,7 +158,7 @@ class RecordingReader:
         Parameters
         ----------
         length_s : float
-            Length of a stretch, s; ``inf`` for the whole recording in one piece.
+            Length of an interval, s; ``inf`` for the whole recording in one piece.
 
         Raises
         ------
@@ -213,39 +168,54 @@ class RecordingReader:
         if not length_s >= 1e-3:
             raise ValueError(f"pieces of {length_s:g} s, allowed: 0.001 s or more")
         self._restart()
-        cutter = Cutter(self._lines, length_s)
-        for stretch in self._bag.stretches():
-            self._add(stretch)
-            yield from map(self._records, cutter.due())
-        yield from map(self._records, cutter.rest())
-        if not self._given:
+        splitter = RecordSplitter(self._lines, length_s)
+        for batch in self._bag.batches():
+            self._add(batch)
+            yield from map(self._records, splitter.due())
+        yield from map(self._records, splitter.rest())
+        if not self._sampled:
             raise RecordingError(f"{self.path}: {listed(self.problems.values(), separator='; ')}")
 
     def _restart(self) -> None:
-        self._lines = {point: Timeline() for point in self.points}
+        self._lines = {point: Timeline() for point in self.sensors}
         self._operating = OperatingPoints()
-        self._given: set[str] = set()
+        self._sampled: set[str] = set()
 
-    def _add(self, stretch: Stretch) -> None:
-        for topic, messages in stretch.by_topic():
+    def _add(self, batch: MessageBatch) -> None:
+        for topic, messages in batch.by_topic():
             if point := self._points.get((topic.name, topic.type)):
                 self._lines[point].add(decode_samples(topic.type, messages))
             elif topic.name == self._mapping.operating_point and topic.type == JOINT_STATE_TYPE:
                 self._operating.add(messages)
 
-    def _records(self, piece: Dictionary[str, Taken]) -> dict[str, AccelerationRecord]:
-        self._given |= piece.keys()
-        return {point: _record(self._topics[point].name, self.points[point], taken) for point, taken in piece.items()}
+    def _records(self, piece: Mapping[str, DecodedStream]) -> dict[str, AccelerationRecord]:
+        self._sampled |= piece.keys()
+        return {point: _record(self._topics[point].name, self.sensors[point], data) for point, data in piece.items()}
 
 
-def open_recording(path: str | Path, mapping: Mapping | str | Path | None = None) -> RecordingReader:
+class Recording(RecordingReader):
+    """A recording that was read as a whole; made by `read_recording`.
+
+    Attributes
+    ----------
+    points : dict
+        Record of each mapped test point that has samples.
+    """
+
+    def __init__(self, bag: Bag, topics: Mapping[str, Topic], mapping: TopicMapping) -> None:
+        super().__init__(bag, topics, mapping)
+        found = {point: record for piece in self.pieces(math.inf) for point, record in piece.items()}
+        self.points = {point: found[point] for point in self.sensors if point in found}
+
+
+def open_recording(path: str | Path, mapping: TopicMapping | str | Path | None = None) -> RecordingReader:
     """Open a recording to read its mapped test points piece by piece.
 
     Parameters
     ----------
     path : str or Path
         rosbag2 folder or bare MCAP file; a damaged one is read as far as it goes.
-    mapping : Mapping, str or Path, optional
+    mapping : TopicMapping, str or Path, optional
         Mapping or its file; default `mapping.yaml` in or beside the recording, else the topics of the contract.
 
     Raises
@@ -253,24 +223,20 @@ def open_recording(path: str | Path, mapping: Mapping | str | Path | None = None
     RecordingError
         Not readable, nothing in it, no mapped topic in it, or one of a type that is no acceleration.
     """
-    bag = Bag(path)
-    found = _topics(bag)
-    chosen = _stated_mapping(bag, mapping) or contract_mapping(dict.fromkeys(topic.name for topic in found))
-    mapped = _mapped(bag, found, chosen)
-    if not mapped:
-        raise RecordingError(f"{bag.path}: no topic of the mapping is in the recording, {_listing(found)}")
-    return RecordingReader(bag, mapped, chosen)
+    return RecordingReader(*_opened(path, mapping))
 
 
-def read_recording(path: str | Path, mapping: Mapping | str | Path | None = None) -> Recording:
+def read_recording(path: str | Path, mapping: TopicMapping | str | Path | None = None) -> Recording:
     """Read every mapped test point of a recording as a whole, and its operating point.
 
     Parameters and errors are those of `open_recording`; it is an error, too, when no test point has a single sample.
     """
-    return _whole(open_recording(path, mapping))
+    return Recording(*_opened(path, mapping))
 
 
-def read_acceleration(path: str | Path, topic: str, mapping: Mapping | str | Path | None = None) -> AccelerationRecord:
+def read_acceleration(
+    path: str | Path, topic: str, mapping: TopicMapping | str | Path | None = None
+) -> AccelerationRecord:
     """Read one acceleration topic of a recording.
 
     Parameters
@@ -279,40 +245,33 @@ def read_acceleration(path: str | Path, topic: str, mapping: Mapping | str | Pat
         rosbag2 folder or bare MCAP file.
     topic : str
         Absolute topic name. One that no mapping names is taken as m/s² in machine axes, gravity removed.
-    mapping : Mapping, str or Path, optional
+    mapping : TopicMapping, str or Path, optional
         As in `open_recording`.
     """
     bag = Bag(path)
     found = _topics(bag)
     stated = _stated_mapping(bag, mapping)
     sensor = stated.topics.get(topic) if stated else None
-    chosen = Mapping(topics={topic: sensor or contract_sensor(_point_of(topic))})
+    chosen = TopicMapping(topics={topic: sensor or contract_sensor(_point_of(topic))})
     mapped = _mapped(bag, found, chosen)
     if not mapped:
         raise RecordingError(f"{bag.path}: topic {topic} is not in the recording, {_listing(found)}")
-    (record,) = _whole(RecordingReader(bag, mapped, chosen)).points.values()
+    (record,) = Recording(bag, mapped, chosen).points.values()
     return record
 
 
-def _whole(reader: RecordingReader) -> Recording:
-    points: dict[str, AccelerationRecord] = {}
-    for piece in reader.pieces(math.inf):
-        points |= piece
-    return Recording(
-        path=reader.path,
-        points={point: points[point] for point in reader.points if point in points},
-        operating_point=reader.operating_point,
-        messages=reader.messages,
-        lost=reader.lost,
-        truncated=reader.truncated,
-        sha256=reader.sha256,
-        damaged=reader.damaged,
-        problems=dict(reader.problems),
-    )
+def _opened(path: str | Path, mapping: TopicMapping | str | Path | None) -> tuple[Bag, dict[str, Topic], TopicMapping]:
+    bag = Bag(path)
+    found = _topics(bag)
+    chosen = _stated_mapping(bag, mapping) or contract_mapping(dict.fromkeys(topic.name for topic in found))
+    mapped = _mapped(bag, found, chosen)
+    if not mapped:
+        raise RecordingError(f"{bag.path}: no topic of the mapping is in the recording, {_listing(found)}")
+    return bag, mapped, chosen
 
 
-def _stated_mapping(bag: Bag, mapping: Mapping | str | Path | None) -> Mapping | None:
-    if isinstance(mapping, Mapping):
+def _stated_mapping(bag: Bag, mapping: TopicMapping | str | Path | None) -> TopicMapping | None:
+    if isinstance(mapping, TopicMapping):
         return mapping
     file = default_mapping_file(bag.path) if mapping is None else mapping
     return None if file is None else load_mapping(file)
@@ -325,7 +284,7 @@ def _topics(bag: Bag) -> list[Topic]:
     return found
 
 
-def _mapped(bag: Bag, found: list[Topic], mapping: Mapping) -> dict[str, Topic]:
+def _mapped(bag: Bag, found: list[Topic], mapping: TopicMapping) -> dict[str, Topic]:
     """Topic of each mapped name that is in the recording."""
     mapped: dict[str, Topic] = {}
     by_name: dict[str, list[Topic]] = {}
@@ -343,35 +302,27 @@ def _mapped(bag: Bag, found: list[Topic], mapping: Mapping) -> dict[str, Topic]:
     return mapped
 
 
-def _record(topic: str, sensor: SensorMapping, taken: Taken) -> AccelerationRecord:
-    start = int(taken.times_ns[0])
-    time = np.asarray((taken.times_ns - start) * 1e-9, np.float64)
-    gaps, rate = find_gaps(time, None if taken.before_ns is None else (taken.before_ns - start) * 1e-9)
-    faults = taken.faults
+def _record(topic: str, sensor: SensorMapping, stream: DecodedStream) -> AccelerationRecord:
+    start, values = int(stream.times_ns[0]), stream.values
+    time = np.asarray((stream.times_ns - start) * 1e-9, np.float64)
+    gaps, rate = find_gaps(time, None if stream.before_ns is None else (stream.before_ns - start) * 1e-9)
     clipped = 0
     if sensor.range is not None:
-        clipped = int(np.count_nonzero((np.abs(taken.values) >= sensor.range * (1 - 1e-6)).any(axis=1)))
+        clipped = int(np.count_nonzero((np.abs(values) >= sensor.range * (1 - 1e-6)).any(axis=1)))
     return AccelerationRecord(
         topic=topic,
         point=sensor.point,
         start_ns=start,
         time=time,
-        values=taken.values @ sensor.matrix().T,
+        values=values @ sensor.matrix().T,
         gaps=gaps,
         rate_hz=rate,
         clipped=clipped,
-        duplicates=faults.duplicates,
-        invalid=faults.invalid,
-        undecodable=faults.undecodable,
         gravity=sensor.gravity,
         frame=sensor.frame,
-        disordered=faults.disordered,
-        late=faults.late,
-        astray=faults.astray,
-        clock_steps=faults.clock_steps,
-        clock_offset=taken.clock.offset,
-        clock_drift=taken.clock.drift,
-        stuck=tuple(("xyz"[axis], first, last) for axis, first, last in stuck_axes(time, taken.values, rate)),
+        stuck=tuple(("xyz"[axis], first, last) for axis, first, last in stuck_axes(time, values, rate)),
+        faults=stream.faults,
+        clock=stream.clock,
     )
 
 

@@ -1,4 +1,4 @@
-"""The samples of one topic put in order of header time while they are read, and given out piece by piece."""
+"""The samples of one topic, put in order of header time while they are read, piece by piece."""
 
 from __future__ import annotations
 
@@ -7,16 +7,16 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from tbm_msgs_py.bags.samples import Samples
-from tbm_msgs_py.recordings.faults import CLOCK_JUMP_NS, Clock, Faults, clock_of, other_clocks
+from tbm_msgs_py.recordings.decoding import Samples
+from tbm_msgs_py.recordings.faults import CLOCK_JUMP_NS, Clock, FaultCounts, clock_of, other_clocks
 
 LATENESS_NS = CLOCK_JUMP_NS  # a piece waits so long for samples that are late
-_NONE = Faults()
+_NONE = FaultCounts()
 NO_STAMPS = "every header stamp is 0, allowed: stamped samples"
 
 
 @dataclass(frozen=True, eq=False)
-class Taken:
+class DecodedStream:
     """Samples of one piece.
 
     Attributes
@@ -27,25 +27,25 @@ class Taken:
         Sensor axes, unit as recorded.
     before_ns : int or None
         Time of the last sample of the piece before.
-    faults, clock : Faults, Clock
+    faults, clock : FaultCounts, Clock
         Since the piece before.
     """
 
     times_ns: NDArray[np.int64]
     values: NDArray[np.float64]
     before_ns: int | None
-    faults: Faults
+    faults: FaultCounts
     clock: Clock
 
 
 class Timeline:
-    """Samples of one topic, added in file order and taken in time order.
+    """Samples of one topic, added in file order and read in time order.
 
     Attributes
     ----------
     latest_ns : int or None
         About the header time reached: the middle one of the last stamps, which a single wrong one does not move.
-    total : Faults
+    total : FaultCounts
         All that was found so far.
     problem : str
         Why samples were dropped, the first reason.
@@ -53,22 +53,22 @@ class Timeline:
 
     def __init__(self) -> None:
         self.latest_ns: int | None = None
-        self.total = Faults()
+        self.total = FaultCounts()
         self.problem = ""
         self._pending: list[Samples] = []
         self._times: NDArray[np.int64] = np.empty(0, np.int64)
         self._values: NDArray[np.float64] = np.empty((0, 3))
-        self._given_ns: int | None = None
+        self._popped_ns: int | None = None
         self._newest_ns = np.iinfo(np.int64).min  # of all samples so far
         self._offset_ns: int | None = None
-        self._faults = Faults()
+        self._faults = FaultCounts()
         self._messages = self._times, self._times  # stamps and log times of the messages that wait
         self._clock = Clock()
 
     def add(self, samples: Samples) -> None:
-        """Take the samples of the next messages."""
+        """Add the samples of the next messages."""
         self.problem = self.problem or samples.problem
-        self._note(Faults(undecodable=samples.undecodable))
+        self._count(FaultCounts(undecodable=samples.undecodable))
         if len(samples.stamps_ns):
             self._pending.append(samples)
             middle = len(samples.stamps_ns) // 2
@@ -79,19 +79,18 @@ class Timeline:
         self._order()
         return int(self._times[0]) if len(self._times) else None
 
-    def take(self, until_ns: int) -> Taken | None:
-        """Give out all samples before a time; None when there are none."""
+    def pop(self, until_ns: int) -> DecodedStream | None:
+        """Remove and return all samples before a time; None when there are none."""
         self._order()
         count = int(np.searchsorted(self._times, until_ns))
         if not count:
             return None
-        taken = Taken(
-            self._times[:count], self._values[:count], self._given_ns, self._faults, self._clock_until(until_ns)
-        )
-        self._given_ns = int(self._times[count - 1])
+        times, values = self._times[:count], self._values[:count]
+        stream = DecodedStream(times, values, self._popped_ns, self._faults, self._clock_until(until_ns))
+        self._popped_ns = int(self._times[count - 1])
         self._times, self._values = self._times[count:].copy(), self._values[count:].copy()
-        self._faults = Faults()
-        return taken
+        self._faults = FaultCounts()
+        return stream
 
     def _clock_until(self, until_ns: int) -> Clock:
         """Clock of the messages that begin before a time; as before when there are none."""
@@ -102,7 +101,7 @@ class Timeline:
             self._messages = stamps[~here], log[~here]
         return self._clock
 
-    def _note(self, faults: Faults) -> None:
+    def _count(self, faults: FaultCounts) -> None:
         if faults != _NONE:
             self._faults += faults
             self.total += faults
@@ -115,7 +114,7 @@ class Timeline:
         self._pending = []
         stamps, log, counts, times, values = columns
         if not stamps.any():
-            self._note(Faults(undecodable=len(stamps)))
+            self._count(FaultCounts(undecodable=len(stamps)))
             self.problem = self.problem or NO_STAMPS
             return
         times, values, stamps, log = self._one_clock(stamps, log, counts, times, values)
@@ -130,7 +129,7 @@ class Timeline:
         times: NDArray[np.int64],
         values: NDArray[np.float64],
     ) -> tuple[NDArray[np.int64], NDArray[np.float64], NDArray[np.int64], NDArray[np.int64]]:
-        """Drop the messages of another clock, and what a clock that was set back tells a second time."""
+        """Drop the messages of another clock, and what a clock that was set back states a second time."""
         astray, steps, self._offset_ns = other_clocks(stamps, log, self._offset_ns)
         if not astray.any() and not steps:
             return times, values, stamps, log
@@ -143,7 +142,7 @@ class Timeline:
             again = keep & after & (times <= passed) if stamps[step] <= passed else np.zeros_like(keep)
             late += int(np.count_nonzero(again))
             keep &= ~again
-        self._note(Faults(astray=int(np.count_nonzero(astray)), late=late, clock_steps=len(steps)))
+        self._count(FaultCounts(astray=int(np.count_nonzero(astray)), late=late, clock_steps=len(steps)))
         return times[keep], values[keep], stamps[~astray], log[~astray]
 
     def _usable(
@@ -153,10 +152,10 @@ class Timeline:
         finite = np.isfinite(values).all(axis=1)
         if not finite.all():
             times, values = times[finite], values[finite]
-            self._note(Faults(invalid=int(np.count_nonzero(~finite))))
-        if self._given_ns is not None and len(times) and times.min() <= self._given_ns:
-            keep = times > self._given_ns
-            self._note(Faults(late=int(np.count_nonzero(~keep))))
+            self._count(FaultCounts(invalid=int(np.count_nonzero(~finite))))
+        if self._popped_ns is not None and len(times) and times.min() <= self._popped_ns:
+            keep = times > self._popped_ns
+            self._count(FaultCounts(late=int(np.count_nonzero(~keep))))
             times, values = times[keep], values[keep]
         return times, values
 
@@ -171,6 +170,6 @@ class Timeline:
             order = np.argsort(times, kind="stable")
             times, values = times[order], values[order]
             first = np.concatenate(([True], np.diff(times) > 0))
-            self._note(Faults(disordered=behind, duplicates=int(np.count_nonzero(~first))))
+            self._count(FaultCounts(disordered=behind, duplicates=int(np.count_nonzero(~first))))
             times, values = times[first], values[first]
         self._times, self._values = times, values

@@ -14,7 +14,8 @@ from tbm_gsa.sensitivity.study.definition import read_definition
 from tbm_gsa.sensitivity.study.errors import StudyError
 from tbm_msgs_py import Bag, RecordingError, load_mapping
 from tbm_msgs_py.bags import chunks
-from tbm_msgs_py.base.bounds import LARGEST_TABLE, LARGEST_TEXT, listed, quoted
+from tbm_msgs_py.base.files import LARGEST_TABLE, LARGEST_TEXT
+from tbm_msgs_py.base.texts import listed, quoted
 from tbm_msgs_py.importing.description import describe
 
 LONG = "a" * 100_000

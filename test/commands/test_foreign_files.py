@@ -41,7 +41,7 @@ def test_nothing_of_a_foreign_file_is_quoted(tmp_path, reader, secret):
 
 
 @pytest.mark.parametrize("reader", READERS)
-@pytest.mark.parametrize("hostile", ["[" * 5000, "a: " + "9" * 5000, "a: 2026-99-99"])
+@pytest.mark.parametrize("hostile", ["[" * 5000, "a: " + "9" * 5000, "a: 2026-99-99", "a: !!int ''", "a: !!bool x"])
 def test_hostile_numbers_and_nesting_are_one_line(tmp_path, reader, hostile):
     read, error = READERS[reader]
     (tmp_path / "file").write_text(hostile)

@@ -15,8 +15,8 @@ from rich.text import Text
 from tbm_gsa.app.cli.main import main
 from tbm_gsa.app.cli.output import notes, print_json, results
 from tbm_msgs_py import BagWriter
-from tbm_msgs_py.base.printing import printable
-from tbm_msgs_py.base.results import json_text
+from tbm_msgs_py.base.files import json_text
+from tbm_msgs_py.base.texts import printable
 
 CONTROLS = [*map(chr, range(0x20)), *map(chr, range(0x7F, 0xA0)), *"\u200e\u200f\u2028\u2029", *"\u061c"]
 CONTROLS += [*map(chr, range(0x202A, 0x202F)), *map(chr, range(0x2066, 0x206A))]

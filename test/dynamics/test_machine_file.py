@@ -15,7 +15,7 @@ from machine_files import TEXT, all_connections, built, plain, without
 
 from tbm_dynamics import MachineError, load_machine, shipped_machines
 from tbm_dynamics.machine.inputs import INPUT_CODES
-from tbm_msgs_py.base.texts import SOURCES
+from tbm_msgs_py.base.validation import SOURCES
 
 
 def refused(path, text):
@@ -37,10 +37,10 @@ WRONG = {
         "greater than or equal to 0",
     ),
     "stiffness not a number": (ROCK, ROCK.replace("[1e9", "[.nan"), "connections.0.stiffness.0", "finite"),
-    "five stiffnesses": (ROCK, ROCK.replace("[1e9, ", "["), "connections.0.stiffness.5", "required"),
+    "five stiffnesses": (ROCK, ROCK.replace("[1e9, ", "["), "connections.0.stiffness.5", "missing"),
     "unknown node": ("between: [4, 5]", "between: [4, 99]", "k_c_cf.between: unknown node 99", "known are 1–70"),
     "both ends alike": ("between: [4, 5]", "between: [4, 4]", "connections.1: between [4, 4]", "must be two nodes"),
-    "misspelt key": ("thrust_kn:", "thurst_kn:", "operating_point.thurst_kn", "allowed are speed_r_min, torque_kn_m"),
+    "misspelt key": ("thrust_kn:", "thurst_kn:", "operating_point.thurst_kn", "allowed: speed_r_min, torque_kn_m"),
     "misspelt key in a list": (
         "outer_diameter: 5.8",
         "outer_diametre: 5.8",
@@ -86,7 +86,7 @@ WRONG = {
         "rotor: {mass: 1100, inertia: [5, 60, 60], source: assumed}",
         "rotor: {mass: 1100, inertia: [5, 60, 60]}",
         "driveshaft.rotor.source",
-        "required",
+        "missing",
     ),
     "ring beside the axis": ("    8: [-2.5, 0.0,", "    8: [-2.5, 0.1,", "driveshaft.ring_node: node 8", "x axis"),
     "mount on a pinion": ("mount_node: 12", "mount_node: 14", "driveshaft.mount_node: node 14", "x axis"),
@@ -190,7 +190,7 @@ def test_every_value_carries_its_source(name):
 def test_what_is_not_a_machine(tmp_path, text):
     path = tmp_path / "mine.yaml"
     assert re.match(
-        f"{re.escape(str(path))}: (not valid YAML|a machine file is a mapping with the keys name, )",
+        f"{re.escape(str(path))}: not (YAML|a machine file, allowed: a mapping with keys of name, )",
         refused(path, text),
     )
 

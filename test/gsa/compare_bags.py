@@ -6,7 +6,7 @@ import numpy as np
 
 from tbm_dynamics import load_machine, simulate
 from tbm_msgs_py import ACCELERATION
-from tbm_msgs_py.bags import BagWriter
+from tbm_msgs_py.bags.writing import BagWriter
 from tbm_msgs_py.base.units import STANDARD_GRAVITY as G
 
 START_NS = 1_700_000_000_000_000_000

@@ -12,9 +12,9 @@ from tbm_gsa.comparison import Settings
 from tbm_gsa.comparison.document import axial_rows
 from tbm_gsa.comparison.workflow import compare_recording
 from tbm_msgs_py import ACCELERATION, OperatingPoint, RecordingError
-from tbm_msgs_py.bags import BagWriter
-from tbm_msgs_py.bags.marks import SYNTHETIC
-from tbm_msgs_py.recordings.health import COUNTS
+from tbm_msgs_py.bags.metadata import SYNTHETIC
+from tbm_msgs_py.bags.writing import BagWriter
+from tbm_msgs_py.recordings.recording_health import COUNTS
 
 SHORT = {"model_duration": 2.0}
 

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from tbm_gsa.comparison.field_side import reduce_field
 from tbm_gsa.signals.estimates import estimate, field_sample
 from tbm_gsa.signals.settings import Settings
-from tbm_msgs_py.recordings.faults import Faults, find_gaps, stuck_axes
+from tbm_msgs_py.recordings.faults import Clock, FaultCounts, find_gaps, stuck_axes
 from tbm_msgs_py.recordings.recording import AccelerationRecord
 
 RATE, START_NS = 1000.0, 1_700_000_000_000_000_000
@@ -25,8 +25,8 @@ class Reader:
     """Pieces as `open_recording` gives them, cut where the test says."""
 
     def __init__(self, cuts):
-        self.points = {"shield": SimpleNamespace(frame="fixed")}
-        self.faults = {"shield": Faults()}
+        self.sensors = {"shield": SimpleNamespace(frame="fixed")}
+        self.faults = {"shield": FaultCounts()}
         self._cuts = cuts
 
     def pieces(self):
@@ -41,7 +41,7 @@ class Reader:
             before = float(stamps[-1])
             yield {
                 "shield": AccelerationRecord(
-                    "/t", "shield", START_NS + start, own, rows, gaps, rate, clipped=1, clock_offset=0.5, stuck=stuck
+                    "/t", "shield", START_NS + start, own, rows, gaps, rate, clipped=1, stuck=stuck, clock=Clock(0.5)
                 )
             }
 

@@ -98,9 +98,9 @@ GROUPS = "inputs: {{x2, x3, x4}}\ngroups: {{{}}}"
         ("inputs: {x2}\noutputs: MF_M", "outputs: 'MF_M', allowed: a list of names"),
         ("inputs: {x2}\noutput: [MF_M]", "unknown key 'output', allowed: inputs, groups, outputs"),
         ("inputs: {}", "inputs: none, allowed: at least one"),
-        ("x2: {lower: 1, upper: 2}", "inputs: missing or no mapping, allowed: codes"),
+        ("x2: {lower: 1, upper: 2}", "not a study definition, allowed: a mapping with keys of inputs"),
         ("inputs: {x2: {lower: 1", "not YAML"),
-        ("", "inputs: missing or no mapping, allowed: codes"),
+        ("", "not a study definition, allowed: a mapping with keys of inputs"),
     ],
 )
 def test_bad_files_are_refused_in_one_line(tmp_path, text, message):

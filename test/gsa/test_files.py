@@ -13,7 +13,7 @@ from matplotlib.figure import Figure
 from tbm_gsa.app.report import explanation_page
 from tbm_gsa.app.report.picture import write_picture
 from tbm_gsa.sensitivity.surrogates.files import save_surrogate
-from tbm_msgs_py.base.results import write_json
+from tbm_msgs_py.base.files import write_json
 
 BEFORE = b"\x89PNG\r\nbefore"  # an earlier picture
 WRITERS = {

@@ -31,7 +31,7 @@ DRIVE_KEYS = "count source ring_node mount_node radius placement members parts c
 SOURCES = ("table1", "table4", "table5", "assumed", "calibrated", "updated")
 NODE_NUMBERS = r"(.*_)?node|.*_nodes(_from)?|between|test_points"  # keys
 NO_MACHINE = "dz102: no such machine; shipped are dz101, open380, or give the path of a YAML file"
-NO_KEY = "key.yaml: operating_point.thurst_kn: unknown key; allowed are speed_r_min, "
+NO_KEY = "key.yaml: operating_point.thurst_kn: unknown key, allowed: speed_r_min, "
 BAD = {
     "show --machine dz102": NO_MACHINE,
     "check --machine dz102 --json": NO_MACHINE,

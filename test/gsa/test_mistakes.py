@@ -10,7 +10,7 @@ import pytest
 from tbm_gsa.app.cli.demo import print_tables
 from tbm_gsa.app.cli.main import main
 from tbm_gsa.app.cli.shipped import recording_path, shipped_bag
-from tbm_msgs_py.bags.marks import is_synthetic
+from tbm_msgs_py.bags.metadata import is_synthetic
 
 SENSOR = "topics:\n  /rig: {point: girder, gravity: removed, frame: fixed, %s}\n"
 MISTAKES = {
@@ -36,7 +36,7 @@ MISTAKES = {
     ),
     "a unit not stated": (
         ["compare", "field_dz101", "--mapping", "none.yaml"],
-        "none.yaml: topics./rig.units: missing, allowed: a value that is stated, nothing is guessed",
+        "none.yaml: topics./rig.units: missing, allowed: a value that is stated",
     ),
     "a key misspelt in a mapping": (
         ["compare", "field_dz101", "--mapping", "unit.yaml"],

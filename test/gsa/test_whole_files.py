@@ -10,8 +10,7 @@ from campaign_problem import PROBLEM
 from tbm_gsa.sensitivity.study.store import Store
 from tbm_msgs_py import BagWriter
 from tbm_msgs_py.bags import metadata
-from tbm_msgs_py.base.files import write_whole
-from tbm_msgs_py.base.results import write_json
+from tbm_msgs_py.base.files import write_json, write_whole
 
 
 def write_store(path):

@@ -5,8 +5,8 @@ from mcap.writer import CompressionType
 from mcap.writer import Writer as McapWriter
 
 from tbm_msgs_py import Bag
-from tbm_msgs_py.bags.batch import Stretch
-from tbm_msgs_py.bags.samples import typestore
+from tbm_msgs_py.bags.batch import MessageBatch
+from tbm_msgs_py.bags.definitions import typestore
 from tbm_msgs_py.blocks import split_ns
 
 VALUES = (0, 1, 2**16, 2**28, 2**31 - 1, 2**32 - 1, 2**40, 2**63 - 1, 2**64 - 1)
@@ -45,7 +45,7 @@ def stretch_of(messages):
     data = np.frombuffer(b"".join(message + b"x" for message in messages), np.uint8)
     sizes = np.array([len(message) for message in messages], np.int64)
     at = np.cumsum(sizes + 1) - sizes - 1
-    return Stretch(data, np.array([np.ones_like(at), at, at, sizes]), {}, (len(messages),))
+    return MessageBatch(data, np.array([np.ones_like(at), at, at, sizes]), {}, (len(messages),))
 
 
 class Mutations:

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from mcap_ros2._dynamic import generate_dynamic
 
 from tbm_msgs_py import ACCELERATION, LOADS, blocks
-from tbm_msgs_py.bags.samples import BLOCK_TYPE, typestore
+from tbm_msgs_py.bags.definitions import BLOCK_TYPE, typestore
 from tbm_msgs_py.recordings.decoding import ACCELERATION_TYPES, decode_samples
 
 STORE = typestore()

@@ -34,11 +34,11 @@ from import_files import (
 )
 
 from tbm_msgs_py import Bag, RecordingError, read_acceleration, read_recording
-from tbm_msgs_py.bags.samples import typestore
+from tbm_msgs_py.bags.definitions import typestore
 from tbm_msgs_py.base.operating_point import from_joint_state
 from tbm_msgs_py.base.units import STANDARD_GRAVITY
 from tbm_msgs_py.importing import describe, import_recording
-from tbm_msgs_py.importing.units import same_unit
+from tbm_msgs_py.importing.description import same_unit
 
 
 def test_csv_with_a_rate(tmp_path):

@@ -80,7 +80,7 @@ def test_options_go_over_the_description(command, tmp_path):
         (["--map", "girder=a,b,q", *SENSOR, "--rate", "50", "--start", START], "column q is not there"),
         (["--map", "girder=a,b,c", *SENSOR, "--rate", "50"], "start"),
         (["--map", "girder=a,b,c", *SENSOR, "--time", "ms", "--start", START], "--time ms: no unit"),
-        (["--map", "nowhere.yaml"], "nowhere.yaml: No such file"),
+        (["--map", "nowhere.yaml"], "nowhere.yaml: cannot be read (No such file"),
         (["--map", "one.yaml", "--map", "two.yaml"], "one import description"),
         (["--speed", "rpm:r/min", "--rate", "1", "--start", START], "operating_point.torque"),
     ],

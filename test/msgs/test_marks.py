@@ -7,9 +7,9 @@ import pytest
 from rosbags.rosbag2 import Reader, StoragePlugin, Writer
 from rosbags.typesys import Stores, get_typestore
 
-from tbm_msgs_py.bags import BagWriter
-from tbm_msgs_py.bags.marks import SYNTHETIC, is_synthetic
+from tbm_msgs_py.bags.metadata import SYNTHETIC, is_synthetic
 from tbm_msgs_py.bags.recovery import recover
+from tbm_msgs_py.bags.writing import BagWriter
 from tbm_msgs_py.base.operating_point import OperatingPoint
 
 SHIPPED = Path(__file__).parents[2] / "bags" / "field_dz101"

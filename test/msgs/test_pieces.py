@@ -10,8 +10,8 @@ from hypothesis import strategies as st
 from sample_bag import BLOCKS, RATE, SAMPLES, START_NS
 
 from tbm_msgs_py import ACCELERATION, BagWriter, OperatingPoint, open_recording, read_recording
-from tbm_msgs_py.bags.samples import Samples
-from tbm_msgs_py.recordings.cutting import Cutter
+from tbm_msgs_py.recordings.decoding import Samples
+from tbm_msgs_py.recordings.splitting import RecordSplitter
 from tbm_msgs_py.recordings.timeline import LATENESS_NS, Timeline
 
 S = 10**9
@@ -29,7 +29,7 @@ def together(pieces):
 def test_pieces_are_the_whole(folder, length):
     whole = read_recording(folder)
     reader = open_recording(folder)
-    assert reader.points.keys() == whole.points.keys()
+    assert reader.sensors.keys() == whole.points.keys()
     for point, records in together(reader.pieces(length)).items():
         times = np.concatenate([r.start_ns + np.rint(r.time * 1e9).astype(np.int64) for r in records])
         record = whole.points[point]
@@ -72,7 +72,7 @@ def test_samples_that_are_late_by_less_than_the_lateness_are_never_lost(jitter, 
     """Any disorder below the lateness comes out sorted, whatever the batches and the pieces."""
     stamps = (np.arange(len(jitter)) * 2 + np.array(jitter) / 2) * S / 2 + 1000 * S
     line = Timeline()
-    cutter = Cutter({"a": line}, length)
+    cutter = RecordSplitter({"a": line}, length)
     pieces = []
     for first in range(0, len(stamps), batch):
         line.add(samples(stamps[first : first + batch]))
@@ -85,7 +85,7 @@ def test_samples_that_are_late_by_less_than_the_lateness_are_never_lost(jitter, 
 
 def test_a_sample_that_is_later_is_dropped_and_counted():
     line = Timeline()
-    cutter = Cutter({"a": line}, 1.0)
+    cutter = RecordSplitter({"a": line}, 1.0)
     line.add(samples(np.arange(1000, 1040) * S))
     before = list(cutter.due())
     line.add(samples([1003 * S + 1, 1040 * S, 1041 * S]))

@@ -17,11 +17,11 @@ from tbm_msgs_py import (
     read_acceleration,
     read_recording,
 )
+from tbm_msgs_py.bags.definitions import typestore
 from tbm_msgs_py.bags.mcap_file import MAGIC
-from tbm_msgs_py.bags.qos import offered_quality
-from tbm_msgs_py.bags.samples import typestore
+from tbm_msgs_py.bags.qos import offered_qos
 from tbm_msgs_py.recordings.faults import find_gaps
-from tbm_msgs_py.topics import BLOCK_QUALITY, OPERATING_POINT_QUALITY
+from tbm_msgs_py.topics import BLOCK_QOS, OPERATING_POINT_QOS
 
 BLOCK_TOPIC = "/tbm/field/cutterhead/block"
 MESSAGES = BLOCKS * 6 + 1
@@ -69,9 +69,9 @@ def test_mcap_ros2_reads_what_we_write(bare):
 
 
 def test_offered_quality_survives(folder):
-    qualities = {topic.name: offered_quality(topic.qos) for topic in Bag(folder).info().topics}
-    assert qualities[BLOCK_TOPIC] == BLOCK_QUALITY
-    assert qualities["/tbm/operating_point"] == OPERATING_POINT_QUALITY
+    qualities = {topic.name: offered_qos(topic.qos) for topic in Bag(folder).info().topics}
+    assert qualities[BLOCK_TOPIC] == BLOCK_QOS
+    assert qualities["/tbm/operating_point"] == OPERATING_POINT_QOS
 
 
 def test_messages_come_in_log_time_order_though_written_otherwise(tmp_path):
@@ -214,7 +214,7 @@ def test_gaps_duplicates_and_bad_values(tmp_path):
         offsets = np.arange(SAMPLES) / RATE
         writer.write_block(BLOCK_TOPIC, START_NS + 5 * SAMPLES * 10**9 // RATE, ACCELERATION, offsets, bad)
     record = read_acceleration(tmp_path / "bag", BLOCK_TOPIC)
-    assert (record.duplicates, record.invalid) == (SAMPLES, SAMPLES)
+    assert (record.faults.duplicates, record.faults.invalid) == (SAMPLES, SAMPLES)
     period, block = 1 / RATE, SAMPLES / RATE
     np.testing.assert_allclose(record.gaps, [(2 * block - period, 3 * block)], atol=1e-9)
     assert record.rate_hz == pytest.approx(RATE)

@@ -39,7 +39,7 @@ def test_messages_are_those_of_the_library(tmp_path, folder, compression, chunks
     path = rewrite(folder, tmp_path / "a.mcap", compression, use_chunking=chunks)
     expected = [r for r in StreamReader(BytesIO(path.read_bytes())).records if isinstance(r, Message)]
     file = McapFile(path)
-    found = [raw for stretch in file.stretches() for batch in stretch.batches() for raw in batch.raw()]
+    found = [raw for batch in file.batches() for chunk in batch.chunks() for raw in chunk.raw()]
     assert [(m.log_ns, m.data) for m in found] == [(m.log_time, m.data) for m in expected]
     assert (file.lost, file.damaged, file.truncated, file.declared) == (0, 0, False, len(expected))
 

@@ -20,9 +20,9 @@ from sample_bag import BLOCKS, START_NS
 from tbm_gsa.app.cli.bag.info import info
 from tbm_gsa.app.cli.bag.recover import recover as recover_command
 from tbm_msgs_py import Bag, RecordingError, read_recording
-from tbm_msgs_py.bags.qos import offered_quality
+from tbm_msgs_py.bags.definitions import typestore
+from tbm_msgs_py.bags.qos import offered_qos
 from tbm_msgs_py.bags.recovery import recover
-from tbm_msgs_py.bags.samples import typestore
 
 MESSAGES = BLOCKS * 6 + 1
 
@@ -79,8 +79,8 @@ def test_truncated_file_is_recovered_and_read_by_others(tmp_path, folder):
     after = Bag(clean).info()
     assert (after.messages, after.lost, after.truncated, after.damaged) == (len(before), 0, False, 0)
     assert [m.data for m in Bag(clean).messages()] == [m.data for m in before]
-    assert {t.name: offered_quality(t.qos) for t in after.topics} == {
-        t.name: offered_quality(t.qos) for t in Bag(broken).info().topics
+    assert {t.name: offered_qos(t.qos) for t in after.topics} == {
+        t.name: offered_qos(t.qos) for t in Bag(broken).info().topics
     }
     with AnyReader([clean], default_typestore=typestore()) as reader:
         assert [bytes(data) for _, _, data in reader.messages()] == [m.data for m in before]

@@ -7,9 +7,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 from sample_bag import START_NS
 
-from tbm_msgs_py import BagWriter, Mapping, SensorMapping, read_acceleration, read_recording
+from tbm_msgs_py import BagWriter, SensorMapping, TopicMapping, read_acceleration, read_recording
 from tbm_msgs_py.recordings.faults import clock_of, other_clocks, stuck_axes
-from tbm_msgs_py.recordings.health import check_recording
+from tbm_msgs_py.recordings.recording_health import check_recording
 
 TOPIC = "/tbm/field/shield/accel"
 MS = 10**6
@@ -34,13 +34,13 @@ def test_late_packets_are_put_in_order(tmp_path):
     record = read_acceleration(tmp_path / "bag", TOPIC)
     np.testing.assert_allclose(record.time * 1e3, stamps, atol=1e-9)
     np.testing.assert_array_equal(record.values, values)
-    assert (record.disordered, record.duplicates, record.late, record.gaps) == (100, 0, 0, [])
+    assert (record.faults.disordered, record.faults.duplicates, record.faults.late, record.gaps) == (100, 0, 0, [])
 
 
 def test_repeated_stamps_keep_the_first_sample(tmp_path):
     values = np.arange(30.0).reshape(10, 3)
     record = read_acceleration(written(tmp_path / "bag", [0, 1, 2, 2, 3, 4, 4, 4, 5, 6], values), TOPIC)
-    assert record.duplicates == 3
+    assert record.faults.duplicates == 3
     np.testing.assert_array_equal(record.values, values[[0, 1, 2, 4, 5, 8, 9]])
 
 
@@ -48,7 +48,7 @@ def test_samples_that_are_not_finite_leave_a_gap(tmp_path):
     values = np.ones((50, 3)) + np.arange(50)[:, None]
     values[20, 1], values[21, 0], values[40, 2] = np.nan, np.inf, -np.inf
     record = read_acceleration(written(tmp_path / "bag", np.arange(50.0), values), TOPIC)
-    assert record.invalid == 3
+    assert record.faults.invalid == 3
     np.testing.assert_allclose(record.gaps, [(0.019, 0.022), (0.039, 0.041)])
 
 
@@ -57,7 +57,7 @@ def test_clipping_at_the_range_of_the_mapping(tmp_path):
     clipped = np.clip(values, -16.0, 16.0)
     sensor = SensorMapping(point="shield", units="m/s2", gravity="removed", frame="fixed", range=16.0)
     path = written(tmp_path / "bag", np.arange(500.0), clipped)
-    record = read_acceleration(path, TOPIC, Mapping(topics={TOPIC: sensor}))
+    record = read_acceleration(path, TOPIC, TopicMapping(topics={TOPIC: sensor}))
     assert record.clipped == np.count_nonzero(np.abs(values[:, 0]) >= 16.0)
     assert len(record.time) == 500
 
@@ -86,7 +86,7 @@ def test_a_few_stamps_of_another_clock_are_dropped(tmp_path):
     stamps, logs = np.arange(2000.0), np.arange(2000.0) + 5
     stamps[[0, 500, 501, 1500]] += HOUR / MS
     record = read_acceleration(written(tmp_path / "bag", stamps, logs=logs), TOPIC)
-    assert (record.astray, record.clock_steps, len(record.time)) == (4, 0, 1996)
+    assert (record.faults.astray, record.faults.clock_steps, len(record.time)) == (4, 0, 1996)
     assert record.duration == pytest.approx(1.998)
 
 
@@ -94,7 +94,7 @@ def test_two_clocks_in_turn_on_one_topic_leave_one(tmp_path):
     stamps, logs = np.arange(1000.0), np.arange(1000.0)
     stamps[1::2] -= HOUR / MS
     record = read_acceleration(written(tmp_path / "bag", stamps, logs=logs), TOPIC)
-    assert (record.astray, len(record.time)) == (500, 500)
+    assert (record.faults.astray, len(record.time)) == (500, 500)
     assert record.rate_hz == pytest.approx(500.0)
 
 
@@ -103,7 +103,7 @@ def test_a_clock_that_is_set_forward_is_a_gap(tmp_path, step):
     stamps, logs = np.arange(1000.0) - 1e12, np.arange(1000.0)
     stamps[400:] += step
     record = read_acceleration(written(tmp_path / "bag", stamps, logs=logs), TOPIC)
-    assert (record.clock_steps, record.astray, len(record.time)) == (1, 0, 1000)
+    assert (record.faults.clock_steps, record.faults.astray, len(record.time)) == (1, 0, 1000)
     assert len(record.gaps) == 1
 
 
@@ -111,8 +111,8 @@ def test_a_clock_that_is_set_back_tells_no_time_twice(tmp_path):
     stamps, logs = np.arange(60_000.0, step=10.0), np.arange(60_000.0, step=10.0)
     stamps[3000:] -= 20_000.0
     record = read_acceleration(written(tmp_path / "bag", stamps, logs=logs), TOPIC)
-    assert (record.clock_steps, record.astray) == (1, 0)
-    assert record.late == 2000
+    assert (record.faults.clock_steps, record.faults.astray) == (1, 0)
+    assert record.faults.late == 2000
     np.testing.assert_allclose(record.time, np.arange(4000) / 100, atol=1e-9)
 
 
@@ -121,12 +121,12 @@ def test_burst_of_a_sensor_that_stores_is_no_fault_of_the_clock(tmp_path):
     stamps = np.arange(300_000.0, step=100.0)
     logs = (stamps // 60_000 + 1) * 60_000
     record = read_acceleration(written(tmp_path / "bag", stamps, logs=logs), TOPIC)
-    assert (record.clock_steps, record.astray, record.late, len(record.time)) == (0, 0, 0, 3000)
+    assert (record.faults.clock_steps, record.faults.astray, record.faults.late, len(record.time)) == (0, 0, 0, 3000)
 
 
 def test_log_times_that_say_nothing_do_no_harm(tmp_path):
     record = read_acceleration(written(tmp_path / "bag", np.arange(3000.0) * 100, logs=np.zeros(3000)), TOPIC)
-    assert (len(record.time), record.astray, record.clock_steps, record.gaps) == (3000, 0, 0, [])
+    assert (len(record.time), record.faults.astray, record.faults.clock_steps, record.gaps) == (3000, 0, 0, [])
 
 
 def test_offset_and_drift_of_a_clock():

@@ -13,9 +13,9 @@ from rosbags.rosbag2 import Reader
 
 from tbm_msgs_py import ACCELERATION, Bag, BagWriter, OperatingPoint, RecordingError, read_recording
 from tbm_msgs_py.bags import quota
-from tbm_msgs_py.bags.locking import lock
+from tbm_msgs_py.bags.definitions import typestore
+from tbm_msgs_py.bags.folder import lock
 from tbm_msgs_py.bags.quota import KEEP, enforce, mark, stored
-from tbm_msgs_py.bags.samples import typestore
 
 START_NS = 1_767_225_600_000_000_000
 TOPIC = "/tbm/field/cutterhead/block"

@@ -13,7 +13,7 @@ pytest.importorskip("rclpy")
 from processes import DEADLINE, wait_for
 
 from tbm_msgs_py import Bag, topics
-from tbm_msgs_py.bags.samples import typestore
+from tbm_msgs_py.bags.definitions import typestore
 
 SECONDS = 60
 START_S = 4  # what a busy computer may need until DDS has matched the recorder and a topic

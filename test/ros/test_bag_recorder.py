@@ -22,7 +22,7 @@ from sensor_msgs.msg import JointState, PointCloud2  # noqa: E402
 
 from tbm_gsa.app.cli.bag.info import info_document  # noqa: E402
 from tbm_msgs_py import ACCELERATION, Bag, BagWriter, OperatingPoint, read_recording  # noqa: E402
-from tbm_msgs_py.bags.samples import typestore  # noqa: E402
+from tbm_msgs_py.bags.definitions import typestore  # noqa: E402
 from tbm_msgs_py.blocks import from_cloud  # noqa: E402
 from tbm_msgs_py.nodes import messages, qos  # noqa: E402
 from tbm_msgs_py.nodes.bag_recorder import BagRecorder  # noqa: E402

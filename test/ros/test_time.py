@@ -21,7 +21,7 @@ from tbm_gsa.app.nodes.analysis_node import AnalysisNode  # noqa: E402
 from tbm_msgs_py import ACCELERATION, BagWriter  # noqa: E402
 from tbm_msgs_py.nodes import bag_player, messages, qos  # noqa: E402
 from tbm_msgs_py.nodes.bag_player import BagPlayer  # noqa: E402
-from tbm_msgs_py.topics import Quality  # noqa: E402
+from tbm_msgs_py.topics import QoS  # noqa: E402
 
 pytestmark = pytest.mark.ros
 
@@ -42,7 +42,7 @@ def recorded(path, seconds):
 
 
 # On a busy computer 64 blocks, a third of a second of a clock that runs ten times as fast, may not be enough.
-DEEP = qos.profile(Quality(reliable=True, latched=False, depth=1000))
+DEEP = qos.profile(QoS(reliable=True, latched=False, depth=1000))
 
 
 def deep(topic, side, *published):

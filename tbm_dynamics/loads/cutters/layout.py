@@ -17,7 +17,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tbm_dynamics.loads.cutters.errors import CutterError
-from tbm_msgs_py.base.bounds import LONGEST_NAME, listed, quoted, read_text, shortened
+from tbm_msgs_py.base.files import read_text
+from tbm_msgs_py.base.texts import LONGEST_NAME, listed, quoted, shortened
 
 FloatArray = NDArray[np.float64]
 

@@ -27,9 +27,9 @@ from tbm_gsa.comparison.document import axial_rows, stuck_texts
 from tbm_gsa.comparison.workflow import ComparisonResult, compare_recording
 from tbm_gsa.history import History, HistoryError, Kind, Source, check_history, default_history, recording_entries
 from tbm_gsa.signals.settings import Settings
-from tbm_msgs_py.bags.marks import is_synthetic
-from tbm_msgs_py.base.results import check_result
-from tbm_msgs_py.recordings.health import COUNTS
+from tbm_msgs_py.bags.metadata import is_synthetic
+from tbm_msgs_py.base.files import check_result
+from tbm_msgs_py.recordings.recording_health import COUNTS
 
 
 def compare(

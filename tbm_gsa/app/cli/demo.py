@@ -29,7 +29,7 @@ from tbm_gsa.app.cli.processes import NodeCommand, NodeProcesses, ParameterValue
 from tbm_gsa.app.cli.ros import ANALYSIS_NODE, BAG_PLAYER, DYNAMICS_NODE, LOAD_NODE, SAID, watch
 from tbm_gsa.app.cli.shipped import shipped_bag
 from tbm_gsa.sensitivity.study.outputs import parse_outputs
-from tbm_msgs_py.bags.marks import is_synthetic
+from tbm_msgs_py.bags.metadata import is_synthetic
 from tbm_msgs_py.base.errors import RunError
 from tbm_msgs_py.base.units import STANDARD_GRAVITY
 from tbm_msgs_py.recordings.mapping import default_mapping_file

@@ -14,8 +14,7 @@ from tbm_gsa.app.cli.selection import File, Of, Origin, Point, Since, Until, sel
 from tbm_gsa.history import Baseline, HistoryReader, Selection, Window, default_history
 from tbm_gsa.history.summary import history_document
 from tbm_msgs_py.base.errors import InputError
-from tbm_msgs_py.base.files import write_whole
-from tbm_msgs_py.base.results import check_result
+from tbm_msgs_py.base.files import check_result, write_whole
 
 app = typer.Typer(add_completion=False, invoke_without_command=True)
 app.add_typer(baseline.app, name="baseline")

@@ -15,8 +15,8 @@ import tbm_gsa
 from tbm_gsa.app.cli.commands import CommandLine
 from tbm_gsa.app.cli.output import notes, results
 from tbm_gsa.app.cli.start import ENDING, INTERRUPTED
-from tbm_msgs_py.base.bounds import shortened
 from tbm_msgs_py.base.errors import InputError, RunError
+from tbm_msgs_py.base.texts import shortened
 
 app = typer.Typer(
     name="tbm-monitor",

@@ -15,8 +15,8 @@ from rich.segment import Segment
 from rich.table import Table
 from rich.text import Text
 
-from tbm_msgs_py.base.printing import printable
-from tbm_msgs_py.base.results import json_text
+from tbm_msgs_py.base.files import json_text
+from tbm_msgs_py.base.texts import printable
 
 
 class _Printable(Console):

@@ -21,7 +21,7 @@ from tbm_gsa.app.cli.output import (
 )
 from tbm_gsa.app.cli.shipped import shipped_bag
 from tbm_gsa.app.cli.workers import Workers, anonymous_main
-from tbm_msgs_py.base.results import write_json
+from tbm_msgs_py.base.files import write_json
 
 DOCUMENT_NAME = "reproduction.json"
 PAGE_NAME = "reproduction.html"

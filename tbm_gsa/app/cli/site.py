@@ -6,10 +6,8 @@ from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
-import yaml
-
 from tbm_gsa.sensitivity.study.errors import StudyError
-from tbm_msgs_py.base.strict_yaml import yaml_problem
+from tbm_msgs_py.base.strict_yaml import read_yaml
 from tbm_msgs_py.topics import NAMESPACE
 
 _PARAMETERS = "ros__parameters"
@@ -32,15 +30,8 @@ class Site:
     def __init__(self, file: Path | None) -> None:
         self.file = file
         self._content: Mapping[str, Any] = {}
-        if file is None:
-            return
-        try:
-            content = yaml.safe_load(file.read_text(encoding="utf-8"))
-        except (yaml.YAMLError, UnicodeDecodeError) as error:
-            raise StudyError(f"{file}: not YAML ({yaml_problem(error)})") from None
-        if not isinstance(content, dict):
-            raise StudyError(f"{file}: allowed: a mapping of nodes with {_PARAMETERS}")
-        self._content = content
+        if file is not None:
+            self._content = read_yaml(file, f"nodes with {_PARAMETERS}", error=StudyError)
 
     def stated(self, node: str, name: str) -> Any:
         """Value of a parameter of a node; None where the file does not name it. The last entry holds, as in ROS."""

@@ -42,7 +42,7 @@ from tbm_msgs_py.base.operating_point import OperatingPointError
 from tbm_msgs_py.blocks import BlockError
 from tbm_msgs_py.nodes import messages, qos
 from tbm_msgs_py.nodes.managed import ManagedNode, run_node
-from tbm_msgs_py.recordings.mapping import Mapping, SensorMapping, contract_sensor, load_mapping
+from tbm_msgs_py.recordings.mapping import SensorMapping, TopicMapping, contract_sensor, load_mapping
 
 _AXES = ("x", "y", "z")
 _APART: tuple[Kind, ...] = ("standstill", "transient")  # what says more comes first
@@ -87,7 +87,7 @@ class AnalysisNode(ManagedNode):
         """Field topics and what they hold; without a mapping file, both topics of every test point."""
         file = self.value("mapping")
         if file:
-            mapping: Mapping = load_mapping(file)
+            mapping: TopicMapping = load_mapping(file)
             return dict(mapping.topics)
         names = (name(point) for point in self._points for name in (topics.field_block, topics.field_accel))
         return {name: contract_sensor(name.split("/")[1]) for name in names}
@@ -163,7 +163,7 @@ class AnalysisNode(ManagedNode):
                 JointState,
                 name,
                 partial(self._on_operating_point, name),
-                qos.profile(topics.quality(name)),
+                qos.profile(topics.qos(name)),
                 qos_overriding_options=qos.overridable(),
             )
 

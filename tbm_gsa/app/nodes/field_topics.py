@@ -14,7 +14,7 @@ from tbm_msgs_py.nodes import messages, qos
 from tbm_msgs_py.nodes.following import Offer, TopicFollower
 from tbm_msgs_py.nodes.managed import ManagedNode
 from tbm_msgs_py.recordings.mapping import SensorMapping
-from tbm_msgs_py.topics import Quality
+from tbm_msgs_py.topics import QoS
 
 LOOK_S = 0.2  # between looks at who publishes
 _BLOCK = "sensor_msgs/msg/PointCloud2"
@@ -99,10 +99,10 @@ class FieldTopics:
         """Say which types are allowed if this is none of them."""
         return "" if kind == _BLOCK or kind in _SAMPLE else f"allowed: {', '.join([_BLOCK, *_SAMPLE])}"
 
-    def asks(self, topic: str, offered: Offer) -> Quality:  # noqa: ARG002
+    def asks(self, topic: str, offered: Offer) -> QoS:  # noqa: ARG002
         """As reliable as the publishers; what a late sensor sent before is of no use."""
-        quality = topics.BLOCK_QUALITY if offered.type == _BLOCK else topics.LIVE_QUALITY
-        return Quality(offered.quality.reliable, latched=False, depth=quality.depth)
+        quality = topics.BLOCK_QOS if offered.type == _BLOCK else topics.LIVE_QOS
+        return QoS(offered.quality.reliable, latched=False, depth=quality.depth)
 
     def subscribe(self, topic: str, offer: Offer) -> Any:
         """Subscribe to blocks or single samples."""
@@ -143,7 +143,7 @@ class FieldTopics:
 def _contract_offer(topic: str, namespace: str) -> Offer | None:
     """Give what the contract says about a field topic; None for any other topic."""
     name = topics.absolute(topic, namespace)
-    quality = topics.quality(name, namespace)
+    quality = topics.qos(name, namespace)
     if not name.startswith(topics.absolute("field/", namespace)):
         return None
     if name.endswith("/block"):

@@ -10,13 +10,13 @@ from typing import Any
 from diagnostic_msgs.msg import DiagnosticStatus
 
 from tbm_msgs_py import topics
-from tbm_msgs_py.bags.samples import typestore
+from tbm_msgs_py.bags.definitions import typestore
 from tbm_msgs_py.base.errors import InputError
 from tbm_msgs_py.nodes import messages, qos
 from tbm_msgs_py.nodes.faults import Faults
 from tbm_msgs_py.nodes.following import Offer, TopicFollower
 from tbm_msgs_py.nodes.managed import ManagedNode, Parameter, run_node
-from tbm_msgs_py.topics import Quality
+from tbm_msgs_py.topics import QoS
 
 LOOK_S = 0.5  # between looks for topics that are not there yet
 REPEAT_S = 0.1  # between looks for clients that have missed a latched message
@@ -103,7 +103,7 @@ class LiveView(ManagedNode):
         known = kind in typestore().types and messages.message_class(kind)
         return "" if known else "none of the installed common interfaces of ROS 2 Jazzy"
 
-    def asks(self, topic: str, offered: Offer) -> Quality:  # noqa: ARG002
+    def asks(self, topic: str, offered: Offer) -> QoS:  # noqa: ARG002
         """Ask as much as every publisher offers."""
         return offered.quality
 

@@ -9,7 +9,7 @@ from tbm_gsa.app.report.page import embed_figure, render_page
 from tbm_gsa.comparison.document import axial_rows, stuck_texts
 from tbm_gsa.comparison.workflow import ComparisonResult
 from tbm_msgs_py.base.files import write_whole
-from tbm_msgs_py.recordings.health import COUNTS
+from tbm_msgs_py.recordings.recording_health import COUNTS
 
 LOW_COVERAGE: Final = 0.9
 ALWAYS_SHOWN: Final = ("clipped", "duplicates", "invalid", "undecodable")

@@ -14,8 +14,7 @@ from matplotlib.backends.backend_svg import FigureCanvasSVG
 from matplotlib.figure import Figure
 
 from tbm_msgs_py.base.errors import InputError
-from tbm_msgs_py.base.files import write_whole
-from tbm_msgs_py.base.results import check_result
+from tbm_msgs_py.base.files import check_result, write_whole
 
 FORMATS: Final = (".png", ".svg")
 PNG_DPI: Final = 150

@@ -9,7 +9,7 @@ from contextlib import contextmanager
 
 from tbm_gsa.sensitivity.study.errors import StudyError
 from tbm_gsa.sensitivity.study.workers import Workers
-from tbm_msgs_py.base.bounds import shortened
+from tbm_msgs_py.base.texts import shortened
 
 CONNECT_TIMEOUT_S = 10
 IN_FLIGHT = 2  # simulations per thread of a worker: one running, one on the way to it

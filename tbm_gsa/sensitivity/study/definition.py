@@ -5,13 +5,11 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
 
-import yaml
-
 from tbm_gsa.sensitivity.study.distributions import distribution_from, number
 from tbm_gsa.sensitivity.study.errors import StudyError
 from tbm_gsa.sensitivity.study.inputs import PAPER_INPUTS, Input, InputSet
-from tbm_msgs_py.base.bounds import LONGEST_NAME, quoted, read_text
-from tbm_msgs_py.base.strict_yaml import strict_yaml, yaml_problem
+from tbm_msgs_py.base.strict_yaml import read_yaml
+from tbm_msgs_py.base.texts import LONGEST_NAME, quoted
 
 KEYS: Final = ("inputs", "groups", "outputs")
 
@@ -57,23 +55,16 @@ def read_definition(path: str | Path) -> Definition:
     StudyError
         One line that names the file, the input or group, and what is allowed.
     """
-    if Path(path).exists() and not Path(path).is_file():
-        raise StudyError(f"{path}: no regular file, allowed: a YAML file")
-    try:
-        document = strict_yaml(read_text(Path(path)))
-    except OSError as error:
-        raise StudyError(f"{path}: cannot be read ({error.strerror}), allowed: a YAML file") from None
-    except (yaml.YAMLError, UnicodeDecodeError) as error:
-        raise StudyError(f"{path}: not YAML ({yaml_problem(error)}), allowed: a YAML file") from None
+    document = read_yaml(path, "a study definition", KEYS, StudyError)
     try:
         return _definition(document)
     except StudyError as error:
         raise StudyError(f"{path}: {error}") from None
 
 
-def _definition(document: object) -> Definition:
+def _definition(document: Mapping[str, Any]) -> Definition:
     """Build the definition of a parsed file."""
-    if not isinstance(document, dict) or not isinstance(document.get("inputs"), dict):  # nothing of it is quoted
+    if not isinstance(document.get("inputs"), dict):  # nothing of it is quoted
         raise StudyError("inputs: missing or no mapping, allowed: codes of inputs with their distributions")
     for key in document:
         if key not in KEYS:

@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike
 
 from tbm_gsa.sensitivity.study.errors import StudyError
 from tbm_msgs_py.base.arrays import Array
-from tbm_msgs_py.base.bounds import quoted
+from tbm_msgs_py.base.texts import quoted
 
 
 @dataclass(frozen=True)

@@ -12,7 +12,7 @@ from tbm_dynamics.machine.description import MachineDescription
 from tbm_gsa.provenance import machine_sha256
 from tbm_gsa.sensitivity.study.errors import StudyError
 from tbm_gsa.sensitivity.study.outputs import Vibration, parse_outputs
-from tbm_msgs_py.base.bounds import quoted
+from tbm_msgs_py.base.texts import quoted
 
 SHORTEST_VIBRATION_S = 1.0  # what the conditioning of a signal makes something of
 LOWEST_HIGH_HZ = 1.0

@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 from tbm_gsa.sensitivity.study.distributions import Distribution, Uniform, distribution_from, number
 from tbm_gsa.sensitivity.study.errors import StudyError
 from tbm_msgs_py.base.arrays import Array
-from tbm_msgs_py.base.bounds import quoted
+from tbm_msgs_py.base.texts import quoted
 
 Kind = Literal["absolute", "multiplier"]
 TEXTS: Final = ("code", "name", "symbol", "unit", "kind")

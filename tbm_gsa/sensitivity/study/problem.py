@@ -9,7 +9,7 @@ from tbm_gsa.sensitivity.study.design import check_kind
 from tbm_gsa.sensitivity.study.errors import StudyError
 from tbm_gsa.sensitivity.study.form import problem_parts
 from tbm_gsa.sensitivity.study.inputs import InputSet
-from tbm_msgs_py.base.bounds import shortened
+from tbm_msgs_py.base.texts import shortened
 
 Setting = str | float | int
 FORMAT: Final = 2

@@ -14,7 +14,7 @@ from tbm_gsa.sensitivity.study.problem import Problem
 from tbm_gsa.sensitivity.study.store import Store
 from tbm_gsa.sensitivity.study.worker import Evaluate
 from tbm_gsa.sensitivity.surrogates import SURROGATES
-from tbm_msgs_py.base.results import write_json
+from tbm_msgs_py.base.files import write_json
 
 
 @dataclass(frozen=True, eq=False)

@@ -18,8 +18,8 @@ from tbm_gsa.sensitivity.study.form import numbers
 from tbm_gsa.sensitivity.study.problem import Problem, difference
 from tbm_gsa.sensitivity.study.worker import Outcome
 from tbm_msgs_py.base.arrays import Array
-from tbm_msgs_py.base.bounds import shortened
 from tbm_msgs_py.base.files import unfinished
+from tbm_msgs_py.base.texts import shortened
 
 Part = Literal["train", "test"]
 SCHEMA: Final = """

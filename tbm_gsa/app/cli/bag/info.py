@@ -13,8 +13,9 @@ from rich.text import Text
 
 from tbm_gsa.app.cli.output import JSON_OPTION, add_row, narrow_table, notes, print_json, progress_bar, results
 from tbm_gsa.app.cli.shipped import RECORDING_ARGUMENT, recording_path
-from tbm_msgs_py.bags import Bag, BagInfo, RecordingError
-from tbm_msgs_py.recordings.health import COUNTS, PointHealth, check_recording
+from tbm_msgs_py.bags.bag import Bag, BagInfo
+from tbm_msgs_py.base.errors import RecordingError
+from tbm_msgs_py.recordings.recording_health import COUNTS, PointHealth, check_recording
 
 _SHOWN = 200  # topics and test points: a terminal takes a quarter of a minute for 60 000
 APART_S = 1.0  # clocks that differ by more get a line of their own

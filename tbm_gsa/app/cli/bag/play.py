@@ -12,9 +12,9 @@ from tbm_gsa.app.cli.output import JSON_OPTION, print_json, results
 from tbm_gsa.app.cli.processes import NodeCommand
 from tbm_gsa.app.cli.ros import BAG_PLAYER
 from tbm_gsa.app.cli.shipped import RECORDING_ARGUMENT, recording_path
-from tbm_msgs_py.bags import Bag
-from tbm_msgs_py.base.bounds import listed
+from tbm_msgs_py.bags.bag import Bag
 from tbm_msgs_py.base.errors import InputError
+from tbm_msgs_py.base.texts import listed
 
 
 def play(

@@ -3,16 +3,20 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
 import typer
+from rosbags.rosbag2.metadata import Metadata
 
 from tbm_gsa.app.cli.bag.info import info_document
 from tbm_gsa.app.cli.bag.node import run_to_end
 from tbm_gsa.app.cli.output import JSON_OPTION, notes, print_json, results
 from tbm_gsa.app.cli.processes import NodeCommand
 from tbm_gsa.app.cli.ros import BAG_RECORDER
-from tbm_msgs_py.bags import BagInfo, RecordingError, Topic, metadata
+from tbm_msgs_py.bags import metadata
+from tbm_msgs_py.bags.bag import BagInfo
+from tbm_msgs_py.bags.batch import Topic
+from tbm_msgs_py.base.errors import RecordingError
 from tbm_msgs_py.topics import absolute
 
 
@@ -75,7 +79,7 @@ def record(
         )
 
 
-def _info(described: dict[str, Any]) -> BagInfo:
+def _info(described: Metadata) -> BagInfo:
     """Give what the metadata of a finished recording say.
 
     The files say the same, but what reads them takes a second to load, or four to compile, and an end has three.

@@ -8,10 +8,10 @@ from io import BufferedWriter, FileIO
 from pathlib import Path
 from typing import Literal
 
-import yaml
 from mcap.writer import CompressionType, Writer
 
 from tbm_msgs_py.bags import metadata
+from tbm_msgs_py.bags.definitions import encoding_of
 from tbm_msgs_py.bags.metadata import FileEntry, TopicEntry
 from tbm_msgs_py.base.errors import RecordingError
 
@@ -21,7 +21,7 @@ _KINDS = {"none": CompressionType.NONE, "zstd": CompressionType.ZSTD}
 _RECORD_OVERHEAD = 31 + 16  # bytes of a message record and of its entry in the index
 
 
-class Part:
+class BagFile:
     """MCAP file of a recording, with an index and checksums.
 
     Parameters
@@ -68,7 +68,7 @@ class Part:
         self._pending += len(data) + _RECORD_OVERHEAD
 
     def flush(self) -> None:
-        """Hand what was written to the operating system: from now on it survives a kill."""
+        """Pass what was written to the operating system: from now on it survives a kill."""
         self._guarded(self._writer.flush)
         self._safe, self._pending = self._file.tell(), 0
         self._safe_entry = replace(self.entry, counts=dict(self.entry.counts))
@@ -90,10 +90,10 @@ class Part:
 
     def _register(self, topic: TopicEntry) -> int:
         if topic.type not in self._schemas:
-            kind = "ros2idl" if topic.definition.startswith("=" * 80 + "\nIDL: ") else "ros2msg"
-            self._schemas[topic.type] = self._writer.register_schema(topic.type, kind, topic.definition.encode())
+            encoding, text = encoding_of(topic.definition), topic.definition.encode()
+            self._schemas[topic.type] = self._writer.register_schema(topic.type, encoding, text)
         described = {
-            "offered_qos_profiles": yaml.safe_dump(topic.profiles(), sort_keys=False),
+            "offered_qos_profiles": metadata.dump(topic.metadata()["offered_qos_profiles"]),
             "topic_type_hash": topic.type_hash,
         }
         self._channels[topic] = self._writer.register_channel(topic.name, "cdr", self._schemas[topic.type], described)

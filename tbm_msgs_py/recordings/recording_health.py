@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping as Dictionary
+from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 
 from tbm_msgs_py.base.units import NANOSECONDS
-from tbm_msgs_py.recordings.faults import CLOCK_JUMP_NS, Faults
-from tbm_msgs_py.recordings.mapping import Mapping
+from tbm_msgs_py.recordings.faults import CLOCK_JUMP_NS, FaultCounts
+from tbm_msgs_py.recordings.mapping import TopicMapping
 from tbm_msgs_py.recordings.recording import AccelerationRecord, RecordingReader, open_recording
 
-COUNTS = ("clipped", *Faults.__dataclass_fields__)
+COUNTS = ("clipped", *FaultCounts.__dataclass_fields__)
 """Every fault that is counted."""
 
 
@@ -34,15 +34,15 @@ class _Drift:
         return 1e6 * self._change / self._time if self._time else self._within
 
     def add(self, middle: float, record: AccelerationRecord) -> None:
-        """Take the next piece, its middle in s on any clock that goes on."""
+        """Add the next piece, its middle in s on any clock that goes on."""
         if self._last is not None:
-            change = record.clock_offset - self._last[1]
+            change = record.clock.offset - self._last[1]
             if abs(change) * NANOSECONDS <= CLOCK_JUMP_NS:
                 self._change += change
                 self._time += middle - self._last[0]
-        self._last = middle, record.clock_offset
+        self._last = middle, record.clock.offset
         if len(record.time) > self._largest:
-            self._largest, self._within = len(record.time), record.clock_drift
+            self._largest, self._within = len(record.time), record.clock.drift
 
 
 @dataclass
@@ -62,12 +62,12 @@ class PointHealth:
     gaps : list of (float, float)
         Holes, s after the first sample.
     stuck : list of (str, float, float)
-        Sensor axis, begin and end of each stretch in which it holds one value, s after the first sample.
+        Sensor axis, begin and end of each interval in which it holds one value, s after the first sample.
     clipped : int
         Samples at the stated range.
     clock_offset : float
         Mean over the samples of header stamp minus log time, s, latency included.
-    faults : Faults
+    faults : FaultCounts
         What was dropped or put right.
     """
 
@@ -81,14 +81,14 @@ class PointHealth:
     stuck: list[tuple[str, float, float]] = field(default_factory=list)
     clipped: int = 0
     clock_offset: float = 0.0
-    faults: Faults = field(default_factory=Faults)
+    faults: FaultCounts = field(default_factory=FaultCounts)
     _steps: int = 0
     _stepped_s: float = 0.0
     _drift: _Drift = field(default_factory=_Drift)
 
     @classmethod
     def of(cls, record: AccelerationRecord) -> PointHealth:
-        """Begin with the first piece of a point, which is yet to be added."""
+        """Health before the first piece of a point is added."""
         return cls(record.topic, record.gravity, record.frame, record.start_ns)
 
     @property
@@ -115,11 +115,11 @@ class PointHealth:
         return seconds
 
     def counts(self) -> dict[str, int]:
-        """Give the number of each fault of `COUNTS`."""
+        """How often each fault of `COUNTS` occurred."""
         return {"clipped": self.clipped, **asdict(self.faults)}
 
     def add(self, record: AccelerationRecord) -> None:
-        """Take the next piece."""
+        """Add the next piece."""
         offset, count = (record.start_ns - self.start_ns) / NANOSECONDS, len(record.time)
         self.gaps += [(offset + begin, offset + end) for begin, end in record.gaps]
         for axis, begin, end in record.stuck:
@@ -127,7 +127,7 @@ class PointHealth:
         self.duration = offset + record.duration
         self.samples += count
         self.clipped += record.clipped
-        self.clock_offset += count / self.samples * (record.clock_offset - self.clock_offset)
+        self.clock_offset += count / self.samples * (record.clock.offset - self.clock_offset)
         self._drift.add(offset + record.duration / 2, record)
         if record.rate_hz:
             steps = count - 1 - sum(begin >= 0.0 for begin, _ in record.gaps)
@@ -135,7 +135,7 @@ class PointHealth:
             self._stepped_s += steps / record.rate_hz
 
     def _hold(self, axis: str, begin: float, end: float, first: bool) -> None:
-        """Note a stretch; one that begins a piece may go on with one that ended the piece before."""
+        """Add an interval; one that begins a piece may go on with one that ended the piece before."""
         if first:
             for place, (known, start, last) in enumerate(self.stuck):
                 if known == axis and last == self.duration:
@@ -144,48 +144,38 @@ class PointHealth:
         self.stuck.append((axis, begin, end))
 
 
-class Tally:
-    """Adds up the health of the test points while a recording is read.
-
-    Attributes
-    ----------
-    points : dict
-        `PointHealth` of every test point that has given samples so far.
-    """
+class RecordingHealth:
+    """Health of the test points of a recording, added up while it is read."""
 
     def __init__(self, reader: RecordingReader) -> None:
         self._reader = reader
-        self.points: dict[str, PointHealth] = {}
+        self._points: dict[str, PointHealth] = {}
 
-    def add(self, piece: Dictionary[str, AccelerationRecord]) -> None:
-        """Take the next piece."""
+    @property
+    def points(self) -> dict[str, PointHealth]:
+        """Test points with samples so far, in the order of the mapping, with the faults behind their last samples."""
+        for point, health in self._points.items():
+            health.faults = self._reader.faults[point]
+        return {point: self._points[point] for point in self._reader.sensors if point in self._points}
+
+    @property
+    def problems(self) -> dict[str, str]:
+        """Why a test point has no samples so far."""
+        return dict(self._reader.problems)
+
+    def add(self, piece: Mapping[str, AccelerationRecord]) -> None:
+        """Add the next piece."""
         for point, record in piece.items():
-            self.points.setdefault(point, PointHealth.of(record)).add(record)
-
-    def finish(self) -> dict[str, PointHealth]:
-        """Give the test points in the order of the mapping, with the faults behind their last samples."""
-        found = {point: self.points[point] for point in self._reader.points if point in self.points}
-        faults = self._reader.faults
-        for point, health in found.items():
-            health.faults = faults[point]
-        return found
+            self._points.setdefault(point, PointHealth.of(record)).add(record)
 
 
-@dataclass(frozen=True)
-class Health:
-    """Test points of a recording, and why those without samples have none."""
-
-    points: dict[str, PointHealth]
-    problems: dict[str, str]
-
-
-def check_recording(path: str | Path, mapping: Mapping | str | Path | None = None) -> Health:
+def check_recording(path: str | Path, mapping: TopicMapping | str | Path | None = None) -> RecordingHealth:
     """Read a recording through and add up the faults of its sensors.
 
     Parameters and errors are those of `open_recording`; a recording whose test points have no samples is no error.
     """
     reader = open_recording(path, mapping)
-    tally = Tally(reader)
+    health = RecordingHealth(reader)
     for piece in reader.pieces():
-        tally.add(piece)
-    return Health(tally.finish(), dict(reader.problems))
+        health.add(piece)
+    return health

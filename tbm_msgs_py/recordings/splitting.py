@@ -1,19 +1,19 @@
-"""Where the timelines of a recording are cut into pieces while it is read."""
+"""Where the timelines of a recording are split into pieces while it is read."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 
-from tbm_msgs_py.recordings.timeline import LATENESS_NS, Taken, Timeline
+from tbm_msgs_py.recordings.timeline import LATENESS_NS, DecodedStream, Timeline
 
 _NEVER_NS = (1 << 63) - 1
 
 
-class Cutter:
-    """Cuts timelines at common header times, a piece length apart.
+class RecordSplitter:
+    """Splits timelines at common header times, a piece length apart.
 
     A timeline whose clock is more than a piece from that of the one that has got furthest has cuts of its own, at what
-    it has reached itself: nothing waits for a time that a clock never shows.
+    it has reached itself: no piece waits for a time that a clock never shows.
 
     Parameters
     ----------
@@ -29,20 +29,20 @@ class Cutter:
         self._origin: int | None = None
         self._cuts: dict[str, int] = {}
 
-    def due(self) -> Iterator[dict[str, Taken]]:
+    def due(self) -> Iterator[dict[str, DecodedStream]]:
         """Pieces that are complete: samples may be late by `LATENESS_NS`."""
         self._begin()
         while leader := next((point for point in self._cuts if self._reached(point)), None):
             yield from self._cut(self._cuts[leader])
 
-    def rest(self) -> Iterator[dict[str, Taken]]:
-        """Give what is left when all is read."""
+    def rest(self) -> Iterator[dict[str, DecodedStream]]:
+        """Pieces of what is left when all is read."""
         self._begin()
         while left := [point for point in self._cuts if self._lines[point].first_ns() is not None]:
             yield from self._cut(min(self._cuts[point] for point in left), last=True)
 
     def _begin(self) -> None:
-        """Give every timeline that has samples by now its first cut."""
+        """Set for every timeline that has samples by now its first cut."""
         new = {point: line.first_ns() for point, line in self._lines.items() if point not in self._cuts}
         firsts = {point: first for point, first in new.items() if first is not None}
         if firsts and self._origin is None:
@@ -62,8 +62,8 @@ class Cutter:
         latest = self._lines[point].latest_ns
         return latest is not None and latest >= self._cuts[point] + LATENESS_NS
 
-    def _cut(self, until: int, *, last: bool = False) -> Iterator[dict[str, Taken]]:
-        piece: dict[str, Taken] = {}
+    def _cut(self, until: int, *, last: bool = False) -> Iterator[dict[str, DecodedStream]]:
+        piece: dict[str, DecodedStream] = {}
         for point, cut in self._cuts.items():
             line = self._lines[point]
             in_step = cut == until
@@ -71,9 +71,8 @@ class Cutter:
                 continue
             own = (line.latest_ns or 0) - LATENESS_NS
             here = until if in_step else own
-            taken = line.take(here)
-            if taken is not None:
-                piece[point] = taken
+            if (stream := line.pop(here)) is not None:
+                piece[point] = stream
             first = line.first_ns()
             self._cuts[point] = self._after(max(here, own if first is None else first))
         if piece:

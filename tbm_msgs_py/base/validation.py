@@ -1,0 +1,78 @@
+"""Contents of files against their model: the texts of a model, and its validation errors in one line."""
+
+from __future__ import annotations
+
+import re
+from typing import Annotated, Any, Final, TypeVar, get_args
+
+from pydantic import AfterValidator, BaseModel, Field, ValidationError
+
+from tbm_msgs_py.base.errors import InputError
+from tbm_msgs_py.base.texts import LONGEST_LINE, LONGEST_NAME, quoted, shortened
+
+ModelT = TypeVar("ModelT", bound=BaseModel)
+
+
+def _one_line(text: str) -> str:
+    """Text that a terminal, a picture and a page can show."""
+    if not text.isprintable():
+        raise ValueError("must be one line of printable characters")
+    return text
+
+
+Name = Annotated[str, Field(min_length=1, max_length=LONGEST_NAME)]
+Label = Annotated[Name, AfterValidator(_one_line)]
+Line = Annotated[str, Field(min_length=1, max_length=LONGEST_LINE), AfterValidator(_one_line)]
+Source = Line
+"""Where a value is from: one of `SOURCES`, or the user's own words, as `drawing 4711, rev. B`."""
+SOURCES: Final = ("table1", "table4", "table5", "assumed", "calibrated", "updated")
+"""Sources with a meaning: tables of the paper, ours, fitted by the calibration, changed to explain a recording."""
+
+
+def validated(model: type[ModelT], content: object, label: str, error: type[InputError] = InputError) -> ModelT:
+    """Model of the content of a file; an `error` says what of it, which messages call `label`, is wrong first."""
+    try:
+        return model.model_validate(content)
+    except ValidationError as found:
+        place, problem = first_problem(found, model)
+        raise error(f"{label}: {f'{place}: ' if place else ''}{problem}") from None
+
+
+def first_problem(error: ValidationError, model: type[BaseModel]) -> tuple[str, str]:
+    """Place of the first problem of a validation, empty for the whole, and what is wrong and allowed there.
+
+    A misspelt key is also a missing one: the misspelling comes first.
+    """
+    first = min(error.errors(include_url=False), key=lambda problem: problem["type"] != "extra_forbidden")
+    # The members of a choice whose names begin with _ are no keys.
+    place = ".".join(str(part) for part in first["loc"] if not str(part).startswith("_"))
+    return shortened(place, LONGEST_NAME), _problem(first["type"], first["msg"], first["input"], first["loc"], model)
+
+
+def _problem(kind: str, message: str, given: object, place: tuple[int | str, ...], model: type[BaseModel]) -> str:
+    if kind == "missing":
+        return "missing, allowed: a value that is stated"
+    if kind == "extra_forbidden":
+        return f"unknown key, allowed: {', '.join(_keys_beside(place, model))}"
+    if kind != "value_error":
+        allowed = re.sub(r"^\w+ should (be|have) ", "", message)
+        return f"{quoted(given)}, allowed: {allowed}"
+    message = message.removeprefix("Value error, ")
+    # Of a whole entry, the message says which of its values is wrong.
+    return message if isinstance(given, dict) else f"{message}, given: {quoted(given)}"
+
+
+def _keys_beside(place: tuple[int | str, ...], model: type[BaseModel]) -> list[str]:
+    """Keys that there may be beside the one at a place of a model."""
+    models = [model]
+    for part in place[:-1]:
+        fields = [one.model_fields[part] for one in models if isinstance(part, str) and part in one.model_fields]
+        # Numbers of a list, keys of a mapping and members of a choice stay in the same models.
+        models = [found for field in fields for found in _models_in(field.annotation)] or models
+    return list(dict.fromkeys(key for one in models for key in one.model_fields))
+
+
+def _models_in(annotation: Any) -> list[type[BaseModel]]:
+    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
+        return [annotation]
+    return [found for part in get_args(annotation) for found in _models_in(part)]
