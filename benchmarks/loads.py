@@ -11,7 +11,7 @@ import time
 import numpy as np
 
 from tbm_dynamics import OperatingPoint, load_machine
-from tbm_dynamics.loads.stepper import LOAD_LEVELS
+from tbm_dynamics.loads.stepper import LOAD_MODELS
 from tbm_dynamics.streaming.schedule import Schedule
 from tbm_dynamics.streaming.streams import LoadStream
 
@@ -23,7 +23,7 @@ def main() -> None:
     machine = load_machine("dz101")
     print("| level | operating point | times real time, shortest second | over the whole minute |")
     print("| --- | --- | --- | --- |")
-    for level in LOAD_LEVELS:
+    for level in LOAD_MODELS:
         loads = machine.cutter_loads(1) if level == "cutter" else machine.loads(1)
         times = np.arange(BLOCK * BLOCKS) * (1.0 / RATE)
         stream = LoadStream(machine, 1, 1.0 / RATE, BLOCK, level)

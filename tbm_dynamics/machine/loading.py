@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from importlib import resources
 from pathlib import Path
-from typing import Any, get_args
+from types import NoneType, UnionType
+from typing import Annotated, Any, Union, get_args, get_origin
 
 import yaml
 from pydantic import ValidationError
@@ -29,12 +30,11 @@ def read_description(machine: str | Path) -> MachineDescription:
     MachineError
         No such machine, not YAML, or a value that is not allowed.
     """
-    label, text = _read_text(machine)
-    return described_by(text, label)
+    return described_by(machine_text(machine), str(machine))
 
 
 def described_by(text: str, label: str) -> MachineDescription:
-    """Take the description from the text of a machine file, which messages call `label`; see `read_description`."""
+    """Return what the text of a machine file says; messages call it `label`, errors are those of `read_description`."""
     try:
         data = strict_yaml(text)
     except yaml.YAMLError as error:
@@ -43,26 +43,37 @@ def described_by(text: str, label: str) -> MachineDescription:
         raise MachineError(
             f"{label}: a machine file is a mapping with the keys {', '.join(MachineDescription.model_fields)}"
         )
+    return validated(data, label)
+
+
+def validated(data: object, label: str) -> MachineDescription:
+    """Return the description that data are; raises MachineError with the `label` in front."""
     try:
         return MachineDescription.model_validate(data)
     except ValidationError as error:
         raise MachineError(_one_line(label, error)) from None
 
 
-def _read_text(machine: str | Path) -> tuple[str, str]:
+def machine_text(machine: str | Path) -> str:
+    """Text of a shipped machine's file (by name) or of a YAML file (by path).
+
+    Raises
+    ------
+    MachineError
+        No such machine, or a file that cannot be read.
+    """
     if str(machine) in shipped_machines():
-        return str(machine), (resources.files("tbm_dynamics") / "machines" / f"{machine}.yaml").read_text("utf-8")
+        return (resources.files("tbm_dynamics") / "machines" / f"{machine}.yaml").read_text("utf-8")
     path = Path(machine)
     if not path.is_file():
         raise MachineError(
             f"{machine}: no such machine; shipped are {', '.join(shipped_machines())}, or give the path of a YAML file"
         )
     try:
-        return str(machine), read_text(path)
-    except OSError as error:
-        raise MachineError(f"{machine}: cannot be read: {error.strerror}") from None
-    except UnicodeDecodeError:
-        raise MachineError(f"{machine}: cannot be read: no UTF-8 text") from None
+        return read_text(path)
+    except (OSError, UnicodeDecodeError) as error:
+        reason = error.strerror if isinstance(error, OSError) else "no UTF-8 text"
+        raise MachineError(f"{machine}: cannot be read: {reason}") from None
 
 
 def _one_line(label: str, error: ValidationError) -> str:
@@ -80,8 +91,22 @@ def _one_line(label: str, error: ValidationError) -> str:
 
 
 def _keys_of(place: tuple[int | str, ...]) -> list[str]:
-    """Keys allowed in the entry at a place of the machine file."""
-    kind: Any = MachineDescription
+    """Keys allowed in the section at a place of the machine file."""
+    kinds: list[Any] = [MachineDescription]
     for part in place:
-        kind = kind.model_fields[part].annotation if isinstance(part, str) else get_args(kind)[0]
-    return list(kind.model_fields)
+        if isinstance(part, int):
+            kinds = _alternatives(get_args(kinds[0])[0])
+        elif part not in kinds[0].model_fields:  # one of several, by its tag
+            kinds = [kind for kind in kinds if kind.__name__.lower() == part]
+        else:
+            kinds = _alternatives(kinds[0].model_fields[part].annotation)
+    return list(kinds[0].model_fields)
+
+
+def _alternatives(kind: Any) -> list[Any]:
+    """Types that a type stands for, other than None."""
+    if get_origin(kind) is Annotated:
+        return _alternatives(get_args(kind)[0])
+    if get_origin(kind) in (Union, UnionType):
+        return [one for part in get_args(kind) if part is not NoneType for one in _alternatives(part)]
+    return [kind]

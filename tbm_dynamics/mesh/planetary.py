@@ -21,14 +21,17 @@ import math
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
+from typing import Annotated
 
 import numpy as np
+from pydantic import Field
 
 from tbm_dynamics.mesh.error import composite_tolerances
 from tbm_dynamics.mesh.geometry import ExternalPair, GearError, InternalPair
 from tbm_dynamics.mesh.ishikawa import mesh_stiffness
 from tbm_dynamics.mesh.stiffness import HARMONICS, rounded_variation
 from tbm_dynamics.mesh.waves import series, shifted
+from tbm_msgs_py.base.fields import FrozenModel, Positive, Source
 
 # Run-out of the planets: no two alike, fixed (assumed).
 _GOLDEN = 0.6180339887498949
@@ -36,35 +39,37 @@ _GOLDEN = 0.6180339887498949
 _PATTERN_PARTS = 2048
 
 
-@dataclass(frozen=True)
-class PlanetaryStage:
+class PlanetaryStage(FrozenModel):
     """Gears of a stage with standard addenda, no profile shift and equally spaced planets.
 
     Planet j stands at ψ_j = 2πj/N of the carrier, counted against the turn of the planets relative to the carrier (the
     way the sun turns).
 
-    Parameters
+    Attributes
     ----------
     sun_teeth, planet_teeth, ring_teeth, planets : int
         z_s, z_p, z_r, N.
-    module : float
+    module, face_width : float
         m.
-    pressure_angle : float
-        rad.
-    face_width : float
-        m.
+    pressure_angle_deg : float
     accuracy_grade : int
         ISO 1328-1, all gears.
     """
 
-    sun_teeth: int
-    planet_teeth: int
-    ring_teeth: int
-    planets: int
-    module: float
-    pressure_angle: float
-    face_width: float
-    accuracy_grade: int
+    sun_teeth: Annotated[int, Field(ge=5)]
+    planet_teeth: Annotated[int, Field(ge=5)]
+    ring_teeth: Annotated[int, Field(ge=10)]
+    planets: Annotated[int, Field(ge=1, le=12)]
+    module: Positive
+    pressure_angle_deg: Annotated[float, Field(gt=10.0, lt=35.0)]
+    face_width: Positive
+    accuracy_grade: Annotated[int, Field(ge=0, le=12)]
+    source: Source
+
+    @property
+    def pressure_angle(self) -> float:
+        """α (rad)."""
+        return math.radians(self.pressure_angle_deg)
 
     @property
     def sun_mesh(self) -> ExternalPair:

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 import scipy.linalg
 
-from tbm_dynamics.machine.description import MachineDescription
-from tbm_dynamics.machine.machine import Machine
 from tbm_dynamics.structure.assembler import Assembler
 from tbm_dynamics.structure.couplings import build_couplings
 from tbm_dynamics.structure.drive import (
@@ -21,6 +21,10 @@ from tbm_dynamics.structure.drive import (
 from tbm_dynamics.structure.system import Drives, System
 from tbm_msgs_py.base.errors import MachineError
 
+if TYPE_CHECKING:
+    from tbm_dynamics.machine.description import MachineDescription
+    from tbm_dynamics.machine.machine import Machine
+
 # A mode this far below the stiffest one has no energy: real machines stay above 1e-10.
 _ZERO_ENERGY = 1e-13
 
@@ -34,7 +38,13 @@ def node_positions(description: MachineDescription) -> dict[int, np.ndarray]:
 
 
 def assemble(machine: Machine) -> System:
-    """Assemble a machine; see `Machine.assemble`."""
+    """M, C, K and the couplings of a machine.
+
+    Raises
+    ------
+    MachineError
+        A part that floats, or gears that cannot mesh; one line.
+    """
     description = machine.description
     assembler = Assembler(description, node_positions(description))
     for subsystem in (description.cutterhead_bearing_gear, description.carrier_girder):

@@ -6,11 +6,10 @@ import math
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from tbm_dynamics.machine.description import MachineDescription
-from tbm_dynamics.machine.drive import DriveTemplate
 from tbm_dynamics.mesh.error import composite_tolerances
 from tbm_dynamics.mesh.geometry import GearError, InternalPair
 from tbm_dynamics.mesh.ishikawa import mesh_stiffness
@@ -19,6 +18,10 @@ from tbm_dynamics.mesh.stiffness import HARMONICS, rounded_variation
 from tbm_dynamics.mesh.waves import Waves, shifted
 from tbm_dynamics.structure.drive import DriveUnit, drive_angles, gear_pair
 from tbm_msgs_py.base.errors import MachineError
+
+if TYPE_CHECKING:
+    from tbm_dynamics.machine.description import MachineDescription
+    from tbm_dynamics.machine.drive import DriveTemplate
 
 STAGE_HARMONICS = 4
 
@@ -71,7 +74,7 @@ def build_couplings(
         Gears that cannot mesh.
     """
     drive = description.driveshaft
-    pair, stages = gear_pair(drive), planetary_stages(drive)
+    pair, stages = gear_pair(drive), drive.gearbox.stages
     with _named("gear"):
         pair.check()
     for number, stage in enumerate(stages):
@@ -89,23 +92,6 @@ def build_couplings(
         waves=waves,
         ring_teeth=pair.ring_teeth,
     )
-
-
-def planetary_stages(drive: DriveTemplate) -> list[PlanetaryStage]:
-    """Stages of the gearbox, from the pinion to the motor."""
-    return [
-        PlanetaryStage(
-            sun_teeth=entry.sun_teeth,
-            planet_teeth=entry.planet_teeth,
-            ring_teeth=entry.ring_teeth,
-            planets=entry.planets,
-            module=entry.module,
-            pressure_angle=math.radians(entry.pressure_angle_deg),
-            face_width=entry.face_width,
-            accuracy_grade=entry.accuracy_grade,
-        )
-        for entry in drive.gearbox.stages
-    ]
 
 
 @contextmanager
@@ -168,7 +154,7 @@ def _pinion_errors(drive: DriveTemplate, pair: InternalPair, phases: np.ndarray)
 
 
 @dataclass(frozen=True)
-class _Stage:
+class _StageAtPinion:
     """A stage seen from the pinion shaft: turns per turn of it, law in rad/(N·m) and rad at it, (2h, p) and (2, p)."""
 
     mesh_turns: float
@@ -179,13 +165,13 @@ class _Stage:
     planet_error: np.ndarray
 
 
-def _gearboxes(drives: int, stages: Sequence[PlanetaryStage], laws: Sequence[StageLaw]) -> list[_Stage]:
+def _gearboxes(drives: int, stages: Sequence[PlanetaryStage], laws: Sequence[StageLaw]) -> list[_StageAtPinion]:
     found = []
     speed = 1.0  # of the stage's carrier, over the pinion shaft
     for number, (stage, law) in enumerate(zip(stages, laws, strict=True), start=1):
         shifts = np.mod(_GOLDEN * number * np.arange(drives), 1.0)
         found.append(
-            _Stage(
+            _StageAtPinion(
                 mesh_turns=speed * stage.ring_teeth,
                 planet_turns=speed * stage.ring_teeth / stage.planet_teeth,
                 compliance=law.compliance[0] / speed**2,

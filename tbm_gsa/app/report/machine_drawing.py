@@ -46,7 +46,7 @@ Points = dict[int, tuple[float, float]]
 
 
 @dataclass(frozen=True)
-class _Part:
+class _DrawnPart:
     """A shaft through its nodes, or a body at one, with their x (m)."""
 
     subsystem: str
@@ -77,7 +77,7 @@ def draw_machine(machine: Machine) -> Figure:
     return figure
 
 
-def _parts(description: MachineDescription, name: str) -> list[_Part]:
+def _drawn_parts(description: MachineDescription, name: str) -> list[_DrawnPart]:
     """Shafts and bodies of a subsystem; of the driveshaft those of the first drive."""
     chains: list[tuple[int, ...]]
     if name == "driveshaft":
@@ -85,11 +85,11 @@ def _parts(description: MachineDescription, name: str) -> list[_Part]:
         place = drive_positions(drive, 0, 0.0)
         front, middle, rear, output, rotor = drive_nodes(drive, 0)
         chains = [(front, middle, rear), (output,), (rotor,)]
-        return [_Part(name, nodes, tuple(float(place[node][0]) for node in nodes)) for nodes in chains]
+        return [_DrawnPart(name, nodes, tuple(float(place[node][0]) for node in nodes)) for nodes in chains]
     group: Subsystem = getattr(description, name)
     chains = [*(shaft.nodes for shaft in group.shafts), *((body.node,) for body in group.bodies)]
     places = description.structural_nodes()
-    return [_Part(name, nodes, tuple(places[node][0] for node in nodes)) for nodes in chains]
+    return [_DrawnPart(name, nodes, tuple(places[node][0] for node in nodes)) for nodes in chains]
 
 
 def _links(description: MachineDescription) -> list[_Link]:
@@ -118,8 +118,8 @@ def _drawn(values: Sequence[float]) -> dict[float, float]:
     return {value: _LENGTH * at / (place or 1.0) for value, at in found.items()}
 
 
-def _arrange(groups: Sequence[Sequence[_Part]], drawn: Mapping[float, float], links: Sequence[_Link]) -> Points:
-    """Give every part the row of its group where it touches no other and hides fewest connections, rather above."""
+def _arrange(groups: Sequence[Sequence[_DrawnPart]], drawn: Mapping[float, float], links: Sequence[_Link]) -> Points:
+    """Place every part in the row of its group where it touches no other and hides fewest connections, rather above."""
     points: Points = {}
     top = 0
     for parts in groups:
@@ -157,7 +157,7 @@ def _hidden(links: Sequence[_Link], points: Points) -> int:
 
 def _draw_side(axes: Axes, description: MachineDescription, links: Sequence[_Link]) -> None:
     # Rows from top to bottom: what turns with the head, the drive, what carries it.
-    groups = [_parts(description, name) for name in SUBSYSTEMS]
+    groups = [_drawn_parts(description, name) for name in SUBSYSTEMS]
     drawn = _drawn([value for parts in groups for part in parts for value in part.x])
     points = _arrange(groups, drawn, links)
     for link in links:
@@ -179,7 +179,7 @@ def _draw_side(axes: Axes, description: MachineDescription, links: Sequence[_Lin
     axes.set_title(title, loc="left", fontsize=10)
 
 
-def _draw_part(axes: Axes, part: _Part, points: Points, test_points: Mapping[int, str]) -> None:
+def _draw_part(axes: Axes, part: _DrawnPart, points: Points, test_points: Mapping[int, str]) -> None:
     colour = _COLOURS[part.subsystem]
     if len(part.nodes) > 1:
         x, y = zip(*(points[node] for node in part.nodes), strict=True)

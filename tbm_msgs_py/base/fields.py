@@ -1,10 +1,16 @@
-"""Texts of a machine file."""
+"""Types of the fields of files that people write: numbers, texts, and the base of their models."""
 
 from typing import Annotated, Final
 
-from pydantic import AfterValidator, Field
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field, PositiveFloat
 
 from tbm_msgs_py.base.bounds import LONGEST_LINE, LONGEST_NAME
+
+
+class FrozenModel(BaseModel):
+    """Base of every section of a file: immutable, and a misspelt key is an error."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
 
 
 def _printable(text: str) -> str:
@@ -14,6 +20,8 @@ def _printable(text: str) -> str:
     return text
 
 
+NonNegative = Annotated[float, Field(ge=0.0, allow_inf_nan=False)]
+Positive = Annotated[PositiveFloat, Field(allow_inf_nan=False)]
 Label = Annotated[str, Field(min_length=1, max_length=LONGEST_NAME), AfterValidator(_printable)]
 Line = Annotated[str, Field(min_length=1, max_length=LONGEST_LINE), AfterValidator(_printable)]
 Source = Line
