@@ -120,7 +120,7 @@ def set_values(data: Any, values: Mapping[Place, float | str], source: str | Non
     for (*parents, key), value in values.items():
         around = list(accumulate(parents, getitem, initial=data))
         around[-1][key] = value
-        if source is not None and isinstance(value, float):
+        if source is not None and not isinstance(value, str):
             entry = next(one for one in reversed(around) if isinstance(one, dict) and "source" in one)
             entry["source"] = source
 

@@ -42,7 +42,10 @@ def edited_text(text: str, values: Mapping[Place, float | str], source: str) -> 
     stream = StringIO()
     try:
         document = yaml.load(text)
-        set_values(document, values, source)
+        formatted = {
+            place: value if isinstance(value, str) else yaml.load(_short(value)) for place, value in values.items()
+        }
+        set_values(document, formatted, source)
         yaml.dump(document, stream)
     except YAMLError as error:
         raise MachineError(f"{before.name}: cannot be changed: {yaml_problem(error)}") from None
@@ -50,6 +53,11 @@ def edited_text(text: str, values: Mapping[Place, float | str], source: str) -> 
     if described_by(written, before.name) != validated(data, before.name):
         raise MachineError(f"{before.name}: cannot be changed: write out what its aliases (*) stand for")
     return written
+
+
+def _short(number: float) -> str:
+    """Shortest text of a number: 7e+08 rather than 700000000.0."""
+    return text if float(text := f"{number:g}") == number else repr(number)
 
 
 def updated_text(machine: Machine, inputs: Mapping[str, float], name: str, reasons: Sequence[str]) -> str:
