@@ -144,21 +144,10 @@ class Machine:
             raise MachineError(f"{self.origin}: cutters: {error}") from None
 
     def assemble(self) -> System:
-        """Assemble M, C, K and the couplings.
-
-        Raises
-        ------
-        MachineError
-            A part that floats, or gears that cannot mesh; one line that names the file and the changed inputs.
-        """
+        """Assemble M, C, K and the couplings; see `tbm_dynamics.structure.assembly.assemble`."""
         from tbm_dynamics.structure.assembly import assemble  # noqa: PLC0415 - scipy, for those who assemble
 
-        try:
-            return assemble(self)
-        except MachineError as error:
-            changed = ", ".join(f"{code}={float(value):.10g}" for code, value in self.inputs.items())
-            label = f"{self.origin} with {changed}" if changed else self.origin
-            raise MachineError(f"{label}: {error}") from None
+        return assemble(self)
 
 
 def load_machine(machine: str | Path) -> Machine:
