@@ -19,6 +19,7 @@ REQUIRED = [
     "numba>=0.59",
     "pydantic>=2.5",
     "pyyaml>=6.0",
+    "ruamel.yaml>=0.18",
     "mcap>=1.5",
     "lz4>=4.0",
     "zstandard>=0.19",

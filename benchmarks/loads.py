@@ -11,7 +11,7 @@ import time
 import numpy as np
 
 from tbm_dynamics import OperatingPoint, load_machine
-from tbm_dynamics.loads.stepper import LOAD_LEVELS
+from tbm_dynamics.loads.stepper import LOAD_MODELS
 from tbm_dynamics.streaming.schedule import Schedule
 from tbm_dynamics.streaming.streams import LoadStream
 
@@ -21,17 +21,17 @@ RATE, BLOCK, BLOCKS = 10_000.0, 500, 1200
 def main() -> None:
     """Run all."""
     machine = load_machine("dz101")
-    print("| level | operating point | times real time, shortest second | over the whole minute |")
+    print("| model | operating point | times real time, shortest second | over the whole minute |")
     print("| --- | --- | --- | --- |")
-    for level in LOAD_LEVELS:
-        loads = machine.cutter_loads(1) if level == "cutter" else machine.loads(1)
+    for model in LOAD_MODELS:
+        loads = machine.cutter_loads(1) if model == "cutter" else machine.loads(1)
         times = np.arange(BLOCK * BLOCKS) * (1.0 / RATE)
-        stream = LoadStream(machine, 1, 1.0 / RATE, BLOCK, level)
+        stream = LoadStream(machine, 1, 1.0 / RATE, BLOCK, model)
         pieces = [stream.next_block().loads for _ in range(40)]
         if not np.array_equal(np.concatenate(pieces), loads.evaluate(times[: 40 * BLOCK])):
-            raise SystemExit(f"{level}: pieces and the whole differ")
+            raise SystemExit(f"{model}: pieces and the whole differ")
         for name, schedule in (("constant", None), ("changing in every block", _ramp(machine.operating_point))):
-            report(f"{level} | {name}", LoadStream(machine, 1, 1.0 / RATE, BLOCK, level, schedule))
+            report(f"{model} | {name}", LoadStream(machine, 1, 1.0 / RATE, BLOCK, model, schedule))
 
 
 def _ramp(point: OperatingPoint) -> Schedule:

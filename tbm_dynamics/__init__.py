@@ -5,10 +5,12 @@ from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from tbm_dynamics.integration.simulator import Simulator
-    from tbm_dynamics.machine import Machine, MachineError, OperatingPoint, load_machine, shipped_machines
+    from tbm_dynamics.machine.loading import shipped_machines
+    from tbm_dynamics.machine.machine import Machine, load_machine
     from tbm_dynamics.response import Response
     from tbm_dynamics.streaming.simulation import simulate
-    from tbm_msgs_py.base.errors import SimulationError
+    from tbm_msgs_py.base.errors import MachineError, SimulationError
+    from tbm_msgs_py.base.operating_point import OperatingPoint
 
 __all__ = [
     "Machine",
@@ -24,14 +26,14 @@ __all__ = [
 
 # Loaded on first use: what reads a machine or makes its loads needs nothing that integrates.
 _HOME = {
-    "Machine": "tbm_dynamics.machine",
-    "MachineError": "tbm_dynamics.machine",
-    "OperatingPoint": "tbm_dynamics.machine",
+    "Machine": "tbm_dynamics.machine.machine",
+    "MachineError": "tbm_msgs_py.base.errors",
+    "OperatingPoint": "tbm_msgs_py.base.operating_point",
     "Response": "tbm_dynamics.response",
     "SimulationError": "tbm_msgs_py.base.errors",
     "Simulator": "tbm_dynamics.integration.simulator",
-    "load_machine": "tbm_dynamics.machine",
-    "shipped_machines": "tbm_dynamics.machine",
+    "load_machine": "tbm_dynamics.machine.machine",
+    "shipped_machines": "tbm_dynamics.machine.loading",
     "simulate": "tbm_dynamics.streaming.simulation",
 }
 

@@ -24,7 +24,7 @@ _AXES = (0, 1, 3)
 def indicators(
     ring_displacement: np.ndarray, pinion_acceleration: np.ndarray, mesh_force: np.ndarray, static_mesh_force: float
 ) -> dict[str, float]:
-    """Compute the indicators of a run.
+    """Return the indicators of a run.
 
     Parameters
     ----------

@@ -1,14 +1,17 @@
-"""What a run returns."""
+"""Response of a run: motion of selected nodes, mesh forces, and the indicators of both."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from tbm_dynamics.indicators import indicators
-from tbm_dynamics.machine.machine import Machine
 from tbm_msgs_py.base.errors import MachineError
+
+if TYPE_CHECKING:
+    from tbm_dynamics.machine.machine import Machine
 
 AXES = ("x", "y", "z", "rx", "ry", "rz")
 

@@ -1,1 +1,1 @@
-"""Calibration of the values of a machine file that no source gives: `python -m tbm_dynamics.calibration`."""
+"""Calibration of the values of a machine file that have no source: `python -m tbm_dynamics.calibration`."""

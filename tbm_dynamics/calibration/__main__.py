@@ -1,77 +1,76 @@
 """Calibrate a copy of `dz101`: `python -m tbm_dynamics.calibration --out dz101.yaml`.
 
 Differential evolution over `free_values.FREE_VALUES` and a simplex from its best, a fixed seed, some ten minutes on one
-core. The result goes to a new
-file; whoever accepts it puts it in the place of the shipped one.
+core. The result goes to a new file, to be put in the place of the shipped one where it is accepted.
 """
 
 from __future__ import annotations
 
 import argparse
 import sys
-import tempfile
-from importlib import resources
 from pathlib import Path
 
 import numpy as np
 from scipy.optimize import Bounds, differential_evolution, minimize
 
-from tbm_dynamics.calibration.free_values import FREE_VALUES, with_values
+from tbm_dynamics import Machine, MachineError, load_machine
+from tbm_dynamics.calibration.free_values import FREE_VALUES, values_of
 from tbm_dynamics.calibration.objective import objective
 from tbm_dynamics.calibration.prediction import predict
-from tbm_dynamics.machine import Machine, MachineError, load_machine
+from tbm_dynamics.machine.description import MachineDescription
+from tbm_dynamics.machine.inputs import set_values
+from tbm_dynamics.machine.loading import machine_text
+from tbm_dynamics.machine.writing import edited_text
+from tbm_msgs_py.base.files import write_whole
 from tbm_msgs_py.base.units import STANDARD_GRAVITY
+from tbm_msgs_py.base.validation import validated
 
 
 def main() -> None:
-    """Run the calibration and say what it reached."""
+    """Run the calibration and print what it reached."""
     parser = argparse.ArgumentParser(description="Calibrate the assumed values of dz101.")
     parser.add_argument("--out", type=Path, required=True, help="machine file to write")
     parser.add_argument("--generations", type=int, default=120)
     parser.add_argument("--polish", type=int, default=1200, help="machines of the simplex that ends the search")
     parser.add_argument("--seed", type=int, default=0)
     given = parser.parse_args()
-    text = (resources.files("tbm_dynamics") / "machines" / "dz101.yaml").read_text("utf-8")
-    with tempfile.TemporaryDirectory() as folder:
-        trial = Path(folder) / "trial.yaml"
+    data = load_machine("dz101").base.model_dump(mode="json")
 
-        def distance(searched: np.ndarray) -> float:
-            try:
-                machine = _written(text, searched, trial)
-                return objective(predict(machine), *_fluctuations(machine))
-            except (MachineError, np.linalg.LinAlgError) as error:
-                _say(f"one machine left out: {error}")
-                return 1e3
+    def distance(searched: np.ndarray) -> float:
+        set_values(data, values_of(searched.tolist()))
+        try:
+            machine = Machine(validated(MachineDescription, data, "dz101", MachineError))
+            return objective(predict(machine), *_fluctuations(machine))
+        except (MachineError, np.linalg.LinAlgError) as error:
+            _print(f"one machine left out: {error}")
+            return 1e3
 
-        found = differential_evolution(
-            distance,
-            Bounds(*np.array([free.bounds for free in FREE_VALUES]).T),
-            maxiter=given.generations,
-            popsize=2,
-            seed=given.seed,
-            polish=False,
-            callback=lambda best, convergence: _say(f"{distance(best):.4f}  ({convergence:.2f})"),
-        )
-        # Differential evolution finds the valley; down along it a simplex is quicker.
-        limits = np.array([free.bounds for free in FREE_VALUES])
-        fine = minimize(
-            distance, found.x, method="Nelder-Mead", bounds=limits, options={"maxfev": given.polish, "adaptive": True}
-        )
-        machine = _written(text, fine.x, given.out)
+    found = differential_evolution(
+        distance,
+        Bounds(*np.array([free.bounds for free in FREE_VALUES]).T),
+        maxiter=given.generations,
+        popsize=2,
+        seed=given.seed,
+        polish=False,
+        callback=lambda best, convergence: _print(f"{distance(best):.4f}  ({convergence:.2f})"),
+    )
+    # Differential evolution finds the valley; down along it a simplex is quicker.
+    limits = np.array([free.bounds for free in FREE_VALUES])
+    fine = minimize(
+        distance, found.x, method="Nelder-Mead", bounds=limits, options={"maxfev": given.polish, "adaptive": True}
+    )
+    text = edited_text(machine_text("dz101"), values_of(fine.x.tolist()), "calibrated")
+    write_whole(given.out, text.encode())
+    machine = load_machine(given.out)
     prediction = predict(machine)
     thrust, torque = _fluctuations(machine)
-    _say(f"objective {fine.fun:.4f} after {found.nfev + fine.nfev} machines")
-    _say(f"F_x fluctuates by {thrust:.1%}, M_x by {torque:.1%}")
+    _print(f"objective {fine.fun:.4f} after {found.nfev + fine.nfev} machines")
+    _print(f"F_x fluctuates by {thrust:.1%}, M_x by {torque:.1%}")
     for point, rms in prediction.rms.items():
-        _say(f"{point}: {', '.join(f'{value / STANDARD_GRAVITY:.3f}' for value in rms)} g")
+        _print(f"{point}: {', '.join(f'{value / STANDARD_GRAVITY:.3f}' for value in rms)} g")
     heights = (f"{height / 1e3:.1f} kN at {frequency} Hz" for frequency, height in prediction.mesh_lines.items())
-    _say("mesh-force lines: " + ", ".join(heights))
-    _say("axial natural frequencies (Hz): " + ", ".join(f"{value:.1f}" for value in prediction.axial_frequencies))
-
-
-def _written(text: str, searched: np.ndarray, path: Path) -> Machine:
-    path.write_text(with_values(text, searched.tolist()), encoding="utf-8")
-    return load_machine(path)
+    _print("mesh-force lines: " + ", ".join(heights))
+    _print("axial natural frequencies (Hz): " + ", ".join(f"{value:.1f}" for value in prediction.axial_frequencies))
 
 
 def _fluctuations(machine: Machine) -> tuple[float, float]:
@@ -80,7 +79,7 @@ def _fluctuations(machine: Machine) -> tuple[float, float]:
     return thrust, torque
 
 
-def _say(line: str) -> None:
+def _print(line: str) -> None:
     sys.stderr.write(line + "\n")
 
 

@@ -1,13 +1,12 @@
-"""The values a calibration may move, their limits, and how they get into a machine file."""
+"""The values that a calibration may move: where they stand in the machine file, and their limits."""
 
 from __future__ import annotations
 
 import math
-import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from tbm_msgs_py.base.errors import InputError
+from tbm_dynamics.machine.inputs import Place
 
 
 @dataclass(frozen=True)
@@ -16,10 +15,8 @@ class FreeValue:
 
     Attributes
     ----------
-    anchor : str
-        Text that only the value's line (or the lines from it on) of the machine file holds.
-    key : str
-        The key on that line, or on the first line after it that has the key.
+    place : tuple of str and int
+        Keys and indices that lead to it.
     lower, upper : float
         Limits.
     wall_of : float
@@ -28,8 +25,7 @@ class FreeValue:
         Search the logarithm.
     """
 
-    anchor: str
-    key: str
+    place: Place
     lower: float
     upper: float
     wall_of: float = 0.0
@@ -49,43 +45,33 @@ class FreeValue:
         return float(f"{math.exp(searched) if self.logarithmic else searched:.4g}")
 
 
+_HEAD, _CARRIER = ("cutterhead_bearing_gear",), ("carrier_girder",)
+_FX, _MX = ("loads", "fx"), ("loads", "mx")
+
 # Design ranges: head 120–220 t, carrier with its drives 80–150 t (the drives weigh 34.5 t), shield 30–100, girder
 # 50–120, gripper 30–90 t. Walls: sections that stand for plates and boxes may be thin.
 FREE_VALUES: tuple[FreeValue, ...] = (
-    FreeValue("nodes: [1, 2, 3, 4]", "mass", 120e3, 220e3),
-    FreeValue("nodes: [5, 6]", "mass", 8e3, 20e3),
-    FreeValue("nodes: [7, 8, 9]", "mass", 10e3, 25e3),
-    FreeValue("node: 10,", "mass", 8e3, 20e3),
-    FreeValue("nodes: [11, 12]", "mass", 45.5e3, 115.5e3),
-    FreeValue("node: 43,", "mass", 30e3, 100e3),
-    FreeValue("nodes: [44, 45, 46, 47, 48, 49]", "mass", 50e3, 120e3),
-    FreeValue("node: 50,", "mass", 30e3, 90e3),
-    FreeValue("nodes: [1, 2, 3, 4]", "inner_diameter", 0.004, 0.3, wall_of=5.8),
-    FreeValue("nodes: [5, 6]", "inner_diameter", 0.004, 0.4, wall_of=4.2),
-    FreeValue("nodes: [7, 8, 9]", "inner_diameter", 0.004, 0.25, wall_of=3.9),
-    FreeValue("nodes: [11, 12]", "inner_diameter", 0.004, 0.4, wall_of=4.4),
-    FreeValue("nodes: [44, 45, 46, 47, 48, 49]", "inner_diameter", 0.01, 0.2, wall_of=1.8),
-    FreeValue("  fx:", "band: [0, 10], rms", 1e5, 2.2e6, logarithmic=True),
-    FreeValue("  fx:", "band: [125, 135], rms", 2e5, 2e6, logarithmic=True),
-    FreeValue("  fx:", "frequency: 130.3, amplitude", 2e5, 2e6, logarithmic=True),
-    FreeValue("  mx:", "frequency: 0.9, amplitude", 5e4, 1.2e6, logarithmic=True),
-    FreeValue("  mx:", "frequency: 130.3, amplitude", 5e4, 8e5, logarithmic=True),
+    FreeValue((*_HEAD, "shafts", 0, "mass"), 120e3, 220e3),
+    FreeValue((*_HEAD, "shafts", 1, "mass"), 8e3, 20e3),
+    FreeValue((*_HEAD, "shafts", 2, "mass"), 10e3, 25e3),
+    FreeValue((*_CARRIER, "bodies", 0, "mass"), 8e3, 20e3),
+    FreeValue((*_CARRIER, "shafts", 0, "mass"), 45.5e3, 115.5e3),
+    FreeValue((*_CARRIER, "bodies", 1, "mass"), 30e3, 100e3),
+    FreeValue((*_CARRIER, "shafts", 1, "mass"), 50e3, 120e3),
+    FreeValue((*_CARRIER, "bodies", 2, "mass"), 30e3, 90e3),
+    FreeValue((*_HEAD, "shafts", 0, "inner_diameter"), 0.004, 0.3, wall_of=5.8),
+    FreeValue((*_HEAD, "shafts", 1, "inner_diameter"), 0.004, 0.4, wall_of=4.2),
+    FreeValue((*_HEAD, "shafts", 2, "inner_diameter"), 0.004, 0.25, wall_of=3.9),
+    FreeValue((*_CARRIER, "shafts", 0, "inner_diameter"), 0.004, 0.4, wall_of=4.4),
+    FreeValue((*_CARRIER, "shafts", 1, "inner_diameter"), 0.01, 0.2, wall_of=1.8),
+    FreeValue((*_FX, "regions", 0, "rms"), 1e5, 2.2e6, logarithmic=True),
+    FreeValue((*_FX, "regions", 1, "rms"), 2e5, 2e6, logarithmic=True),
+    FreeValue((*_FX, "lines", 1, "amplitude"), 2e5, 2e6, logarithmic=True),
+    FreeValue((*_MX, "lines", 0, "amplitude"), 5e4, 1.2e6, logarithmic=True),
+    FreeValue((*_MX, "lines", 1, "amplitude"), 5e4, 8e5, logarithmic=True),
 )
 
 
-def with_values(text: str, searched: Sequence[float]) -> str:
-    """Text of a machine file with the free values set and their source marked `calibrated`."""
-    for free, number in zip(FREE_VALUES, searched, strict=True):
-        text = _set(text, free, free.value(number))
-    return text
-
-
-def _set(text: str, free: FreeValue, value: float) -> str:
-    start = text.index(free.anchor)
-    start = text.rindex("\n", 0, start) + 1
-    place = re.compile(re.escape(free.key) + r": *[-+0-9.eE]+").search(text, start)
-    if place is None:
-        raise InputError(f"machine file: no {free.key} after {free.anchor!r}")
-    end = text.index("\n", place.end())
-    rest = text[place.end() : end].replace("source: assumed", "source: calibrated", 1)
-    return text[: place.start()] + f"{free.key}: {value:.10g}" + rest + text[end:]
+def values_of(searched: Sequence[float]) -> dict[Place, float | str]:
+    """Values of a machine file from the searched numbers."""
+    return {free.place: free.value(number) for free, number in zip(FREE_VALUES, searched, strict=True)}

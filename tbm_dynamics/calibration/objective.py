@@ -17,9 +17,9 @@ from tbm_dynamics.calibration.targets import AXIAL_BAND_HZ, POWER_FLOW, PREDICTE
 from tbm_msgs_py.base.units import STANDARD_GRAVITY
 
 LARGEST_FLUCTUATION = 0.20
-# The paper names these lines and gives no height: a fortieth of the static mesh force (assumed).
+# The paper names these lines without a height: a fortieth of the static mesh force (assumed).
 MESH_LINE_N = 5e3
-# Of the torque: the paper gives none; cutting torque swings more than thrust (assumed).
+# Of the torque: the paper has none; cutting torque swings more than thrust (assumed).
 LARGEST_TORQUE_FLUCTUATION = 0.30
 
 # Margins inside the limits, so that the time-domain run stays inside too.

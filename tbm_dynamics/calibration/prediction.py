@@ -98,7 +98,7 @@ class _Gain:
 
 
 def _inside(low: float, high: float) -> list[float]:
-    """Give middles of equal parts of what a region really fills: its filter falls off inside the limits.
+    """Return middles of equal parts of what a region really fills: its filter falls off inside the limits.
 
     The lowest axial mode lies near the end of a region and is narrow, so the parts are too.
     """

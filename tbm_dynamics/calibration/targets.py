@@ -1,6 +1,6 @@
 """What the paper says of the vibration and the calibration aims at.
 
-`tbm_gsa.paper` quotes the paper; it takes these from here, since the dynamics know nothing of the analysis.
+`tbm_gsa.paper` imports them from here, as the dynamics import nothing of the analysis.
 """
 
 from typing import Final

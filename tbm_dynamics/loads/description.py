@@ -4,10 +4,10 @@ from itertools import pairwise
 from typing import Literal, Self
 
 import numpy as np
-from numpy.typing import NDArray
-from pydantic import BaseModel, ConfigDict, Field, FiniteFloat, model_validator
+from pydantic import Field, FiniteFloat, model_validator
 
-from tbm_msgs_py.base.validation import Source
+from tbm_msgs_py.base.arrays import Array
+from tbm_msgs_py.base.fields import FrozenModel, Source
 
 COMPONENTS = ("fx", "fy", "fz", "mx", "my", "mz")
 LOWEST_HZ = 0.5  # nothing fluctuates below it, so that a mean over a run is the mean
@@ -15,11 +15,7 @@ HIGHEST_HZ = 240.0  # what the grid of the spectral model carries
 NARROWEST_HZ = 2.0  # what its filters can cut out cleanly
 
 
-class _Frozen(BaseModel):
-    model_config = ConfigDict(frozen=True, extra="forbid")
-
-
-class LoadRegion(_Frozen):
+class LoadRegion(FrozenModel):
     """A band of the spectrum filled with Gaussian noise.
 
     Attributes
@@ -50,7 +46,7 @@ class LoadRegion(_Frozen):
         return self
 
 
-class LoadLine(_Frozen):
+class LoadLine(FrozenModel):
     """A single frequency of constant amplitude.
 
     Attributes
@@ -68,7 +64,7 @@ class LoadLine(_Frozen):
     source: Source
 
 
-class LoadComponent(_Frozen):
+class LoadComponent(FrozenModel):
     """One of the six load components.
 
     Attributes
@@ -104,7 +100,7 @@ class LoadComponent(_Frozen):
         return self
 
 
-class LoadDescription(_Frozen):
+class LoadDescription(FrozenModel):
     """The six components of the wrench that the rock exerts on node 1."""
 
     fx: LoadComponent
@@ -120,12 +116,12 @@ class LoadDescription(_Frozen):
         return self.fx, self.fy, self.fz, self.mx, self.my, self.mz
 
     @property
-    def mean(self) -> NDArray[np.float64]:
+    def mean(self) -> Array:
         """Means at the reference operating point, (6,), N and N·m."""
         return np.array([component.mean for component in self.components])
 
-    def scale(self, thrust_ratio: float, torque_ratio: float) -> NDArray[np.float64]:
-        """Give the factors of the components at another operating point.
+    def scale(self, thrust_ratio: float, torque_ratio: float) -> Array:
+        """Factors of the components at another operating point.
 
         Parameters
         ----------

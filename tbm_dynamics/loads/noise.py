@@ -8,7 +8,7 @@ WORD = 2**64
 
 
 def hashed_generator(seed: int, stream: str, block: int = 0) -> np.random.Generator:
-    """Open the random numbers of one block of one stream.
+    """Return the random numbers of one block of one stream.
 
     Philox is counter based: the seed and the hashed name are its key and the block index is a word of its counter,
     so every block can be reached directly and no two blocks share numbers.

@@ -9,7 +9,6 @@ values depend neither on the order nor on the chunks they are asked in.
 
 import copy
 import math
-import threading
 from collections.abc import Callable
 from dataclasses import dataclass
 from fractions import Fraction
@@ -23,9 +22,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from tbm_dynamics.loads.description import COMPONENTS, LoadComponent, LoadDescription
 from tbm_dynamics.loads.noise import hashed_generator
+from tbm_msgs_py.base.arrays import Array
 from tbm_msgs_py.base.errors import InputError
-
-FloatArray = NDArray[np.float64]
 
 NOISE_HZ = 512
 NOISE_BLOCK = 8192  # samples of white noise in a block, 16 s
@@ -44,7 +42,7 @@ LONGEST_S = 1e9
 
 
 class SpectralLoads:
-    """The six load components of node 1, N and N·m.
+    """The load model `spectral`: the six load components of node 1, N and N·m.
 
     Parameters
     ----------
@@ -63,17 +61,17 @@ class SpectralLoads:
         self._fluctuation = _fluctuation(description, seed)
 
     @property
-    def mean(self) -> FloatArray:
+    def mean(self) -> Array:
         """Mean of each component, (6,), N and N·m, at the current scale."""
         return self.scale * self.description.mean
 
     def with_scale(self, scale: ArrayLike) -> Self:
-        """Give the same realisation at another operating point; the computed blocks are shared."""
+        """Return the same realisation at another operating point; the computed blocks are shared."""
         other = copy.copy(self)
         other.scale = _checked_scale(scale)
         return other
 
-    def evaluate(self, time: ArrayLike) -> FloatArray:
+    def evaluate(self, time: ArrayLike) -> Array:
         """Evaluate the loads at any times.
 
         Parameters
@@ -104,7 +102,7 @@ class SpectralLoads:
 
 
 @dataclass(frozen=True, eq=False)
-class _Line:
+class _SpectralLine:
     """A line of one component: amplitude · cos 2π(frequency · t + phase)."""
 
     column: int
@@ -113,12 +111,12 @@ class _Line:
     phase: float
     carrier: NDArray[np.complex128]  # exp(2πi · frequency · t) on the grid of a block
 
-    def on_block(self, index: int) -> FloatArray:
+    def on_block(self, index: int) -> Array:
         """Values on the grid of a block, (g,)."""
         # Reduced in exact arithmetic: after weeks of run time the phase is as good as at the start.
         cycles = float(self.frequency * (index * GRID_BLOCK // GRID_HZ) % 1) + self.phase
         real, imaginary = np.cos(2.0 * np.pi * cycles), np.sin(2.0 * np.pi * cycles)
-        values: FloatArray = self.amplitude * (real * self.carrier.real - imaginary * self.carrier.imag)
+        values: Array = self.amplitude * (real * self.carrier.real - imaginary * self.carrier.imag)
         return values
 
 
@@ -131,25 +129,14 @@ class _Fluctuation:
         kernels = np.array([_kernel(component, window) for component in description.components])
         self._response = scipy.fft.rfft(kernels, 2 * NOISE_BLOCK, axis=1)
         self._lines = _lines(description, seed)
-        self._kept: dict[int, FloatArray] = {}
-        self._lock = threading.Lock()
+        self.block = lru_cache(maxsize=KEPT_BLOCKS)(self._compute)
 
     def __reduce__(self) -> tuple[Callable[..., "_Fluctuation"], tuple[LoadDescription, int]]:
-        # A lock does not pickle, and what was computed need not travel: it is a function of these two.
+        # A cache does not pickle, and what was computed need not travel: it is a function of these two.
         return _fluctuation, (self._description, self._seed)
 
-    def block(self, index: int) -> FloatArray:
+    def _compute(self, index: int) -> Array:
         """Grid values from BEFORE points before the block to a few after it, (GRID_BLOCK + …, 6), N and N·m."""
-        with self._lock:
-            values = self._kept.pop(index, None)
-            if values is None:
-                values = self._compute(index)
-            self._kept[index] = values  # the most recently used one is last
-            if len(self._kept) > KEPT_BLOCKS:
-                del self._kept[next(iter(self._kept))]
-            return values
-
-    def _compute(self, index: int) -> FloatArray:
         noise = np.array(
             [np.concatenate([self._white(name, index - 1), self._white(name, index)]) for name in COMPONENTS]
         )
@@ -163,24 +150,24 @@ class _Fluctuation:
             values[line.column] += line.on_block(index)
         return np.ascontiguousarray(values.T)
 
-    def _white(self, name: str, index: int) -> FloatArray:
+    def _white(self, name: str, index: int) -> Array:
         return hashed_generator(self._seed, f"loads/{name}", index).standard_normal(NOISE_BLOCK)
 
 
 @lru_cache(maxsize=2)
 def _fluctuation(description: LoadDescription, seed: int) -> _Fluctuation:
-    """Make a realisation once for all operating points: the simulations of a study share theirs."""
+    """Return the realisation of a seed, computed once for all operating points and all simulations of a study."""
     return _Fluctuation(description, seed)
 
 
-def _checked_scale(scale: ArrayLike) -> FloatArray:
+def _checked_scale(scale: ArrayLike) -> Array:
     factors = np.array(scale, dtype=np.float64)
     if factors.shape != (WIDTH,) or not np.all(np.isfinite(factors)):
         raise InputError(f"scale must be {WIDTH} finite factors, not {factors.tolist()}")
     return factors
 
 
-def _kernel(component: LoadComponent, window: FloatArray) -> FloatArray:
+def _kernel(component: LoadComponent, window: Array) -> Array:
     """FIR kernel (TAPS,) that turns white noise of unit variance into all regions of a component.
 
     Ideal band-passes under the Kaiser window (TAPS,), their edges moved inwards by half the transition so that each
@@ -195,7 +182,7 @@ def _kernel(component: LoadComponent, window: FloatArray) -> FloatArray:
     return total
 
 
-def _lines(description: LoadDescription, seed: int) -> list[_Line]:
+def _lines(description: LoadDescription, seed: int) -> list[_SpectralLine]:
     """All lines of all components, with hashed phases."""
     time = (np.arange(GRID_BLOCK + STENCIL) - BEFORE) / GRID_HZ
     carriers = {
@@ -204,7 +191,7 @@ def _lines(description: LoadDescription, seed: int) -> list[_Line]:
         for line in component.lines
     }
     return [
-        _Line(column, line.amplitude, Fraction(line.frequency), phase, carriers[line.frequency])
+        _SpectralLine(column, line.amplitude, Fraction(line.frequency), phase, carriers[line.frequency])
         for column, (name, component) in enumerate(zip(COMPONENTS, description.components, strict=True))
         for line, phase in zip(component.lines, _phases(name, component, seed), strict=True)
     ]
@@ -216,7 +203,7 @@ def _phases(name: str, component: LoadComponent, seed: int) -> list[float]:
 
 
 @numba.njit(cache=True)  # type: ignore[untyped-decorator]
-def _interpolate(grid: FloatArray, position: FloatArray, mean: FloatArray, scale: FloatArray) -> FloatArray:
+def _interpolate(grid: Array, position: Array, mean: Array, scale: Array) -> Array:
     """Lagrange interpolation: scale · (mean + fluctuation), (n, 6).
 
     The grid (g, 6) is that of `_Fluctuation.block`; the positions (n,) count grid points from the start of the block.

@@ -1,26 +1,29 @@
-"""The two levels of the loads behind one interface: one realisation at any operating point."""
+"""The load models `spectral` and `cutter` behind one interface: one realisation while the operating point changes."""
 
 from __future__ import annotations
 
 from dataclasses import replace
-from functools import cached_property
-from typing import Literal, Protocol
+from functools import cached_property, lru_cache
+from typing import TYPE_CHECKING, Final, Literal, Protocol, get_args
 
 import numpy as np
 
-from tbm_dynamics.loads.cutters import CutterError, CutterLoads
-from tbm_dynamics.loads.spectral import SpectralLoads
-from tbm_dynamics.machine.machine import Machine
+from tbm_dynamics.loads.cutters.cutter_loads import CutterLoads
+from tbm_dynamics.loads.cutters.description import CutterError
 from tbm_msgs_py.base.errors import MachineError
 from tbm_msgs_py.base.operating_point import OperatingPoint
 
-LoadLevel = Literal["spectral", "cutter"]
-_KEPT = 2  # operating points: a change runs from one to the next
-LOAD_LEVELS: tuple[LoadLevel, ...] = ("spectral", "cutter")
+if TYPE_CHECKING:
+    from tbm_dynamics.loads.spectral import SpectralLoads
+    from tbm_dynamics.machine.machine import Machine
+
+LoadModel = Literal["spectral", "cutter"]
+LOAD_MODELS: Final[tuple[LoadModel, ...]] = get_args(LoadModel)
+_KEPT = 2  # operating points: a step goes from one to the next
 
 
-class OperatedLoads(Protocol):
-    """A realisation of the loads on the cutterhead, at the operating point asked for."""
+class LoadStepper(Protocol):
+    """One realisation of the loads on the cutterhead, step by step from one operating point to the next."""
 
     def reached(self, point: OperatingPoint) -> OperatingPoint:
         """Operating point that holds when this one is asked for.
@@ -37,35 +40,35 @@ class OperatedLoads(Protocol):
     def evaluate(
         self, before: OperatingPoint, after: OperatingPoint, time: np.ndarray, angle: np.ndarray
     ) -> np.ndarray:
-        """Evaluate at stream times (n,) in s, where the head stands at angles (n,) in rad: (n, 6), N and N·m.
+        """Return the loads (n, 6) in N and N·m at stream times (n,) in s, where the head stands at angles (n,) in rad.
 
         What presses the head goes linearly over the n samples from one operating point to the other, which the last
         sample has reached.
         """
 
 
-def operated_loads(machine: Machine, level: LoadLevel = "spectral", seed: int = 0) -> OperatedLoads:
-    """Open the loads of a machine on a level.
+def load_stepper(machine: Machine, model: LoadModel = "spectral", seed: int = 0) -> LoadStepper:
+    """Return the loads of a machine by one of the load models.
 
     Raises
     ------
     MachineError
-        No such level, or a machine file without cutters on the cutter level.
+        No such model, or a machine file without cutters for the model `cutter`.
     """
-    if level not in LOAD_LEVELS:
-        raise MachineError(f"loads {level!r}: allowed are {', '.join(LOAD_LEVELS)}")
-    return _Cutter(machine, seed) if level == "cutter" else _Spectral(machine, seed)
+    if model not in LOAD_MODELS:
+        raise MachineError(f"loads {model!r}: allowed are {', '.join(LOAD_MODELS)}")
+    return _CutterStepper(machine, seed) if model == "cutter" else _SpectralStepper(machine, seed)
 
 
-class _Spectral:
+class _SpectralStepper:
     """Table 1's spectra: mean and fluctuation follow the ratios of thrust and torque; lines keep their frequency."""
 
     def __init__(self, machine: Machine, seed: int) -> None:
         self._machine, self._seed = machine, seed
 
     @cached_property
-    def _described(self) -> SpectralLoads:
-        """Make the realisation: not for those who only ask for means."""
+    def _realisation(self) -> SpectralLoads:
+        # Not for those who only ask for means.
         return self._machine.loads(self._seed).with_scale(np.ones(6))
 
     def reached(self, point: OperatingPoint) -> OperatingPoint:
@@ -83,27 +86,22 @@ class _Spectral:
         angle: np.ndarray,  # noqa: ARG002 - the spectra do not turn with the head
     ) -> np.ndarray:
         scales = _ramp(self._machine.load_scale(before), self._machine.load_scale(after), len(time))
-        return scales * self._described.evaluate(time)
+        return scales * self._realisation.evaluate(time)
 
 
-class _Cutter:
+class _CutterStepper:
     """The forces on the discs: the thrust presses them in, and the torque is what they take."""
 
     def __init__(self, machine: Machine, seed: int) -> None:
         self._machine = machine
         self._loads = machine.cutter_loads(seed)
-        self._kept: dict[tuple[float, float], CutterLoads] = {}
+        self._driven = lru_cache(maxsize=_KEPT)(self._loads.at)
 
     def _at(self, point: OperatingPoint) -> CutterLoads:
-        drive = point.thrust, point.speed
-        if drive not in self._kept:
-            try:
-                self._kept[drive] = self._loads.at(*drive)
-            except CutterError as error:
-                raise MachineError(f"operating point: {error}") from None
-            if len(self._kept) > _KEPT:
-                del self._kept[next(iter(self._kept))]
-        return self._kept[drive]
+        try:
+            return self._driven(point.thrust, point.speed)
+        except CutterError as error:
+            raise MachineError(f"operating point: {error}") from None
 
     def reached(self, point: OperatingPoint) -> OperatingPoint:
         self._machine.check_operating_point(point)
@@ -122,6 +120,6 @@ class _Cutter:
 
 
 def _ramp(before: np.ndarray, after: np.ndarray, samples: int) -> np.ndarray:
-    """Go from values (k,) to others, which the last sample has reached: (n, k)."""
+    """Values (n, k) that go from (k,) to others, which the last sample has reached."""
     share = np.arange(1, samples + 1)[:, None] / samples
     return np.asarray(before + share * (after - before))

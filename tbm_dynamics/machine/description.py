@@ -8,29 +8,22 @@ degrees where the name says so.
 from __future__ import annotations
 
 import math
-from typing import Annotated, Any, Literal
+from typing import Annotated, Literal, Self
 
-from pydantic import Field, model_validator
+from pydantic import Field, FiniteFloat, model_validator
 
+from tbm_dynamics.loads.cutters.description import CutterDescription
 from tbm_dynamics.loads.description import LoadDescription
-from tbm_dynamics.machine.cutters import CuttersEntry
-from tbm_dynamics.machine.drive import DriveTemplate
-from tbm_dynamics.machine.entries import (
-    GROUND,
-    ConnectionType,
-    Entry,
-    Node,
-    NonNegative,
-    Positive,
-    SixPositiveOrZero,
-    Vector3,
-)
+from tbm_dynamics.machine.drive import ConnectionType, DriveTemplate, Node, SixStiffnesses
+from tbm_msgs_py.base.fields import FrozenModel, Label, NonNegative, Positive, Source
 from tbm_msgs_py.base.texts import LONGEST_NAME
 from tbm_msgs_py.base.units import R_MIN
-from tbm_msgs_py.base.validation import Label, Source
+
+Vector3 = tuple[FiniteFloat, FiniteFloat, FiniteFloat]
+GROUND: Literal["ground"] = "ground"
 
 
-class OperatingPointEntry(Entry):
+class SiteOperatingPoint(FrozenModel):
     """Mean working condition of the machine, in the units of the site."""
 
     speed_r_min: Positive
@@ -39,8 +32,8 @@ class OperatingPointEntry(Entry):
     source: Source
 
 
-class OperatingLimits(Entry):
-    """The most that a drive gives: speed and torque of the head, thrust, and power at the head."""
+class OperatingLimits(FrozenModel):
+    """Largest speed, torque and power of the cutterhead, and largest thrust."""
 
     speed_r_min: Positive
     torque_kn_m: Positive
@@ -49,7 +42,7 @@ class OperatingLimits(Entry):
     source: Source
 
     def problem(self, speed_r_min: float, torque_kn_m: float, thrust_kn: float) -> str | None:
-        """Say in one line what of an operating point is beyond the limits; None if nothing is."""
+        """Return one line about what of an operating point is beyond the limits; None if nothing is."""
         power = torque_kn_m * speed_r_min * R_MIN
         given = (
             ("speed", speed_r_min, self.speed_r_min, "r/min"),
@@ -63,7 +56,7 @@ class OperatingLimits(Entry):
         return None
 
 
-class Material(Entry):
+class Material(FrozenModel):
     """Steel of every virtual shaft (paper, Table 4: x4, x5, x6)."""
 
     elasticity: Positive
@@ -72,7 +65,7 @@ class Material(Entry):
     source: Source
 
 
-class DampingReading(Entry):
+class DampingReading(FrozenModel):
     """How Table 4's damping ratios are read.
 
     `stiffness_proportional`: C_e = ζ_e K_e, ζ_e in seconds; its name alone will do. `ratio`: ζ_e is a true ratio at
@@ -84,11 +77,11 @@ class DampingReading(Entry):
 
     @model_validator(mode="before")
     @classmethod
-    def _by_name(cls, given: Any) -> Any:
+    def _by_name(cls, given: object) -> object:
         return {"reading": given} if isinstance(given, str) else given
 
     @model_validator(mode="after")
-    def _stated_frequency(self) -> DampingReading:
+    def _stated_frequency(self) -> Self:
         if (self.reading == "ratio") != (self.frequency is not None):
             raise ValueError("frequency (Hz): allowed and needed with reading: ratio only")
         return self
@@ -98,7 +91,7 @@ class DampingReading(Entry):
         return ratio if self.frequency is None else ratio / (math.pi * self.frequency)
 
 
-class ConnectionDamping(Entry):
+class ConnectionDamping(FrozenModel):
     """Damping ratio of each connection type (paper, Table 4: x11 … x15)."""
 
     rock: NonNegative
@@ -109,7 +102,7 @@ class ConnectionDamping(Entry):
     source: Source
 
 
-class Shaft(Entry):
+class Shaft(FrozenModel):
     """A virtual shaft: equal Timoshenko beam elements through consecutive nodes, with a given total mass.
 
     The section gives stiffness; the mass (kg) is spread over it, so that the density is an equivalent one.
@@ -122,7 +115,7 @@ class Shaft(Entry):
     source: Source
 
     @model_validator(mode="after")
-    def _hollow(self) -> Shaft:
+    def _hollow(self) -> Self:
         if self.inner_diameter >= self.outer_diameter:
             raise ValueError(
                 f"inner_diameter {self.inner_diameter} must be smaller than outer_diameter {self.outer_diameter}"
@@ -130,7 +123,7 @@ class Shaft(Entry):
         return self
 
 
-class Body(Entry):
+class Body(FrozenModel):
     """A rigid body at a node: mass (kg) and moments of inertia about x, y, z (kg·m²)."""
 
     node: Node
@@ -139,7 +132,7 @@ class Body(Entry):
     source: Source
 
 
-class Connection(Entry):
+class Connection(FrozenModel):
     """A spring-damper between two nodes, or a node and the ground, located at the first node.
 
     Six stiffnesses: x, y, z (N/m) and about x, y, z (N·m/rad). A node elsewhere follows through a rigid arm.
@@ -148,17 +141,17 @@ class Connection(Entry):
     name: Label
     between: tuple[Node, Node | Literal["ground"]]
     type: ConnectionType
-    stiffness: SixPositiveOrZero
+    stiffness: SixStiffnesses
     source: Source
 
     @model_validator(mode="after")
-    def _two_ends(self) -> Connection:
+    def _two_ends(self) -> Self:
         if self.between[0] == self.between[1]:
             raise ValueError(f"between {list(self.between)}: the ends must be two nodes, or a node and {GROUND}")
         return self
 
 
-class Subsystem(Entry):
+class Subsystem(FrozenModel):
     """A named group of nodes with its shafts, bodies and the connections inside it or to the ground.
 
     `source` is that of the nodes' places.
@@ -171,12 +164,12 @@ class Subsystem(Entry):
     connections: tuple[Connection, ...] = ()
 
 
-class MachineDescription(Entry):
+class MachineDescription(FrozenModel):
     """A whole machine: three subsystems, the connections between them, and the loads on the cutterhead."""
 
     name: Annotated[str, Field(max_length=LONGEST_NAME, pattern=r"^[A-Za-z0-9_\-]+$")]
     title: Label
-    operating_point: OperatingPointEntry
+    operating_point: SiteOperatingPoint
     operating_limits: OperatingLimits | None = None
     steel: Material
     damping: DampingReading = DampingReading()
@@ -188,7 +181,7 @@ class MachineDescription(Entry):
     load_node: Node
     test_points: dict[Label, Node]
     loads: LoadDescription
-    cutters: CuttersEntry | None = None
+    cutters: CutterDescription | None = None
 
     def structural_nodes(self) -> dict[int, Vector3]:
         """Positions of the nodes that are not part of a drive."""
@@ -199,7 +192,7 @@ class MachineDescription(Entry):
         return (*self.cutterhead_bearing_gear.connections, *self.carrier_girder.connections, *self.connections)
 
     @model_validator(mode="after")
-    def _known_nodes(self) -> MachineDescription:
+    def _known_nodes(self) -> Self:
         repeated = set(self.cutterhead_bearing_gear.nodes) & set(self.carrier_girder.nodes)
         drive = self.driveshaft
         drive_nodes = [drive.pinion_nodes_from + j for j in range(3 * drive.count)]
@@ -215,7 +208,7 @@ class MachineDescription(Entry):
         return self
 
     @model_validator(mode="after")
-    def _within_limits(self) -> MachineDescription:
+    def _within_limits(self) -> Self:
         point, limits = self.operating_point, self.operating_limits
         problem = limits and limits.problem(point.speed_r_min, point.torque_kn_m, point.thrust_kn)
         if problem:
@@ -223,7 +216,7 @@ class MachineDescription(Entry):
         return self
 
     @model_validator(mode="after")
-    def _drives_on_the_axis(self) -> MachineDescription:
+    def _drives_on_the_axis(self) -> Self:
         # The drives stand around the x axis: what they act on lies on it.
         known = self.structural_nodes()
         for key in ("ring_node", "mount_node"):
@@ -233,7 +226,7 @@ class MachineDescription(Entry):
         return self
 
     @model_validator(mode="after")
-    def _scalable_loads(self) -> MachineDescription:
+    def _scalable_loads(self) -> Self:
         # The loads follow thrust and torque by their ratio to these means.
         for name in ("fx", "mx"):
             if getattr(self.loads, name).mean == 0.0:

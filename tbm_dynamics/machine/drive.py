@@ -3,22 +3,19 @@
 from __future__ import annotations
 
 import math
-from typing import Annotated
+from typing import Annotated, Literal, Self
 
 from pydantic import Field, FiniteFloat, model_validator
 
-from tbm_dynamics.machine.entries import (
-    ConnectionType,
-    Entry,
-    Node,
-    NonNegative,
-    Positive,
-    SixPositiveOrZero,
-)
-from tbm_msgs_py.base.validation import Source
+from tbm_dynamics.mesh.planetary import PlanetaryStage
+from tbm_msgs_py.base.fields import FrozenModel, NonNegative, Positive, Source
+
+Node = Annotated[int, Field(ge=1)]
+SixStiffnesses = tuple[NonNegative, NonNegative, NonNegative, NonNegative, NonNegative, NonNegative]
+ConnectionType = Literal["rock", "bolt", "bearing", "spline", "hydraulic", "steel"]
 
 
-class Gear(Entry):
+class Gear(FrozenModel):
     """The pinion–ring pair (internal spur gear)."""
 
     pinion_teeth: Annotated[int, Field(ge=5)]
@@ -30,13 +27,13 @@ class Gear(Entry):
     source: Source
 
     @model_validator(mode="after")
-    def _pinion_inside(self) -> Gear:
+    def _pinion_inside(self) -> Self:
         if self.pinion_teeth >= self.ring_teeth:
             raise ValueError(f"pinion_teeth {self.pinion_teeth} must be fewer than ring_teeth {self.ring_teeth}")
         return self
 
 
-class Mesh(Entry):
+class Mesh(FrozenModel):
     """Meshing parameters (paper, Table 4: x7 … x10)."""
 
     mean_stiffness: Positive
@@ -48,38 +45,24 @@ class Mesh(Entry):
     source: Source
 
 
-class PlanetaryStageEntry(Entry):
-    """A planetary stage: sun driven, ring held, carrier driving; no profile shift."""
-
-    sun_teeth: Annotated[int, Field(ge=5)]
-    planet_teeth: Annotated[int, Field(ge=5)]
-    ring_teeth: Annotated[int, Field(ge=10)]
-    planets: Annotated[int, Field(ge=1, le=12)]
-    module: Positive
-    pressure_angle_deg: Annotated[float, Field(gt=10.0, lt=35.0)]
-    face_width: Positive
-    accuracy_grade: Annotated[int, Field(ge=0, le=12)]
-    source: Source
-
-
-class Gearbox(Entry):
+class Gearbox(FrozenModel):
     """The planetary gearbox of a drive, condensed to one torsional coupling between its output and the rotor.
 
     `stages` run from the pinion to the motor. `shaft_stiffness` (N·m/rad, pinion side) stands for everything else that
     twists in between, in series with the stages.
     """
 
-    stages: tuple[PlanetaryStageEntry, ...] = ()
+    stages: tuple[PlanetaryStage, ...] = ()
     shaft_stiffness: Positive
     source: Source
 
     @property
     def ratio(self) -> float:
         """Turns of the rotor per turn of the pinion."""
-        return math.prod(1.0 + stage.ring_teeth / stage.sun_teeth for stage in self.stages)
+        return math.prod(stage.ratio for stage in self.stages)
 
 
-class DrivePlacement(Entry):
+class DrivePlacement(FrozenModel):
     """Angle of the first drive, and x of the five nodes of one drive (m): seats, mesh, gearbox output and rotor."""
 
     first_angle_deg: FiniteFloat = 0.0
@@ -91,7 +74,7 @@ class DrivePlacement(Entry):
     source: Source
 
 
-class DriveShaft(Entry):
+class DriveShaft(FrozenModel):
     """The pinion shaft through front seat, mesh node and rear seat: diameters (m) and mass (kg)."""
 
     outer_diameter: Positive
@@ -100,7 +83,7 @@ class DriveShaft(Entry):
     source: Source
 
 
-class DriveBody(Entry):
+class DriveBody(FrozenModel):
     """A rigid body of a drive: mass (kg) and moments of inertia about x and two axes across (kg·m²)."""
 
     mass: Positive
@@ -108,15 +91,15 @@ class DriveBody(Entry):
     source: Source
 
 
-class DriveConnection(Entry):
+class DriveConnection(FrozenModel):
     """A connection of a drive; stiffness along and about x, the radial and the tangential direction of the drive."""
 
     type: ConnectionType
-    stiffness: SixPositiveOrZero
+    stiffness: SixStiffnesses
     source: Source
 
 
-class DriveTemplate(Entry):
+class DriveTemplate(FrozenModel):
     """One drive, repeated `count` times at equal angles around the ring.
 
     Drive i has the pinion nodes `pinion_nodes_from + 3i …` (front seat, mesh, rear seat) and
@@ -146,7 +129,7 @@ class DriveTemplate(Entry):
     gearbox: Gearbox
 
     @model_validator(mode="after")
-    def _hollow_pinion_shaft(self) -> DriveTemplate:
+    def _hollow_pinion_shaft(self) -> Self:
         shaft = self.pinion_shaft
         if shaft.inner_diameter >= shaft.outer_diameter:
             raise ValueError(
@@ -156,7 +139,7 @@ class DriveTemplate(Entry):
         return self
 
     @model_validator(mode="after")
-    def _free_rotation(self) -> DriveTemplate:
+    def _free_rotation(self) -> Self:
         for key in ("gearbox_mount", "pinion_bearing"):
             if getattr(self, key).stiffness[3] != 0.0:
                 raise ValueError(f"{key}: the stiffness about x must be 0, the drive turns in it")

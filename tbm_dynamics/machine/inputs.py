@@ -6,16 +6,21 @@ the damping ratios x4 and x11 … x15 are Table 4's numbers.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
-from functools import partial
+from collections.abc import Iterator, Mapping
+from itertools import accumulate
 from numbers import Real
+from operator import attrgetter, getitem
 from typing import Any
 
 from tbm_dynamics.machine.description import MachineDescription
+from tbm_dynamics.machine.drive import SixStiffnesses
 from tbm_msgs_py.base.errors import MachineError
 from tbm_msgs_py.base.validation import validated
 
-# (path in the description, factor from Table 4's unit to the file's)
+Place = tuple[str | int, ...]
+"""Keys and indices that lead to a value of a machine file."""
+
+# (place in the description, factor from Table 4's unit to the file's)
 _VALUES: dict[str, tuple[str, float]] = {
     "x1": ("operating_point.speed_r_min", 1.0),
     "x2": ("operating_point.torque_kn_m", 1.0),
@@ -34,8 +39,8 @@ _VALUES: dict[str, tuple[str, float]] = {
     "x15": ("connection_damping.hydraulic", 1.0),
 }
 
-# Connections, by name, whose six stiffnesses a multiplier scales. The names are Table 5's;
-# Table 4 swaps the labels of x20 and x22 in the text.
+# Connections whose six stiffnesses a multiplier scales: those of that name, or one of the drives. The names are
+# Table 5's; Table 4 swaps the labels of x20 and x22 in the text.
 _MULTIPLIED: dict[str, str] = {
     "x16": "k_r_ct",
     "x17": "k_r_gd",
@@ -44,8 +49,8 @@ _MULTIPLIED: dict[str, str] = {
     "x20": "k_c_bc",
     "x21": "k_c_cg",
     "x22": "k_b_io",
-    "x23": "driveshaft.pinion_bearing.stiffness",
-    "x24": "driveshaft.spline.stiffness",
+    "x23": "driveshaft.pinion_bearing",
+    "x24": "driveshaft.spline",
     "x25": "k_h_gd",
 }
 
@@ -60,17 +65,35 @@ def apply_inputs(base: MachineDescription, inputs: Mapping[str, float]) -> Machi
     MachineError
         Unknown input, or a value outside what the description allows.
     """
-    data = base.model_dump()
+    data = base.model_dump(mode="json")
+    set_values(data, changed_values(base, inputs))
+    return validated(MachineDescription, data, f"inputs {dict(inputs)}", MachineError)
+
+
+def changed_values(base: MachineDescription, inputs: Mapping[str, float]) -> dict[Place, float]:
+    """Values of a machine file that inputs change, in the units of the file.
+
+    Raises
+    ------
+    MachineError
+        Unknown input, no number, or a connection that the machine does not have.
+    """
+    found: dict[Place, float] = {}
+    changes: dict[Place, tuple[float, float]]
     for code, value in inputs.items():
         if code not in INPUT_CODES:
             raise MachineError(f"input {code!r}: unknown; allowed are x1 … x25")
         number = _number(code, value)
         if code in _VALUES:
             path, factor = _VALUES[code]
-            _edit(data, path, partial(_replaced, number * factor))
+            changes = {(*path.split("."),): (attrgetter(path)(base), number * factor)}
         else:
-            _multiply(data, code, number)
-    return validated(MachineDescription, data, f"inputs {dict(inputs)}", MachineError)
+            multiplied = list(_stiffnesses(base, _MULTIPLIED[code]))
+            if not multiplied:
+                raise MachineError(f"input {code}: machine {base.name} has no connection named {_MULTIPLIED[code]}")
+            changes = {(*place, i): (k, number * k) for place, six in multiplied for i, k in enumerate(six)}
+        found |= {place: after for place, (before, after) in changes.items() if after != before}
+    return found
 
 
 def _number(code: str, value: object) -> float:
@@ -82,32 +105,24 @@ def _number(code: str, value: object) -> float:
     return number
 
 
-def _edit(data: dict[str, Any], path: str, change: Callable[[Any], Any]) -> None:
-    *parents, last = path.split(".")
-    for key in parents:
-        data = data[key]
-    data[last] = change(data[last])
+def _stiffnesses(base: MachineDescription, target: str) -> Iterator[tuple[Place, SixStiffnesses]]:
+    """Stiffnesses of a connection of the drives, or of every connection of a name: Table 5's are per element."""
+    if "." in target:
+        yield (*target.split("."), "stiffness"), attrgetter(target)(base).stiffness
+    for group in ("cutterhead_bearing_gear.connections", "carrier_girder.connections", "connections"):
+        for i, connection in enumerate(attrgetter(group)(base)):
+            if connection.name == target:
+                yield (*group.split("."), i, "stiffness"), connection.stiffness
 
 
-def _replaced(new: float, _: object) -> float:
-    return new
-
-
-def _multiply(data: dict[str, Any], code: str, factor: float) -> None:
-    def scaled(stiffness: tuple[float, ...]) -> tuple[float, ...]:
-        return tuple(factor * k for k in stiffness)
-
-    target = _MULTIPLIED[code]
-    if target.startswith("driveshaft."):
-        _edit(data, target, scaled)
-        return
-    # Table 5's values are per connection element: every connection of that name follows.
-    groups = (data["cutterhead_bearing_gear"], data["carrier_girder"], data)
-    followers = [found for group in groups for found in group["connections"] if found["name"] == target]
-    if not followers:
-        raise MachineError(f"input {code}: machine {data['name']} has no connection named {target}")
-    for connection in followers:
-        connection["stiffness"] = scaled(connection["stiffness"])
+def set_values(data: Any, values: Mapping[Place, float | str], source: str | None = None) -> None:
+    """Set values in the data of a machine file; a `source` becomes that of every entry whose number changes."""
+    for (*parents, key), value in values.items():
+        around = list(accumulate(parents, getitem, initial=data))
+        around[-1][key] = value
+        if source is not None and not isinstance(value, str):
+            entry = next(one for one in reversed(around) if isinstance(one, dict) and "source" in one)
+            entry["source"] = source
 
 
 def input_values(description: MachineDescription) -> dict[str, float]:
@@ -118,13 +133,5 @@ def input_values(description: MachineDescription) -> dict[str, float]:
     dict of str to float
         Without the connections that its file does not name.
     """
-    data = description.model_dump()
-    found = {code: _value(data, path) / factor for code, (path, factor) in _VALUES.items()}
-    names = {connection.name for connection in description.all_connections()}
-    return found | {code: 1.0 for code, target in _MULTIPLIED.items() if "." in target or target in names}
-
-
-def _value(data: Any, path: str) -> float:
-    for key in path.split("."):
-        data = data[key]
-    return float(data)
+    found = {code: float(attrgetter(path)(description)) / factor for code, (path, factor) in _VALUES.items()}
+    return found | {code: 1.0 for code, target in _MULTIPLIED.items() if any(_stiffnesses(description, target))}

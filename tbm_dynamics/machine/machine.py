@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from tbm_dynamics.loads.cutters.description import CutterError
 from tbm_dynamics.machine.description import MachineDescription
 from tbm_dynamics.machine.inputs import apply_inputs
 from tbm_dynamics.machine.loading import read_description
@@ -19,7 +20,7 @@ from tbm_msgs_py.base.operating_point import OperatingPoint
 from tbm_msgs_py.base.units import R_MIN
 
 if TYPE_CHECKING:
-    from tbm_dynamics.loads.cutters import CutterLoads
+    from tbm_dynamics.loads.cutters.cutter_loads import CutterLoads
     from tbm_dynamics.loads.spectral import SpectralLoads
     from tbm_dynamics.structure.system import System
 
@@ -128,26 +129,25 @@ class Machine:
         MachineError
             A file without cutters, a layout or a thrust that cannot be; one line.
         """
-        from tbm_dynamics.machine.cutterhead import cutter_loads  # noqa: PLC0415 - as above, and it needs Machine
+        from tbm_dynamics.loads.cutters.cutter_loads import CutterLoads  # noqa: PLC0415 - as above
+        from tbm_dynamics.loads.cutters.head import Cutterhead  # noqa: PLC0415
+        from tbm_dynamics.loads.cutters.layout import read_layout  # noqa: PLC0415
 
-        return cutter_loads(self, seed)
+        described, point = self.description.cutters, self.operating_point
+        if described is None:
+            raise MachineError(f"{self.origin}: cutters: missing; the load model cutter needs this section")
+        beside = Path(self.origin).parent / described.layout
+        try:
+            layout = read_layout(beside if beside.is_file() else described.layout, described.head_radius)
+            return CutterLoads(Cutterhead(described, layout), point.thrust, point.speed, seed)
+        except CutterError as error:
+            raise MachineError(f"{self.origin}: cutters: {error}") from None
 
     def assemble(self) -> System:
-        """Assemble M, C, K and the couplings.
+        """Assemble M, C, K and the couplings; see `tbm_dynamics.structure.assembly.assemble`."""
+        from tbm_dynamics.structure.assembly import assemble  # noqa: PLC0415 - scipy, for those who assemble
 
-        Raises
-        ------
-        MachineError
-            A part that floats, or gears that cannot mesh; one line that names the file and the changed inputs.
-        """
-        from tbm_dynamics.structure.assembly import assemble  # noqa: PLC0415 - assembly needs Machine
-
-        try:
-            return assemble(self)
-        except MachineError as error:
-            changed = ", ".join(f"{code}={float(value):.10g}" for code, value in self.inputs.items())
-            label = f"{self.origin} with {changed}" if changed else self.origin
-            raise MachineError(f"{label}: {error}") from None
+        return assemble(self)
 
 
 def load_machine(machine: str | Path) -> Machine:

@@ -8,19 +8,30 @@ from __future__ import annotations
 
 import math
 from abc import ABC, abstractmethod
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from itertools import count
 
 import numpy as np
 
-from tbm_msgs_py.base.errors import InputError
+from tbm_msgs_py.base.errors import MachineError
 
 # Keeps a limit that is a whole number of teeth, 8 at 30°, from being missed by rounding.
 _ROUNDING = 1e-9
 
 
-class GearError(InputError):
+class GearError(MachineError):
     """Gears that cannot mesh: one line with what, the value and what is allowed."""
+
+
+@contextmanager
+def named(gears: str) -> Iterator[None]:
+    """Put a name in front of what is wrong with gears."""
+    try:
+        yield
+    except GearError as error:
+        raise GearError(f"{gears}: {error}") from None
 
 
 class _Pair(ABC):

@@ -18,53 +18,54 @@ c0 + Σ c_n cos 2πnφ + s_n sin 2πnφ.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
-from contextlib import contextmanager
 from dataclasses import dataclass
+from typing import Annotated
 
 import numpy as np
+from pydantic import Field
 
 from tbm_dynamics.mesh.error import composite_tolerances
-from tbm_dynamics.mesh.geometry import ExternalPair, GearError, InternalPair
+from tbm_dynamics.mesh.geometry import ExternalPair, GearError, InternalPair, named
 from tbm_dynamics.mesh.ishikawa import mesh_stiffness
-from tbm_dynamics.mesh.stiffness import HARMONICS, rounded_variation
+from tbm_dynamics.mesh.stiffness import HARMONICS, PATTERN_PARTS, rounded_variation
 from tbm_dynamics.mesh.waves import series, shifted
+from tbm_msgs_py.base.fields import FrozenModel, Positive, Source
 
-# Run-out of the planets: no two alike, fixed (assumed).
-_GOLDEN = 0.6180339887498949
-
-_PATTERN_PARTS = 2048
+GOLDEN = 0.6180339887498949
+"""Spacing of what nobody aligns, as the run-out of planets and pinions: fixed, and no two alike (assumed)."""
 
 
-@dataclass(frozen=True)
-class PlanetaryStage:
+class PlanetaryStage(FrozenModel):
     """Gears of a stage with standard addenda, no profile shift and equally spaced planets.
 
     Planet j stands at ψ_j = 2πj/N of the carrier, counted against the turn of the planets relative to the carrier (the
     way the sun turns).
 
-    Parameters
+    Attributes
     ----------
     sun_teeth, planet_teeth, ring_teeth, planets : int
         z_s, z_p, z_r, N.
-    module : float
+    module, face_width : float
         m.
-    pressure_angle : float
-        rad.
-    face_width : float
-        m.
+    pressure_angle_deg : float
     accuracy_grade : int
         ISO 1328-1, all gears.
     """
 
-    sun_teeth: int
-    planet_teeth: int
-    ring_teeth: int
-    planets: int
-    module: float
-    pressure_angle: float
-    face_width: float
-    accuracy_grade: int
+    sun_teeth: Annotated[int, Field(ge=5)]
+    planet_teeth: Annotated[int, Field(ge=5)]
+    ring_teeth: Annotated[int, Field(ge=10)]
+    planets: Annotated[int, Field(ge=1, le=12)]
+    module: Positive
+    pressure_angle_deg: Annotated[float, Field(gt=10.0, lt=35.0)]
+    face_width: Positive
+    accuracy_grade: Annotated[int, Field(ge=0, le=12)]
+    source: Source
+
+    @property
+    def pressure_angle(self) -> float:
+        """α (rad)."""
+        return math.radians(self.pressure_angle_deg)
 
     @property
     def sun_mesh(self) -> ExternalPair:
@@ -137,18 +138,10 @@ class PlanetaryStage:
             raise GearError(
                 f"planets {self.planets}: tip circles of neighbours are {gap * 1e3:.3g} mm apart, must be more than 0"
             )
-        with _named("sun-planet mesh"):
+        with named("sun-planet mesh"):
             self.sun_mesh.check()
-        with _named("planet-ring mesh"):
+        with named("planet-ring mesh"):
             self.ring_mesh.check()
-
-
-@contextmanager
-def _named(mesh: str) -> Iterator[None]:
-    try:
-        yield
-    except GearError as error:
-        raise GearError(f"{mesh}: {error}") from None
 
 
 @dataclass(frozen=True)
@@ -185,10 +178,10 @@ def stage_law(stage: PlanetaryStage, elasticity: float, poisson: float, harmonic
     harmonics : int
         h, kept of the compliance; below 1024.
     """
-    cycles = np.arange(_PATTERN_PARTS) / _PATTERN_PARTS
+    cycles = np.arange(PATTERN_PARTS) / PATTERN_PARTS
     sun, ring = tooth_stiffness(stage, elasticity, poisson, cycles)
     stiffness = stage.lever**2 * np.sum(sun * ring / (sun + ring), axis=1)
-    found = np.fft.rfft(1.0 / stiffness)[: harmonics + 1] / _PATTERN_PARTS
+    found = np.fft.rfft(1.0 / stiffness)[: harmonics + 1] / PATTERN_PARTS
     compliance = np.empty(1 + 2 * harmonics)
     compliance[0], compliance[1::2], compliance[2::2] = found[0].real, 2.0 * found[1:].real, -2.0 * found[1:].imag
     return StageLaw(compliance, _tooth_error(stage), _planet_error(stage))
@@ -201,7 +194,7 @@ def tooth_stiffness(
 
     Ishikawa's over the path of contact with its own mean, rounded like that of the pinions.
     """
-    middles = (np.arange(_PATTERN_PARTS) + 0.5) / _PATTERN_PARTS
+    middles = (np.arange(PATTERN_PARTS) + 0.5) / PATTERN_PARTS
     waves = series(cycles, HARMONICS)
     sun, ring = (
         mesh_stiffness(pair, stage.face_width, elasticity, poisson, middles)
@@ -249,6 +242,6 @@ def _planet_error(stage: PlanetaryStage) -> np.ndarray:
     """
     diameter, ratio = stage.module * stage.planet_teeth, stage.ring_mesh.contact_ratio
     tooth, total = composite_tolerances(stage.module, diameter, ratio, stage.accuracy_grade)
-    places = np.mod(_GOLDEN * np.arange(stage.planets), 1.0)
+    places = np.mod(GOLDEN * np.arange(stage.planets), 1.0)
     eccentricity = np.array([0.0, (total - tooth) / 2.0])
     return np.asarray(shifted(eccentricity, -places).mean(axis=1) / stage.centre_distance)

@@ -9,6 +9,8 @@ from __future__ import annotations
 import numpy as np
 
 HARMONICS = 12
+PATTERN_PARTS = 2048
+"""Equal parts of a mesh cycle in which a stiffness pattern is computed."""
 
 
 def rounded_variation(shape: np.ndarray, harmonics: int = HARMONICS) -> np.ndarray:

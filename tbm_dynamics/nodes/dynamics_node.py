@@ -12,9 +12,9 @@ from geometry_msgs.msg import AccelStamped
 from sensor_msgs.msg import JointState, PointCloud2
 from threadpoolctl import threadpool_limits
 
+from tbm_dynamics import Machine, MachineError, OperatingPoint, load_machine
 from tbm_dynamics.integration.simulator import Chunk
-from tbm_dynamics.loads.stepper import LOAD_LEVELS
-from tbm_dynamics.machine import Machine, MachineError, OperatingPoint, load_machine
+from tbm_dynamics.loads.stepper import LOAD_MODELS
 from tbm_dynamics.nodes.pace import Pace
 from tbm_dynamics.streaming.live import LiveFilter
 from tbm_dynamics.streaming.sensors import SensorModel, SensorPacket, SensorParameters
@@ -33,7 +33,7 @@ from tbm_msgs_py.nodes.rate import Rate
 
 PARAMETERS = (
     Parameter("machine", "dz101", "machine: name of a shipped one, or path of a machine file"),
-    Parameter("loads", "spectral", "level of the received loads: its mean is where a run starts", choices=LOAD_LEVELS),
+    Parameter("loads", "spectral", "model of the received loads: its mean is where a run starts", choices=LOAD_MODELS),
     Parameter("seed", 0, "seed of the sensor noise", minimum=0, maximum=2**31 - 1),
     Parameter(
         "load_rate",

@@ -12,8 +12,8 @@ from diagnostic_msgs.msg import DiagnosticStatus
 from geometry_msgs.msg import WrenchStamped
 from sensor_msgs.msg import JointState, PointCloud2
 
-from tbm_dynamics.loads.stepper import LOAD_LEVELS
-from tbm_dynamics.machine import Machine, MachineError, OperatingPoint, load_machine
+from tbm_dynamics import Machine, MachineError, OperatingPoint, load_machine
+from tbm_dynamics.loads.stepper import LOAD_MODELS
 from tbm_dynamics.streaming.schedule import COLUMNS, Schedule, pairs, read_schedule
 from tbm_dynamics.streaming.streams import LoadBlock, LoadStream, step_ns
 from tbm_msgs_py import blocks, topics
@@ -35,7 +35,7 @@ _LOOKS_A_BLOCK = 5
 
 PARAMETERS = (
     Parameter("machine", "dz101", "machine: name of a shipped one, or path of a machine file"),
-    Parameter("loads", "spectral", "Table 1's spectra, or the forces on the disc cutters", choices=LOAD_LEVELS),
+    Parameter("loads", "spectral", "Table 1's spectra, or the forces on the disc cutters", choices=LOAD_MODELS),
     Parameter("schedule", "", "CSV file with the operating point over stream time; empty: as the topic says"),
     Parameter(
         "schedule_columns",

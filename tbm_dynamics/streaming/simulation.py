@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterable
 import numpy as np
 
 from tbm_dynamics.integration.simulator import DEFAULT_STEP, Chunk, MethodName, Simulator
-from tbm_dynamics.loads.stepper import LoadLevel
+from tbm_dynamics.loads.stepper import LoadModel
 from tbm_dynamics.machine.machine import Machine
 from tbm_dynamics.response import Response, default_outputs
 from tbm_dynamics.streaming.schedule import Schedule
@@ -29,7 +29,7 @@ def simulate(
     *,
     time_step: float = DEFAULT_STEP,
     method: MethodName = "reduced",
-    loads: LoadLevel = "spectral",
+    loads: LoadModel = "spectral",
     schedule: Schedule | None = None,
     outputs: Iterable[int] | None = None,
     progress: Progress | None = None,

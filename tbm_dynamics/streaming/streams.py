@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from tbm_dynamics.loads.stepper import LoadLevel, operated_loads
+from tbm_dynamics.loads.stepper import LoadModel, load_stepper
 from tbm_dynamics.machine.machine import Machine
 from tbm_dynamics.response import default_outputs
 from tbm_dynamics.streaming.continuity import Continuity, Piece
@@ -90,13 +90,13 @@ class LoadStream:
         seed: int,
         time_step: float,
         block_samples: int,
-        level: LoadLevel = "spectral",
+        level: LoadModel = "spectral",
         schedule: Schedule | None = None,
     ) -> None:
         self._dt = time_step
         self._samples = block_samples
         self._schedule = schedule
-        self._loads = operated_loads(machine, level, seed)
+        self._loads = load_stepper(machine, level, seed)
         if schedule is not None:
             self._check(schedule)
         start = machine.operating_point if schedule is None else schedule.at(0.0)
@@ -182,9 +182,9 @@ class DynamicsStream:
     """
 
     def __init__(
-        self, machine: Machine, rate_hz: float, level: LoadLevel = "spectral", longest_bridge: float = 2.0
+        self, machine: Machine, rate_hz: float, level: LoadModel = "spectral", longest_bridge: float = 2.0
     ) -> None:
-        self._loads = operated_loads(machine, level)
+        self._loads = load_stepper(machine, level)
         self._system = machine.assemble()
         self._rate = rate_hz
         self._step = step_ns(rate_hz)

@@ -4,14 +4,17 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from itertools import pairwise
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from tbm_dynamics.machine.description import MachineDescription
-from tbm_dynamics.machine.entries import ConnectionType, SixPositiveOrZero
 from tbm_dynamics.structure.beam import Section, beam_mass, beam_stiffness, circular_section, turned
 from tbm_dynamics.structure.connection import spring_rows, spring_stiffness
 from tbm_msgs_py.base.errors import MachineError
+
+if TYPE_CHECKING:
+    from tbm_dynamics.machine.description import MachineDescription
+    from tbm_dynamics.machine.drive import ConnectionType, SixStiffnesses
 
 
 @dataclass
@@ -87,7 +90,7 @@ class Assembler:
         self.M[place] += turned(mass, vector)
         self.add_stiffness(nodes, turned(stiffness, vector), self.damping("steel"))
 
-    def add_spring(self, first: int, second: int | str, stiffness: SixPositiveOrZero, kind: ConnectionType) -> None:
+    def add_spring(self, first: int, second: int | str, stiffness: SixStiffnesses, kind: ConnectionType) -> None:
         """Add six springs at the place of the first node, to the second or the ground."""
         place = self.positions[first]
         grounded = isinstance(second, str)

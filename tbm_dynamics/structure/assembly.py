@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 import scipy.linalg
 
-from tbm_dynamics.machine.description import MachineDescription
-from tbm_dynamics.machine.machine import Machine
 from tbm_dynamics.structure.assembler import Assembler
 from tbm_dynamics.structure.couplings import build_couplings
 from tbm_dynamics.structure.drive import (
@@ -20,6 +20,11 @@ from tbm_dynamics.structure.drive import (
 )
 from tbm_dynamics.structure.system import Drives, System
 from tbm_msgs_py.base.errors import MachineError
+from tbm_msgs_py.base.operating_point import OperatingPoint
+
+if TYPE_CHECKING:
+    from tbm_dynamics.machine.description import MachineDescription
+    from tbm_dynamics.machine.machine import Machine
 
 # A mode this far below the stiffest one has no energy: real machines stay above 1e-10.
 _ZERO_ENERGY = 1e-13
@@ -34,8 +39,22 @@ def node_positions(description: MachineDescription) -> dict[int, np.ndarray]:
 
 
 def assemble(machine: Machine) -> System:
-    """Assemble a machine; see `Machine.assemble`."""
-    description = machine.description
+    """M, C, K and the couplings of a machine.
+
+    Raises
+    ------
+    MachineError
+        A part that floats, or gears that cannot mesh; one line that names the file and the changed inputs.
+    """
+    try:
+        return _assembled(machine.description, machine.load_scale(), machine.operating_point)
+    except MachineError as error:
+        changed = ", ".join(f"{code}={float(value):.10g}" for code, value in machine.inputs.items())
+        label = f"{machine.origin} with {changed}" if changed else machine.origin
+        raise MachineError(f"{label}: {error}") from None
+
+
+def _assembled(description: MachineDescription, load_scale: np.ndarray, point: OperatingPoint) -> System:
     assembler = Assembler(description, node_positions(description))
     for subsystem in (description.cutterhead_bearing_gear, description.carrier_girder):
         for shaft in subsystem.shafts:
@@ -61,8 +80,8 @@ def assemble(machine: Machine) -> System:
         drives=drives,
         load_dofs=assembler.dofs(description.load_node),
         motor_pattern=_motor_pattern(assembler),
-        mean_load=description.loads.mean * machine.load_scale(),
-        operating_point=machine.operating_point,
+        mean_load=description.loads.mean * load_scale,
+        operating_point=point,
     )
 
 

@@ -3,30 +3,25 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from tbm_dynamics.machine.description import MachineDescription
-from tbm_dynamics.machine.drive import DriveTemplate
 from tbm_dynamics.mesh.error import composite_tolerances
-from tbm_dynamics.mesh.geometry import GearError, InternalPair
+from tbm_dynamics.mesh.geometry import InternalPair, named
 from tbm_dynamics.mesh.ishikawa import mesh_stiffness
-from tbm_dynamics.mesh.planetary import PlanetaryStage, StageLaw, stage_law
-from tbm_dynamics.mesh.stiffness import HARMONICS, rounded_variation
+from tbm_dynamics.mesh.planetary import GOLDEN, PlanetaryStage, StageLaw, stage_law
+from tbm_dynamics.mesh.stiffness import HARMONICS, PATTERN_PARTS, rounded_variation
 from tbm_dynamics.mesh.waves import Waves, shifted
 from tbm_dynamics.structure.drive import DriveUnit, drive_angles, gear_pair
-from tbm_msgs_py.base.errors import MachineError
+
+if TYPE_CHECKING:
+    from tbm_dynamics.machine.description import MachineDescription
+    from tbm_dynamics.machine.drive import DriveTemplate
 
 STAGE_HARMONICS = 4
-
-# Golden-ratio spacing of what nobody aligns, run-out of the pinions and place of the gears in a gearbox: fixed, and no
-# two drives alike (assumed).
-_GOLDEN = 0.6180339887498949
-
-_PATTERN_PARTS = 2048
 
 
 @dataclass(frozen=True)
@@ -67,15 +62,15 @@ def build_couplings(
 
     Raises
     ------
-    MachineError
+    GearError
         Gears that cannot mesh.
     """
     drive = description.driveshaft
-    pair, stages = gear_pair(drive), planetary_stages(drive)
-    with _named("gear"):
+    pair, stages = gear_pair(drive), drive.gearbox.stages
+    with named("driveshaft.gear"):
         pair.check()
     for number, stage in enumerate(stages):
-        with _named(f"gearbox.stages.{number}"):
+        with named(f"driveshaft.gearbox.stages.{number}"):
             stage.check()
     waves = _waves(description, pair, stages)
     mesh, gearbox = drive.mesh, 1.0 / waves.gearbox_compliance
@@ -91,34 +86,9 @@ def build_couplings(
     )
 
 
-def planetary_stages(drive: DriveTemplate) -> list[PlanetaryStage]:
-    """Stages of the gearbox, from the pinion to the motor."""
-    return [
-        PlanetaryStage(
-            sun_teeth=entry.sun_teeth,
-            planet_teeth=entry.planet_teeth,
-            ring_teeth=entry.ring_teeth,
-            planets=entry.planets,
-            module=entry.module,
-            pressure_angle=math.radians(entry.pressure_angle_deg),
-            face_width=entry.face_width,
-            accuracy_grade=entry.accuracy_grade,
-        )
-        for entry in drive.gearbox.stages
-    ]
-
-
-@contextmanager
-def _named(key: str) -> Iterator[None]:
-    try:
-        yield
-    except GearError as error:
-        raise MachineError(f"driveshaft.{key}: {error}") from None
-
-
 def _waves(description: MachineDescription, pair: InternalPair, stages: Sequence[PlanetaryStage]) -> Waves:
     drive, steel = description.driveshaft, description.steel
-    middles = (np.arange(_PATTERN_PARTS) + 0.5) / _PATTERN_PARTS
+    middles = (np.arange(PATTERN_PARTS) + 0.5) / PATTERN_PARTS
     pattern = mesh_stiffness(pair, drive.gear.face_width, steel.elasticity, steel.poisson, middles)
     mesh = drive.mesh
     variation = mesh.mean_stiffness * mesh.variation * rounded_variation(pattern)
@@ -160,7 +130,7 @@ def _pinion_errors(drive: DriveTemplate, pair: InternalPair, phases: np.ndarray)
         drive.gear.module, 2.0 * pair.pinion_pitch_radius, pair.contact_ratio, drive.gear.accuracy_grade
     )
     half = 0.5 * drive.mesh.error_factor
-    run_out = np.mod(-_GOLDEN * np.arange(drive.count), 1.0)
+    run_out = np.mod(-GOLDEN * np.arange(drive.count), 1.0)
     return (
         shifted(np.array([0.0, half * tooth]), phases),
         shifted(np.array([0.0, half * (total - tooth)]), run_out),
@@ -168,7 +138,7 @@ def _pinion_errors(drive: DriveTemplate, pair: InternalPair, phases: np.ndarray)
 
 
 @dataclass(frozen=True)
-class _Stage:
+class _StageAtPinion:
     """A stage seen from the pinion shaft: turns per turn of it, law in rad/(N·m) and rad at it, (2h, p) and (2, p)."""
 
     mesh_turns: float
@@ -179,13 +149,13 @@ class _Stage:
     planet_error: np.ndarray
 
 
-def _gearboxes(drives: int, stages: Sequence[PlanetaryStage], laws: Sequence[StageLaw]) -> list[_Stage]:
+def _gearboxes(drives: int, stages: Sequence[PlanetaryStage], laws: Sequence[StageLaw]) -> list[_StageAtPinion]:
     found = []
     speed = 1.0  # of the stage's carrier, over the pinion shaft
     for number, (stage, law) in enumerate(zip(stages, laws, strict=True), start=1):
-        shifts = np.mod(_GOLDEN * number * np.arange(drives), 1.0)
+        shifts = np.mod(GOLDEN * number * np.arange(drives), 1.0)
         found.append(
-            _Stage(
+            _StageAtPinion(
                 mesh_turns=speed * stage.ring_teeth,
                 planet_turns=speed * stage.ring_teeth / stage.planet_teeth,
                 compliance=law.compliance[0] / speed**2,

@@ -8,14 +8,17 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from tbm_dynamics.machine.description import MachineDescription
-from tbm_dynamics.machine.drive import DriveTemplate
 from tbm_dynamics.mesh.geometry import InternalPair
 from tbm_dynamics.structure.assembler import Assembler
 from tbm_dynamics.structure.connection import rigid_arm
+
+if TYPE_CHECKING:
+    from tbm_dynamics.machine.description import MachineDescription
+    from tbm_dynamics.machine.drive import DriveTemplate
 
 OWN_NODES = 5
 """Front seat, mesh node, rear seat, gearbox output, rotor; ring node and mount node follow."""

@@ -38,8 +38,7 @@ class Drives:
     def shared(self) -> np.ndarray:
         """Orthonormal columns (p, c) spanning 1, cos and sin of the angles.
 
-        Ring and mount, on the axis, feel of the drives only these sums: what the drives do beyond them, they do each
-        for itself.
+        Ring and mount, on the axis, are coupled to these sums only: any other motion stays within each drive.
         """
         patterns = np.column_stack([np.ones_like(self.angles), np.cos(self.angles), np.sin(self.angles)])
         columns, sizes, _ = np.linalg.svd(patterns, full_matrices=False)
@@ -67,7 +66,7 @@ class System:
     couplings : Couplings
     drives : Drives
     load_dofs : (6,) ndarray of int
-        Unknowns of the node that takes the cutterhead loads.
+        Unknowns of the node that the cutterhead loads act on.
     motor_pattern : (n,) ndarray
         Generalised force of the motors per unit cutterhead torque (reflected to the pinion side).
     mean_load : (6,) ndarray
@@ -87,7 +86,7 @@ class System:
     operating_point: OperatingPoint
 
     def under(self, point: OperatingPoint, mean_load: np.ndarray) -> System:
-        """Give the same system at another operating point, under its mean loads (6,)."""
+        """Return the same system at another operating point, under its mean loads (6,)."""
         return replace(self, operating_point=point, mean_load=mean_load)
 
     @property

@@ -9,7 +9,7 @@ import numpy as np
 import scipy  # its parts load on first use
 
 from tbm_dynamics import Machine
-from tbm_dynamics.loads.stepper import LoadLevel, operated_loads
+from tbm_dynamics.loads.stepper import LoadModel, load_stepper
 from tbm_gsa.paper import TABLE_1, LoadRow
 from tbm_msgs_py.base.arrays import Array
 from tbm_msgs_py.base.errors import InputError
@@ -44,7 +44,7 @@ class LoadRun:
     values: Array
 
 
-def load_run(machine: Machine, level: LoadLevel = "spectral", duration: float = 600.0, seed: int = 0) -> LoadRun:
+def load_run(machine: Machine, level: LoadModel = "spectral", duration: float = 600.0, seed: int = 0) -> LoadRun:
     """Evaluate the loads of a machine at its operating point and hold them against Table 1.
 
     Raises
@@ -56,7 +56,7 @@ def load_run(machine: Machine, level: LoadLevel = "spectral", duration: float = 
     """
     if not SHORTEST_S <= duration < np.inf:
         raise InputError(f"duration {duration:g} s, allowed: {SHORTEST_S:g} s or more")
-    loads = operated_loads(machine, level, seed)
+    loads = load_stepper(machine, level, seed)
     point = loads.reached(machine.operating_point)
     time = np.arange(round(duration * RATE_HZ)) / RATE_HZ
     values = loads.evaluate(point, point, time, point.speed * time)

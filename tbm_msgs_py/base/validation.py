@@ -1,32 +1,16 @@
-"""Contents of files against their model: the texts of a model, and its validation errors in one line."""
+"""Contents of files against their model, and its validation errors in one line."""
 
 from __future__ import annotations
 
 import re
-from typing import Annotated, Any, Final, TypeVar, get_args
+from typing import Any, TypeVar, get_args
 
-from pydantic import AfterValidator, BaseModel, Field, ValidationError
+from pydantic import BaseModel, ValidationError
 
 from tbm_msgs_py.base.errors import InputError
-from tbm_msgs_py.base.texts import LONGEST_LINE, LONGEST_NAME, quoted, shortened
+from tbm_msgs_py.base.texts import LONGEST_NAME, quoted, shortened
 
 ModelT = TypeVar("ModelT", bound=BaseModel)
-
-
-def _one_line(text: str) -> str:
-    """Text that a terminal, a picture and a page can show."""
-    if not text.isprintable():
-        raise ValueError("must be one line of printable characters")
-    return text
-
-
-Name = Annotated[str, Field(min_length=1, max_length=LONGEST_NAME)]
-Label = Annotated[Name, AfterValidator(_one_line)]
-Line = Annotated[str, Field(min_length=1, max_length=LONGEST_LINE), AfterValidator(_one_line)]
-Source = Line
-"""Where a value is from: one of `SOURCES`, or the user's own words, as `drawing 4711, rev. B`."""
-SOURCES: Final = ("table1", "table4", "table5", "assumed", "calibrated", "updated")
-"""Sources with a meaning: tables of the paper, ours, fitted by the calibration, changed to explain a recording."""
 
 
 def validated(model: type[ModelT], content: object, label: str, error: type[InputError] = InputError) -> ModelT:

@@ -12,10 +12,11 @@ from pydantic import AwareDatetime, BaseModel, ConfigDict, Field, field_validato
 
 from tbm_msgs_py import topics
 from tbm_msgs_py.base.errors import RecordingError
+from tbm_msgs_py.base.fields import Name
 from tbm_msgs_py.base.strict_yaml import read_yaml
 from tbm_msgs_py.base.texts import quoted
 from tbm_msgs_py.base.units import R_MIN, STANDARD_GRAVITY
-from tbm_msgs_py.base.validation import Name, validated
+from tbm_msgs_py.base.validation import validated
 from tbm_msgs_py.recordings.mapping import SensorMapping
 
 Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]

@@ -13,9 +13,10 @@ from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict, Field, field_validator, model_validator
 
 from tbm_msgs_py.base.errors import RecordingError
+from tbm_msgs_py.base.fields import Name
 from tbm_msgs_py.base.strict_yaml import read_yaml
 from tbm_msgs_py.base.units import STANDARD_GRAVITY
-from tbm_msgs_py.base.validation import Name, validated
+from tbm_msgs_py.base.validation import validated
 from tbm_msgs_py.topics import OPERATING_POINT, absolute
 
 FILE_NAME = "mapping.yaml"

@@ -7,7 +7,7 @@ import pytest
 from mcap.writer import CompressionType, Writer
 
 from tbm_dynamics import MachineError, load_machine
-from tbm_dynamics.loads.cutters.errors import CutterError
+from tbm_dynamics.loads.cutters.description import CutterError
 from tbm_dynamics.loads.cutters.layout import COLUMNS, read_layout
 from tbm_dynamics.streaming.schedule import read_schedule
 from tbm_gsa.sensitivity.study.definition import read_definition

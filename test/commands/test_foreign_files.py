@@ -2,8 +2,7 @@
 
 import pytest
 
-from tbm_dynamics import load_machine
-from tbm_dynamics.machine import MachineError
+from tbm_dynamics import MachineError, load_machine
 from tbm_dynamics.streaming.schedule import read_schedule
 from tbm_gsa.sensitivity.study.definition import read_definition
 from tbm_gsa.sensitivity.study.errors import StudyError

@@ -60,7 +60,7 @@ def test_a_node_loads_nothing_that_it_does_not_need(node):
 
 FIRST_BLOCKS = {
     "loads": """
-from tbm_dynamics.machine import load_machine
+from tbm_dynamics import load_machine
 from tbm_dynamics.streaming.streams import LoadStream
 
 stream = LoadStream(load_machine("dz101"), 0, 1e-4, 500)
@@ -71,7 +71,7 @@ def work():
 """,
     "dynamics": """
 from tbm_dynamics.streaming.live import LiveFilter
-from tbm_dynamics.machine import load_machine
+from tbm_dynamics import load_machine
 from tbm_dynamics.streaming.sensors import SensorModel, SensorParameters
 from tbm_dynamics.streaming.streams import DynamicsStream
 

@@ -1,13 +1,16 @@
 """Machine descriptions for the tests: the shipped file as plain data, edited copies, and a small machine."""
 
 import copy
+from dataclasses import replace
 from importlib import resources
 
 import numpy as np
 import yaml
 
 from tbm_dynamics import Machine
+from tbm_dynamics.loads.cutters.head import wrench_rows
 from tbm_dynamics.machine.description import MachineDescription
+from tbm_dynamics.mesh.planetary import PlanetaryStage
 
 TEXT = (resources.files("tbm_dynamics") / "machines" / "dz101.yaml").read_text("utf-8")
 
@@ -33,6 +36,32 @@ def plain(name="dz101"):
 def built(data):
     """Machine of edited data."""
     return Machine(MachineDescription.model_validate(copy.deepcopy(data)))
+
+
+def stage_of(sun, planet, planets, ring=None, module=0.007, degrees=20.0, width=0.14, grade=6):
+    """A planetary stage; without a ring the one that fits."""
+    return PlanetaryStage(
+        sun_teeth=sun,
+        planet_teeth=planet,
+        ring_teeth=ring or sun + 2 * planet,
+        planets=planets,
+        module=module,
+        pressure_angle_deg=degrees,
+        face_width=width,
+        accuracy_grade=grade,
+        source="test",
+    )
+
+
+def head_wrench(layout, normal, rolling, side=0.0):
+    """Sum (6,) of forces (n,) on the discs with the head at angle 0, N and N·m."""
+    forces = np.array([np.broadcast_to(part, layout.radius.shape) for part in (normal, rolling, side)])
+    return np.einsum("kn,knc->c", forces, wrench_rows(layout))
+
+
+def with_cutters(head, **changes):
+    """A head whose description has other values."""
+    return replace(head, description=head.description.model_copy(update=changes))
 
 
 def groups(data):

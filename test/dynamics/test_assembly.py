@@ -10,10 +10,10 @@ import pytest
 import scipy.linalg
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from machine_files import all_connections, built, plain, static_mesh_force, without
+from machine_files import all_connections, built, plain, stage_of, static_mesh_force, without
 
 from tbm_dynamics import MachineError, load_machine
-from tbm_dynamics.mesh.planetary import PlanetaryStage, stage_law
+from tbm_dynamics.mesh.planetary import stage_law
 from tbm_dynamics.structure.assembly import node_positions
 from tbm_dynamics.structure.system import DIRECTIONS
 
@@ -276,10 +276,7 @@ def test_the_chain_behind_a_pinion_twists_by_hand(machine, system, data):
     q = system.equilibrium().displacement
     rear, output, rotor = (q[system.dof(node, "rx")] for node in (15, 51, 52))
     assert output - rear == pytest.approx(torque / drive["spline"]["stiffness"][3], rel=1e-6)
-    stages = [
-        PlanetaryStage(20, 25, 70, 3, module, np.radians(20.0), width, 6)
-        for module, width in ((0.007, 0.14), (0.0045, 0.08))
-    ]
+    stages = [stage_of(20, 25, 3, module=module, width=width) for module, width in ((0.007, 0.14), (0.0045, 0.08))]
     first, second = (stage_law(stage, 210e9, 0.3, 4).compliance[0] for stage in stages)
     compliance = 1.0 / drive["gearbox"]["shaft_stiffness"] + first + second / 4.5**2
     assert rotor - output == pytest.approx(torque * compliance, rel=1e-6)

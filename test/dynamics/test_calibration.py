@@ -9,11 +9,12 @@ import pytest
 from machine_files import TEXT
 
 from tbm_dynamics import Machine, load_machine, simulate
-from tbm_dynamics.calibration.free_values import FREE_VALUES, with_values
+from tbm_dynamics.calibration.free_values import FREE_VALUES, values_of
 from tbm_dynamics.calibration.objective import objective
 from tbm_dynamics.calibration.prediction import Prediction, predict
 from tbm_dynamics.calibration.targets import PREDICTED_G
 from tbm_dynamics.machine.description import MachineDescription
+from tbm_dynamics.machine.writing import edited_text
 from tbm_msgs_py.base.units import STANDARD_GRAVITY
 
 
@@ -91,7 +92,7 @@ def test_predicted_mesh_force_lines_against_a_run(machine, prediction):
 def test_values_are_written_where_they_belong_and_marked(tmp_path, share):
     searched = [low + share * (high - low) for low, high in (free.bounds for free in FREE_VALUES)]
     path = tmp_path / "trial.yaml"
-    path.write_text(with_values(TEXT, searched), encoding="utf-8")
+    path.write_text(edited_text(TEXT, values_of(searched), "calibrated"), encoding="utf-8")
     description = load_machine(path).description
     head, *_ = description.cutterhead_bearing_gear.shafts
     girder = description.carrier_girder.shafts[1]

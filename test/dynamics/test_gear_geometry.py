@@ -12,9 +12,9 @@ import pytest
 import scipy.optimize
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from machine_files import stage_of
 
 from tbm_dynamics.mesh.geometry import ExternalPair, GearError, InternalPair
-from tbm_dynamics.mesh.planetary import PlanetaryStage
 
 MODULE = 0.007
 
@@ -183,10 +183,6 @@ def test_least_tooth_difference_against_turning_teeth(pinion, degrees):
 )
 def test_pairs_that_mesh(pair):
     pair.check()
-
-
-def stage_of(sun, planet, planets, ring=None):
-    return PlanetaryStage(sun, planet, ring or sun + 2 * planet, planets, MODULE, np.radians(20.0), 0.14, 6)
 
 
 @pytest.mark.parametrize(

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 from pydantic import ValidationError
 
-from tbm_dynamics.loads import LoadComponent, LoadDescription, LoadLine, LoadRegion
+from tbm_dynamics.loads.description import LoadComponent, LoadDescription, LoadLine, LoadRegion
 
 
 def region(low: float, high: float) -> dict[str, object]:

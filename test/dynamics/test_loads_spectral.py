@@ -6,9 +6,9 @@ import scipy.signal
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from tbm_dynamics.loads import LoadDescription, SpectralLoads
+from tbm_dynamics.loads.description import LoadDescription
 from tbm_dynamics.loads.noise import hashed_generator
-from tbm_dynamics.loads.spectral import GRID_BLOCK, GRID_HZ, _interpolate
+from tbm_dynamics.loads.spectral import GRID_BLOCK, GRID_HZ, SpectralLoads, _interpolate
 
 LOW, AXIAL, LATERAL = (0, 10), [(0, 10), (125, 135)], [(0, 20), (100, 110), (200, 210)]
 TABLE_1 = {

@@ -15,7 +15,7 @@ from machine_files import TEXT, all_connections, built, plain, without
 
 from tbm_dynamics import MachineError, load_machine, shipped_machines
 from tbm_dynamics.machine.inputs import INPUT_CODES
-from tbm_msgs_py.base.validation import SOURCES
+from tbm_msgs_py.base.fields import SOURCES
 
 
 def refused(path, text):
@@ -102,6 +102,50 @@ WRONG = {
     "massless": ("rotor: {mass: 1100,", "rotor: {mass: 0,", "driveshaft.rotor.mass", "greater than 0"),
     "grade": ("accuracy_grade: 6", "accuracy_grade: 13", "gear.accuracy_grade", "less than or equal to 12"),
     "title that rings": ("title: ", 'title: "\\a" # ', "title", "printable"),
+    "rock of no strength": ("ucs_mpa: 108", "ucs_mpa: 0", "cutters.rock.ucs_mpa", "greater than 0"),
+    "strength not a number": ("bts_mpa: 7.2", "bts_mpa: .nan", "cutters.rock.bts_mpa", "finite"),
+    "disc of no size": ("radius: 0.216", "radius: 0.0", "cutters.disc.radius", "greater than 0"),
+    "pressure off the arc": (
+        "tip_width: 0.015",
+        "tip_width: 0.015, pressure_exponent: 0.5",
+        "pressure_exponent",
+        "0.2",
+    ),
+    "chips of no length": ("chip: 0.25", "chip: 0.0", "cutters.fracture.chip", "greater than 0"),
+    "chips out of order": ("jitter: 0.8", "jitter: 1.0", "cutters.fracture.jitter", "0.9"),
+    "teeth upside down": ("heights: [0.1, 0.6]", "heights: [0.5, 0.2]", "cutters.fracture: heights", "smaller first"),
+    "teeth too high": ("heights: [0.1, 0.6]", "heights: [0.5, 1.2]", "cutters.fracture.heights.1", "equal to 1"),
+    "sudden release": ("release: 0.1", "release: 0.0", "cutters.fracture.release", "0.01"),
+    "misspelt key of a limit": (
+        "power_kw: 3500",
+        "power_kv: 3500",
+        "limits.power_kv: unknown key; allowed",
+        "power_kw",
+    ),
+    "misspelt key of a zone": (
+        "side_share: 0.1",
+        "face: {zones: [{level: 0.0, hardness: 1.0}], source: assumed}\n  side_share: 0.1",
+        "cutters.face.zones.0.layer.hardness: unknown key; allowed",
+        "level, strength",
+    ),
+    "layer of negative strength": (
+        "side_share: 0.1",
+        "face: {zones: [{level: 0.0, strength: -1.0}], source: assumed}\n  side_share: 0.1",
+        "cutters.face.zones.0.layer.strength",
+        "greater than or equal to 0",
+    ),
+    "boulder of no size": (
+        "side_share: 0.1",
+        "face: {zones: [{y: 0.0, z: 0.0, radius: 0.0, strength: 1.0}], source: assumed}\n  side_share: 0.1",
+        "cutters.face.zones.0.boulder.radius",
+        "greater than 0",
+    ),
+    "negative wear": (
+        "side_share: 0.1",
+        "face: {wear: {3: -0.5}, source: assumed}\n  side_share: 0.1",
+        "cutters.face.wear.3",
+        "greater than or equal to 0",
+    ),
     "text for a number": ("speed_r_min: 5.6", "speed_r_min: fast", "operating_point.speed_r_min", "valid number"),
 }
 

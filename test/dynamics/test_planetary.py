@@ -10,18 +10,15 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from machine_files import stage_of
 
 from tbm_dynamics.mesh.error import composite_tolerances
 from tbm_dynamics.mesh.geometry import GearError
 from tbm_dynamics.mesh.ishikawa import mesh_stiffness
-from tbm_dynamics.mesh.planetary import PlanetaryStage, stage_law, tooth_stiffness
+from tbm_dynamics.mesh.planetary import stage_law, tooth_stiffness
 
 STEEL = (210e9, 0.3)
 CYCLES = np.arange(256) / 256
-
-
-def stage_of(sun, planet, planets, module=0.007, degrees=20.0, width=0.14):
-    return PlanetaryStage(sun, planet, sun + 2 * planet, planets, module, np.radians(degrees), width, 6)
 
 
 def meshes(stage):
@@ -294,6 +291,6 @@ def test_scales(factor):
     size = plain.compliance[0]
     assert wide.compliance == pytest.approx(plain.compliance / factor, abs=1e-12 * size)
     assert big.compliance == pytest.approx(plain.compliance / factor**2, abs=1e-12 * size)
-    coarse = stage_law(PlanetaryStage(20, 25, 70, 3, 0.007, np.radians(20.0), 0.14, 8), *STEEL, 4)
+    coarse = stage_law(stage_of(20, 25, 3, grade=8), *STEEL, 4)
     assert np.array_equal(coarse.compliance, plain.compliance)
     assert coarse.planet_error == pytest.approx(2.0 * plain.planet_error)

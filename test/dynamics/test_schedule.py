@@ -13,7 +13,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from tbm_dynamics import MachineError, OperatingPoint, load_machine, simulate
-from tbm_dynamics.loads.stepper import operated_loads
+from tbm_dynamics.loads.stepper import load_stepper
 from tbm_dynamics.streaming.schedule import Schedule, pairs, read_schedule
 from tbm_dynamics.streaming.streams import LoadStream
 from tbm_dynamics.structure.drive import gear_pair
@@ -132,7 +132,7 @@ def test_a_schedule_of_one_row_is_the_machine_with_that_point(machine):
 
 
 def test_on_the_cutter_level_the_discs_give_the_torque(machine):
-    loads = operated_loads(machine, "cutter", seed=5)
+    loads = load_stepper(machine, "cutter", seed=5)
     wanted = OperatingPoint(0.4, 1.0, 9e6)
     reached = loads.reached(wanted)
     assert (reached.speed, reached.thrust) == (wanted.speed, wanted.thrust)
@@ -173,7 +173,7 @@ def test_a_thrust_that_friction_takes_up_is_no_point_of_the_cutter_level(machine
     with pytest.raises(MachineError, match="the loads follow a schedule"):
         scheduled.set_operating_point(machine.operating_point)
     with pytest.raises(MachineError, match="loads 'rock': allowed are spectral, cutter"):
-        operated_loads(machine, "rock")
+        load_stepper(machine, "rock")
 
 
 def test_a_machine_file_beyond_its_own_limits(machine):

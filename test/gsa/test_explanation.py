@@ -22,7 +22,7 @@ from scipy.stats import multivariate_normal, truncnorm
 
 from tbm_dynamics import load_machine, simulate
 from tbm_dynamics.machine.inputs import input_values
-from tbm_dynamics.machine.writing import machine_text
+from tbm_dynamics.machine.writing import updated_text
 from tbm_gsa.app.cli.main import main
 from tbm_gsa.app.report.explanation_page import joint_intervals
 from tbm_gsa.comparison.workflow import compare_recording
@@ -271,7 +271,7 @@ def test_a_machine_that_has_changed_since(compared, tmp_path):
 def test_a_written_machine_is_the_variant(tmp_path):
     machine = load_machine("dz101")
     changes = {"x4": 2e-3, "x16": 0.7, "x24": 1.5}
-    text = machine_text(machine, changes, "dz101_new", ["why\nit was"])
+    text = updated_text(machine, changes, "dz101_new", ["why\nit was"])
     (tmp_path / "new.yaml").write_text(text, "utf-8")
     assert text.startswith("# why it was\n")
     data = yaml.safe_load(text)

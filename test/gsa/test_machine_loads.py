@@ -1,4 +1,4 @@
-"""`machine loads`: the loads of both levels against the paper's Table 1; what finds lines and shares of power.
+"""`machine loads`: the loads of both models against the paper's Table 1; what finds lines and shares of power.
 
 Sources: Table 1 of the paper as the issue's bounds have it (means within 1 %, 80 % of the power in the regions, lines
 within 0.5 Hz, the discs' thrust and torque within 5 %); Shock and Vibration 2018, 8798232 (cutter forces mainly below

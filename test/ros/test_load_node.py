@@ -12,7 +12,6 @@ from geometry_msgs.msg import WrenchStamped  # noqa: E402
 from peer import SimulatedClock, stamps  # noqa: E402
 from sensor_msgs.msg import JointState, PointCloud2  # noqa: E402
 
-import tbm_dynamics.machine  # noqa: E402
 from tbm_dynamics import load_machine  # noqa: E402
 from tbm_dynamics.nodes.load_node import LoadNode  # noqa: E402
 from tbm_dynamics.streaming.schedule import read_schedule  # noqa: E402
@@ -47,9 +46,7 @@ def drive(message):
 
 
 def scale_of(point):
-    return load_machine("dz101").load_scale(
-        tbm_dynamics.machine.OperatingPoint(point.speed, point.torque, point.thrust)
-    )
+    return load_machine("dz101").load_scale(OperatingPoint(point.speed, point.torque, point.thrust))
 
 
 def test_lifecycle_and_the_bits_of_the_blocks(host_node, peer, clock):

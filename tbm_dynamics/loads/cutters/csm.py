@@ -10,68 +10,17 @@ the arc of contact φ, and its resultant halves the arc:
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-from tbm_dynamics.loads.cutters.errors import CutterError
+from tbm_dynamics.loads.cutters.description import CutterError, Disc, Rock
+from tbm_msgs_py.base.arrays import Array
 
 _C = 2.12
 """Of the pressure; free of units."""
 
 
-@dataclass(frozen=True)
-class Rock:
-    """Intact rock: uniaxial compressive and Brazilian tensile strength, Pa.
-
-    Raises
-    ------
-    CutterError
-        A strength that is not positive.
-    """
-
-    compressive_strength: float
-    tensile_strength: float
-
-    def __post_init__(self) -> None:
-        _positive("rock", self)
-
-
-@dataclass(frozen=True)
-class Disc:
-    """A constant-section cutter ring: radius and width of the tip, m.
-
-    Attributes
-    ----------
-    pressure_exponent : float
-        ψ of the pressure along the arc: 0 is even, up to 0.2 for worn, down to −0.2 for sharp rings.
-
-    Raises
-    ------
-    CutterError
-        A size that is not positive, an exponent outside −0.2 to 0.2.
-    """
-
-    radius: float = 0.216
-    tip_width: float = 0.015
-    pressure_exponent: float = 0.0
-
-    def __post_init__(self) -> None:
-        if not -0.2 <= self.pressure_exponent <= 0.2:
-            raise CutterError(f"disc: pressure_exponent {self.pressure_exponent:g}, allowed are -0.2 to 0.2")
-        _positive("disc", self, "pressure_exponent")
-
-
-def _positive(what: str, entry: Rock | Disc, *but: str) -> None:
-    for name, value in vars(entry).items():
-        if name not in but and not (np.isfinite(value) and value > 0.0):
-            raise CutterError(f"{what}: {name} {value:g}, must be a number above 0")
-
-
-def cutting_forces(
-    rock: Rock, disc: Disc, spacing: ArrayLike, penetration: float
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def cutting_forces(rock: Rock, disc: Disc, spacing: ArrayLike, penetration: float) -> tuple[Array, Array]:
     """Compute normal and rolling force of discs.
 
     Parameters
@@ -101,7 +50,7 @@ def cutting_forces(
             f"penetration {penetration * 1e3:g} mm a turn, allowed are 0 to {disc.radius * 1e3:g} mm, a disc's radius"
         )
     arc = 2.0 * np.arcsin(np.sqrt(0.5 * penetration / disc.radius))
-    strength = rock.compressive_strength**2 * rock.tensile_strength
+    strength = (rock.ucs_mpa * 1e6) ** 2 * (rock.bts_mpa * 1e6)
     # φ P₀ in one root: no penetration, no force.
     line = _C * np.cbrt(arc**2 * tracks * strength / np.sqrt(disc.radius * disc.tip_width))
     total = disc.tip_width * disc.radius * line / (1.0 + disc.pressure_exponent)

@@ -1,70 +1,27 @@
 """Loading and chipping of the rock under a disc: a sawtooth whose teeth have random lengths and heights.
 
 The force ramps up until a chip breaks out and drops within a share of the tooth. Teeth follow each other along the way
-of a disc (angle of the head) or in time. The k-th chip breaks near the k-th point of a regular lattice, so any stretch
+of a disc (angle of the head) or in time. The k-th chip breaks near the k-th point of a regular lattice, so any segment
 can be computed by itself: its numbers are hashed from seed, disc and k alone.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import Literal, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numba import njit
 
-from tbm_dynamics.loads.cutters.errors import CutterError
-from tbm_dynamics.loads.cutters.layout import FloatArray
+from tbm_dynamics.loads.cutters.description import Fracture
 from tbm_dynamics.loads.noise import hashed_generator
+from tbm_msgs_py.base.arrays import Array
 
 _HASHED = 256
 """Chips whose numbers come from one generator."""
 
 
-@dataclass(frozen=True)
-class Fracture:
-    """How the rock chips under a disc.
-
-    Attributes
-    ----------
-    along : "angle" or "time"
-        What the teeth follow each other along.
-    chip : float
-        Mean length of a tooth: m of the disc's way, or s.
-    jitter : float
-        Share of that length over which a chip's place is spread, 0 to 0.9.
-    heights : tuple of float
-        Smallest and largest amplitude of a tooth over the mean force, 0 to 1.
-    release : float
-        Share of a tooth in which the force drops, 0.01 to 0.5.
-
-    Raises
-    ------
-    CutterError
-        A value outside these.
-    """
-
-    along: Literal["angle", "time"] = "angle"
-    chip: float = 0.25
-    jitter: float = 0.8
-    heights: tuple[float, float] = (0.1, 0.6)
-    release: float = 0.1
-
-    def __post_init__(self) -> None:
-        low, high = self.heights
-        allowed = {
-            "chip": (0.0 < self.chip < np.inf, "above 0"),
-            "jitter": (0.0 <= self.jitter <= 0.9, "0 to 0.9"),
-            "heights": (0.0 <= low <= high <= 1.0, "0 to 1, the smaller first"),
-            "release": (0.01 <= self.release <= 0.5, "0.01 to 0.5"),
-        }
-        for name, (good, text) in allowed.items():
-            if not good:
-                raise CutterError(f"fracture: {name} {getattr(self, name)}, allowed {text}")
-
-
 class Teeth(NamedTuple):
-    """Chips of n discs around a stretch, in cycles of the lattice.
+    """Chips of n discs around a segment, in cycles of the lattice.
 
     Attributes
     ----------
@@ -79,7 +36,7 @@ class Teeth(NamedTuple):
     height: np.ndarray
 
 
-def teeth(fracture: Fracture, seed: int, low: FloatArray, high: FloatArray) -> Teeth:
+def teeth(fracture: Fracture, seed: int, low: Array, high: Array) -> Teeth:
     """Chips of discs that go through cycles from low (n,) to high (n,)."""
     first = np.floor(low).astype(np.int64) - 1
     count = int(np.max(np.floor(high) - first)) + 3
@@ -92,7 +49,7 @@ def teeth(fracture: Fracture, seed: int, low: FloatArray, high: FloatArray) -> T
     )
 
 
-def _numbers(seed: int, disc: int, start: int, count: int) -> FloatArray:
+def _numbers(seed: int, disc: int, start: int, count: int) -> Array:
     """Two numbers in 0 to 1 of each of the chips `start` on, (2, count)."""
     low, high = start // _HASHED, (start + count - 1) // _HASHED
     blocks = [hashed_generator(seed, f"chips/{disc}", block).random((2, _HASHED)) for block in range(low, high + 1)]
@@ -101,7 +58,7 @@ def _numbers(seed: int, disc: int, start: int, count: int) -> FloatArray:
 
 @njit(cache=True, error_model="numpy")  # type: ignore[untyped-decorator]
 def fluctuation(cycles: float, disc: int, teeth: Teeth, release: float) -> float:
-    """Force of a disc over its mean, less 1, at a place in cycles within the stretch."""
+    """Force of a disc over its mean, less 1, at a place in cycles within the segment."""
     whole = np.floor(cycles)
     at = cycles - whole
     k = int(whole) - teeth.first[disc]

@@ -14,13 +14,11 @@ from pathlib import Path
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
-from tbm_dynamics.loads.cutters.errors import CutterError
+from tbm_dynamics.loads.cutters.description import CutterError
+from tbm_msgs_py.base.arrays import Array, Integers
 from tbm_msgs_py.base.files import read_text
 from tbm_msgs_py.base.texts import LONGEST_NAME, listed, quoted, shortened
-
-FloatArray = NDArray[np.float64]
 
 COLUMNS: Final = ("cutter", "type", "radius_m", "angle_deg", "tilt_deg")
 TYPES: Final = ("centre", "face", "gauge")
@@ -46,18 +44,18 @@ class CutterLayout:
         Of the contact point about the axis (m, rad), and of the disc's plane from it (rad).
     """
 
-    cutter: NDArray[np.int64]
+    cutter: Integers
     kind: tuple[str, ...]
-    radius: FloatArray
-    angle: FloatArray
-    tilt: FloatArray
+    radius: Array
+    angle: Array
+    tilt: Array
 
     def count(self, kind: str) -> int:
         """Count the cutters of a kind."""
         return len({int(number) for number, each in zip(self.cutter, self.kind, strict=True) if each == kind})
 
     @property
-    def spacing(self) -> FloatArray:
+    def spacing(self) -> Array:
         """Width of rock that each disc breaks, (n,) m: half the way to the tracks on both sides, along the face.
 
         The innermost track has itself across the axis for a neighbour, the outermost one as much outside as inside.

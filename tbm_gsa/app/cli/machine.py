@@ -9,7 +9,7 @@ import typer
 from typer.core import TyperGroup
 
 from tbm_dynamics import load_machine, shipped_machines
-from tbm_dynamics.loads.stepper import LoadLevel
+from tbm_dynamics.loads.stepper import LoadModel
 from tbm_dynamics.machine.summary import machine_summary
 from tbm_gsa.app.cli.machine_tables import print_loads, print_tables
 from tbm_gsa.app.cli.machine_update import update
@@ -70,13 +70,13 @@ def show(
     if out is not None:
         check_path(out)
     described = load_machine(machine)
-    document = machine_summary(described, count)
+    summary = machine_summary(described, count)
     if out is not None:
         write_picture(lambda: draw_machine(described), out)
     if json:
-        print_json(document)
+        print_json(summary.document())
     else:
-        print_tables(document)
+        print_tables(summary)
     if out is not None:
         notes.print(f"drawing: {out}", highlight=False)
 
@@ -112,7 +112,7 @@ def check(machine: MachineOption = DEFAULT_MACHINE, json: Annotated[bool, JSON_O
 @app.command()
 def loads(
     machine: MachineOption = DEFAULT_MACHINE,
-    level: Annotated[LoadLevel, LOADS_OPTION] = "spectral",
+    model: Annotated[LoadModel, LOADS_OPTION] = "spectral",
     duration: Annotated[float, typer.Option(max=3600.0, help="Length of the run (s).")] = 600.0,
     seed: Annotated[int, SEED_OPTION] = 0,
     out: Annotated[
@@ -120,13 +120,13 @@ def loads(
     ] = None,
     json: Annotated[bool, JSON_OPTION] = False,
 ) -> None:
-    """Hold the cutterhead loads of a machine against the paper's Table 1, and draw its Figure 4."""
+    """Compare the cutterhead loads of a machine with the paper's Table 1, and draw its Figure 4."""
     from tbm_gsa.app.report.load_figure import load_figure  # noqa: PLC0415 - matplotlib takes its time
     from tbm_gsa.app.report.picture import check_path, write_picture  # noqa: PLC0415
 
     if out is not None:
         check_path(out)
-    run = load_run(load_machine(machine), level, duration, seed)
+    run = load_run(load_machine(machine), model, duration, seed)
     if out is not None:
         write_picture(lambda: load_figure(run), out)
     if json:

@@ -10,7 +10,7 @@ import typer
 
 from tbm_dynamics import Machine, MachineError, load_machine
 from tbm_dynamics.machine.loading import described_by
-from tbm_dynamics.machine.writing import machine_text
+from tbm_dynamics.machine.writing import updated_text
 from tbm_gsa.app.cli.output import DEFAULT_MACHINE, JSON_OPTION, MachineOption, print_json, results
 from tbm_gsa.explanation.forms import EXPLANATION, ExplanationForm
 from tbm_gsa.explanation.ranges import explaining_inputs
@@ -46,7 +46,7 @@ def update(
     accepted = accepted_causes(document, cause)
     values = {row["input"]: float(row["value"]) for row in accepted}
     _check_ranges(described, values, source)
-    text = machine_text(described, values, name or f"{described.name}_updated", _reasons(document, accepted, machine))
+    text = updated_text(described, values, name or f"{described.name}_updated", _reasons(document, accepted, machine))
     Machine(described_by(text, str(out)), origin=str(out)).assemble()
     if out.exists():
         raise MachineError(f"{out}: exists already, allowed: a new file")
@@ -82,7 +82,7 @@ def accepted_causes(document: Mapping[str, Any], wanted: list[str] | None) -> li
 
 
 def _check_ranges(machine: Machine, values: Mapping[str, float], source: Path) -> None:
-    """Refuse what no explanation of this machine can have found: somebody has edited it."""
+    """Refuse values that no explanation of this machine can have: the file was edited."""
     inputs = explaining_inputs(machine)
     for code, value in values.items():
         item = inputs[code]

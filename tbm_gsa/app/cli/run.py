@@ -11,9 +11,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from tbm_dynamics import load_machine
-from tbm_dynamics.loads.stepper import LOAD_LEVELS, LoadLevel
-from tbm_dynamics.machine import OperatingPoint
+from tbm_dynamics import OperatingPoint, load_machine
+from tbm_dynamics.loads.stepper import LOAD_MODELS, LoadModel
 from tbm_dynamics.streaming.streams import LoadStream
 from tbm_gsa.app.cli.output import (
     COLUMN_OPTION,
@@ -62,7 +61,7 @@ def run(
     ] = None,
     machine: MachineOption = DEFAULT_MACHINE,
     seed: Annotated[int | None, _SEED_OPTION] = None,
-    loads: Annotated[LoadLevel | None, _LOADS_OPTION] = None,
+    loads: Annotated[LoadModel | None, _LOADS_OPTION] = None,
     speed: Annotated[float | None, typer.Option(min=0.01, help="Speed of the cutterhead (r/min).")] = None,
     torque: Annotated[float | None, typer.Option(min=0.1, help="Its mean torque (kN·m).")] = None,
     thrust: Annotated[float | None, typer.Option(min=0.1, help="Mean thrust (kN).")] = None,
@@ -124,12 +123,12 @@ def run(
         notes.print("stopped by a signal", highlight=False)
 
 
-def _level(site: Site) -> LoadLevel:
-    stated = site.common(_NODES[:2], "loads", LOAD_LEVELS[0])
-    for level in LOAD_LEVELS:
+def _level(site: Site) -> LoadModel:
+    stated = site.common(_NODES[:2], "loads", LOAD_MODELS[0])
+    for level in LOAD_MODELS:
         if level == stated:
             return level
-    raise StudyError(f"{site.file}: loads: {stated}, allowed: {', '.join(LOAD_LEVELS)}")
+    raise StudyError(f"{site.file}: loads: {stated}, allowed: {', '.join(LOAD_MODELS)}")
 
 
 def _operating_point(

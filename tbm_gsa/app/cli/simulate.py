@@ -12,7 +12,7 @@ import typer
 from tbm_dynamics import Machine, Response, load_machine
 from tbm_dynamics import simulate as run_model
 from tbm_dynamics.indicators import UNITS
-from tbm_dynamics.loads.stepper import LoadLevel
+from tbm_dynamics.loads.stepper import LoadModel
 from tbm_dynamics.streaming.schedule import Schedule, pairs, read_schedule
 from tbm_gsa.app.cli.output import (
     COLUMN_OPTION,
@@ -37,7 +37,7 @@ def simulate(
     duration: Annotated[float, typer.Option(max=3600.0, help="Simulated time (s).")] = 3.0,
     machine: MachineOption = DEFAULT_MACHINE,
     seed: Annotated[int, SEED_OPTION] = 0,
-    loads: Annotated[LoadLevel, LOADS_OPTION] = "spectral",
+    loads: Annotated[LoadModel, LOADS_OPTION] = "spectral",
     schedule: Annotated[Path | None, SCHEDULE_OPTION] = None,
     schedule_column: Annotated[list[str] | None, COLUMN_OPTION] = None,
     schedule_where: Annotated[list[str] | None, WHERE_OPTION] = None,

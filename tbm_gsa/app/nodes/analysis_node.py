@@ -18,7 +18,7 @@ from geometry_msgs.msg import Vector3Stamped
 from sensor_msgs.msg import JointState, PointCloud2
 from std_srvs.srv import Trigger
 
-from tbm_dynamics.machine import Machine, load_machine
+from tbm_dynamics import Machine, load_machine
 from tbm_gsa.app.nodes.analysis_parameters import PARAMETERS
 from tbm_gsa.app.nodes.field_topics import FieldTopics
 from tbm_gsa.app.nodes.gsa_process import GsaOptions, GsaProcess, GsaStatus

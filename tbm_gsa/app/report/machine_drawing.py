@@ -46,7 +46,7 @@ Points = dict[int, tuple[float, float]]
 
 
 @dataclass(frozen=True)
-class _Part:
+class _DrawnPart:
     """A shaft through its nodes, or a body at one, with their x (m)."""
 
     subsystem: str
@@ -77,7 +77,7 @@ def draw_machine(machine: Machine) -> Figure:
     return figure
 
 
-def _parts(description: MachineDescription, name: str) -> list[_Part]:
+def _drawn_parts(description: MachineDescription, name: str) -> list[_DrawnPart]:
     """Shafts and bodies of a subsystem; of the driveshaft those of the first drive."""
     chains: list[tuple[int, ...]]
     if name == "driveshaft":
@@ -85,11 +85,11 @@ def _parts(description: MachineDescription, name: str) -> list[_Part]:
         place = drive_positions(drive, 0, 0.0)
         front, middle, rear, output, rotor = drive_nodes(drive, 0)
         chains = [(front, middle, rear), (output,), (rotor,)]
-        return [_Part(name, nodes, tuple(float(place[node][0]) for node in nodes)) for nodes in chains]
+        return [_DrawnPart(name, nodes, tuple(float(place[node][0]) for node in nodes)) for nodes in chains]
     group: Subsystem = getattr(description, name)
     chains = [*(shaft.nodes for shaft in group.shafts), *((body.node,) for body in group.bodies)]
     places = description.structural_nodes()
-    return [_Part(name, nodes, tuple(places[node][0] for node in nodes)) for nodes in chains]
+    return [_DrawnPart(name, nodes, tuple(places[node][0] for node in nodes)) for nodes in chains]
 
 
 def _links(description: MachineDescription) -> list[_Link]:
@@ -118,8 +118,8 @@ def _drawn(values: Sequence[float]) -> dict[float, float]:
     return {value: _LENGTH * at / (place or 1.0) for value, at in found.items()}
 
 
-def _arrange(groups: Sequence[Sequence[_Part]], drawn: Mapping[float, float], links: Sequence[_Link]) -> Points:
-    """Give every part the row of its group where it touches no other and hides fewest connections, rather above."""
+def _arrange(groups: Sequence[Sequence[_DrawnPart]], drawn: Mapping[float, float], links: Sequence[_Link]) -> Points:
+    """Place every part in the row of its group where it touches no other and hides fewest connections, rather above."""
     points: Points = {}
     top = 0
     for parts in groups:
@@ -157,7 +157,7 @@ def _hidden(links: Sequence[_Link], points: Points) -> int:
 
 def _draw_side(axes: Axes, description: MachineDescription, links: Sequence[_Link]) -> None:
     # Rows from top to bottom: what turns with the head, the drive, what carries it.
-    groups = [_parts(description, name) for name in SUBSYSTEMS]
+    groups = [_drawn_parts(description, name) for name in SUBSYSTEMS]
     drawn = _drawn([value for parts in groups for part in parts for value in part.x])
     points = _arrange(groups, drawn, links)
     for link in links:
@@ -167,8 +167,7 @@ def _draw_side(axes: Axes, description: MachineDescription, links: Sequence[_Lin
         for part in parts:
             _draw_part(axes, part, points, test_points)
     arrow = {"arrowstyle": "-|>", "color": "black", "shrinkB": 7.0}
-    at: dict[str, Any] = {"xytext": (0, 30), "textcoords": "offset points", "ha": "center"}
-    axes.annotate("loads", points[description.load_node], fontsize=8, arrowprops=arrow, **at)
+    _annotate(axes, "loads", points[description.load_node], (0, 30), fontsize=8, arrowprops=arrow)
     axes.set_xlim(-1.0, _LENGTH + 1.0)
     axes.set_ylim(min(y for _, y in points.values()) - 0.5, 0.7)
     axes.set_xticks(list(drawn.values()), [f"{x + 0.0:g}" for x in drawn], rotation=90, fontsize=7)
@@ -179,7 +178,11 @@ def _draw_side(axes: Axes, description: MachineDescription, links: Sequence[_Lin
     axes.set_title(title, loc="left", fontsize=10)
 
 
-def _draw_part(axes: Axes, part: _Part, points: Points, test_points: Mapping[int, str]) -> None:
+def _annotate(axes: Axes, text: str, at: tuple[float, float], offset: tuple[int, int], **style: Any) -> None:
+    axes.annotate(text, at, xytext=offset, textcoords="offset points", **{"ha": "center", **style})
+
+
+def _draw_part(axes: Axes, part: _DrawnPart, points: Points, test_points: Mapping[int, str]) -> None:
     colour = _COLOURS[part.subsystem]
     if len(part.nodes) > 1:
         x, y = zip(*(points[node] for node in part.nodes), strict=True)
@@ -190,9 +193,8 @@ def _draw_part(axes: Axes, part: _Part, points: Points, test_points: Mapping[int
         axes.plot(*points[node], marker, ms=14, mfc=_TESTED if tested else "white", mec=colour, mew=1.5, zorder=3)
         axes.text(*points[node], str(node), ha="center", va="center_baseline", fontsize=7, zorder=4)
         if tested:
-            at: dict[str, Any] = {"xytext": (0, -10), "textcoords": "offset points", "ha": "center", "va": "top"}
-            name = axes.annotate(test_points[node], points[node], fontsize=8, weight="bold", zorder=5, **at)
-            name.set_path_effects(_HALO)
+            style = {"va": "top", "fontsize": 8, "weight": "bold", "zorder": 5, "path_effects": _HALO}
+            _annotate(axes, test_points[node], points[node], (0, -10), **style)
 
 
 def _draw_link(axes: Axes, link: _Link, points: Points) -> None:
@@ -211,8 +213,7 @@ def _draw_link(axes: Axes, link: _Link, points: Points) -> None:
         share = 0.5 / max(1.0, rows)
         at = start[0] + share * (end[0] - start[0]), start[1] + share * (end[1] - start[1])
         offset, side = ((0, 7), "center") if rows < 0.5 else ((4, 0), "left")
-        place: dict[str, Any] = {"xytext": offset, "textcoords": "offset points", "ha": side, "va": "center"}
-        axes.annotate(link.name, at, fontsize=7, zorder=5, **place).set_path_effects(_HALO)
+        _annotate(axes, link.name, at, offset, ha=side, va="center", fontsize=7, zorder=5, path_effects=_HALO)
 
 
 def _draw_end(axes: Axes, description: MachineDescription) -> None:
@@ -232,13 +233,8 @@ def _draw_end(axes: Axes, description: MachineDescription) -> None:
         label = f"drive {i + 1}: {front}–{rear}, {output}, {rotor}"
         axes.text(1.08 * ring * c, 1.08 * ring * s, label, ha=side, va="center", fontsize=7)
     ends = (0.42 * ring, -0.1 * ring), (0.0, 0.42 * ring)
-    shape: dict[str, Any] = {
-        "connectionstyle": "arc3,rad=-0.4",
-        "arrowstyle": "-|>",
-        "mutation_scale": 12,
-        "color": "black",
-    }
-    axes.add_patch(FancyArrowPatch(*ends, **shape))
+    turn = FancyArrowPatch(*ends, connectionstyle="arc3,rad=-0.4", arrowstyle="-|>", mutation_scale=12, color="black")
+    axes.add_patch(turn)
     axes.set_xlim(2.0 * ring, -2.0 * ring)
     axes.set_ylim(-1.15 * ring, 1.15 * ring)
     axes.set_aspect("equal")
