@@ -14,13 +14,14 @@ import numpy as np
 import scipy.linalg
 
 from tbm_dynamics.integration.basis import ModalPart, SplitBasis, split_basis
-from tbm_dynamics.integration.condensed_arrays import PATTERNS, Arrays, State, zero_state
+from tbm_dynamics.integration.condensed_arrays import BY_LENGTH, PATTERNS, Arrays, State, zero_state
 from tbm_dynamics.integration.condensed_kernel import SUBSTEPS, advance
 from tbm_dynamics.integration.lanes import aligned, widened
 from tbm_dynamics.integration.laws import CouplingLaws
 from tbm_dynamics.integration.linear import INPUTS
 from tbm_dynamics.integration.method import Method, Steps, refuse_coarse
 from tbm_dynamics.integration.pairs import act, as_pairs, eigenbasis, scalar_responses
+from tbm_dynamics.integration.start import Start
 from tbm_dynamics.structure.system import System
 
 # Number of pairs that fills vector registers.
@@ -80,26 +81,24 @@ class Condensed(Method[State]):
             rows += _observed(parts.individual, split.individual, shapes)[:2]
         return np.vstack([*rows, inputs])
 
-    def start(
-        self, displacement: np.ndarray, velocity: np.ndarray, residual: np.ndarray, mesh_inputs: np.ndarray
-    ) -> tuple[State, np.ndarray]:
-        """State and row of the record at a displacement and velocity; see `method.Method`."""
+    def start(self, start: Start) -> tuple[State, np.ndarray]:
+        """State and row of the record at the start of a run; see `method.Method`."""
         drives, shared, parts, W = self._drives, self._split.shared, self._parts, self._arrays.patterns
         p, lanes = len(shared), W.shape[1]
         state = zero_state(self._arrays)
-        motion = np.array([displacement, velocity])
+        motion = np.array([start.displacement, start.velocity])
         for part, stepped, places in zip(self._split.symmetric, parts.symmetric, parts.places, strict=True):
             state.symmetric.flat[places] = stepped.inverse @ (motion @ part.project.T).ravel()
         own = np.einsum("ide,tie->tid", drives.turns, motion[:, drives.dofs])
         own -= np.einsum("ia,ja,tjd->tid", shared, shared, own)
         coordinates = np.einsum("md,tid->tmi", self._split.individual.project, own).reshape(-1, p)
         state.individual[:, :p] = parts.individual.inverse @ coordinates
-        r = residual.reshape(2, 2, lanes)
+        r = start.residual.reshape(2, 2, lanes)
         R = r @ W.T
         state.residual[:2] = r
         state.pattern_residual[:2] = R.transpose(0, 2, 1).reshape(2, -1)
         state.individual_residual[:2] = r - R @ W
-        state.mesh_inputs[:] = mesh_inputs
+        state.mesh_inputs[:] = start.mesh_inputs
         state.contact_state.reshape(2, lanes)[:, :p] = 1.0  # the motors hold the meshes on the drive flank
         recorded = np.vstack([state.individual, state.individual_residual[1]])[:, self._recorded]
         return state, np.concatenate([state.symmetric.T.ravel(), state.pattern_residual[1], recorded.T.ravel()])
@@ -201,36 +200,21 @@ def _arrays(split: SplitBasis, parts: _SteppedParts) -> Arrays:
         transfer=np.hstack([stepped.transfer for stepped in parts.symmetric]),
         forced=forced,
         push=push.reshape(PATTERNS, 6, 2, pairs),
-        observe=observe.reshape(PATTERNS, 4, 2, pairs),
+        observe=aligned(observe.reshape(PATTERNS, 4, 2, pairs)),
         # What is left of the patterns' couplings when every drive answers the whole residual as its own part does.
         couple=couple - np.kron(np.eye(PATTERNS), own_couple),
         own_transfer=own.transfer,
         own_push=own.push,
-        own_observe=own.observe,
+        own_observe=aligned(own.observe),
         own_couple=own_couple,
-        patterns=np.vstack([patterns, np.zeros((PATTERNS - c, patterns.shape[1]))]),
+        patterns=aligned(np.vstack([patterns, np.zeros((PATTERNS - c, patterns.shape[1]))])),
     )
 
 
 def _with_substep(whole: Arrays, substep: Arrays) -> Arrays:
     """Arrays of a whole step, and for what depends on its length those of a substep beside them."""
-
-    def both(name: str) -> np.ndarray:
-        return aligned(np.array([getattr(whole, name), getattr(substep, name)]))
-
-    return Arrays(
-        spans=whole.spans,
-        transfer=both("transfer"),
-        forced=both("forced"),
-        push=both("push"),
-        observe=aligned(whole.observe),
-        couple=both("couple"),
-        own_transfer=both("own_transfer"),
-        own_push=both("own_push"),
-        own_observe=aligned(whole.own_observe),
-        own_couple=both("own_couple"),
-        patterns=aligned(whole.patterns),
-    )
+    values = zip(Arrays._fields, whole, substep, strict=True)
+    return Arrays(*(aligned(np.array([a, b])) if name in BY_LENGTH else a for name, a, b in values))
 
 
 def _mesh_gain(system: System, arrays: Arrays) -> np.ndarray:

@@ -17,9 +17,12 @@ from tbm_dynamics.integration.lanes import aligned
 PATTERNS = 3
 """Places for the patterns of the drives: 1, cos and sin; idle ones are zero."""
 
+BY_LENGTH = ("transfer", "forced", "push", "couple", "own_transfer", "own_push", "own_couple")
+"""Arrays that depend on the length of a step."""
+
 
 class Arrays(NamedTuple):
-    """Constant arrays of a step; what depends on its length stands twice, for a whole step and for a substep.
+    """Constant arrays of a step; those `BY_LENGTH` stand twice, for a whole step and for a substep.
 
     Attributes
     ----------

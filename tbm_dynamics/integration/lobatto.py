@@ -18,6 +18,7 @@ from tbm_dynamics.integration.laws import CouplingLaws, coupling_forces
 from tbm_dynamics.integration.linear import INPUTS, LinearSystem, first_order, input_columns
 from tbm_dynamics.integration.method import Method, Steps, refuse_coarse
 from tbm_dynamics.integration.precise import polynomial_response
+from tbm_dynamics.integration.start import Start
 from tbm_dynamics.structure.system import System
 
 # Rounds over the middle and end values of r. A round shrinks the error by about (ω_mesh τ)²/2 of the change.
@@ -52,12 +53,9 @@ class Lobatto(Method[np.ndarray]):
         order = np.r_[0:s, s + INPUTS : s + INPUTS + k, s : s + INPUTS]
         self.output = np.ascontiguousarray(np.hstack([displacement, acceleration])[order])
 
-    def start(
-        self, displacement: np.ndarray, velocity: np.ndarray, residual: np.ndarray, mesh_inputs: np.ndarray
-    ) -> tuple[np.ndarray, np.ndarray]:
-        """State and row of the record at a displacement and velocity; see `method.Method`."""
-        del mesh_inputs  # nothing of them goes on from step to step
-        state = np.concatenate([displacement, velocity, residual[1]])
+    def start(self, start: Start) -> tuple[np.ndarray, np.ndarray]:
+        """State and row of the record at the start of a run; see `method.Method`."""
+        state = np.concatenate([start.displacement, start.velocity, start.residual[1]])
         return state, state
 
     def advance(self, laws: CouplingLaws, steps: Steps, state: np.ndarray) -> int:

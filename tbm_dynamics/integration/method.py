@@ -2,8 +2,7 @@
 
 1. A method is built from a system, the unknowns whose motion is wanted and a step τ. It holds constants only and never
    changes: any number of runs may use one, each with a state of its own. The p drives stand in L lanes (`lanes`).
-2. `start` returns the state at a displacement and velocity about the static equilibrium, and the row of the record
-   there.
+2. `start` returns the state at the start of a run, and the row of the record there.
 3. `advance` takes a state n steps further in place, fills one row of the record and of the forces for each, and returns
    how many it did: fewer than n when the motion is no longer finite, and then the state is of no use.
 4. What is known beforehand is computed for a block of steps of always the same size (`Steps`), so that the bits do not
@@ -16,8 +15,8 @@ A method implements
     class Euler(Method[State]):
         states = stages = forced = output = tail = ...    # as documented at `Method`
 
-        def start(self, displacement, velocity, residual, mesh_inputs):
-            return State(displacement, velocity, residual[1]), row
+        def start(self, start):
+            return State(start.displacement, start.velocity, start.residual[1]), row
 
         def advance(self, laws, steps, state):
             for k in range(len(steps.record)):
@@ -34,6 +33,7 @@ from typing import Generic, NamedTuple, TypeVar
 import numpy as np
 
 from tbm_dynamics.integration.laws import CouplingLaws
+from tbm_dynamics.integration.start import Start
 from tbm_msgs_py.base.errors import SimulationError
 
 # Least factor by which a round of the iteration must shrink the error of the residual.
@@ -98,19 +98,8 @@ class Method(ABC, Generic[StateT]):
     tail: int
 
     @abstractmethod
-    def start(
-        self, displacement: np.ndarray, velocity: np.ndarray, residual: np.ndarray, mesh_inputs: np.ndarray
-    ) -> tuple[StateT, np.ndarray]:
-        """State and row of the record (r − 7,) at q − q_s and q̇, each (n,).
-
-        Parameters
-        ----------
-        displacement, velocity : (n,) ndarray
-        residual : (2, 2L) ndarray
-            Residual forces of the couplings a step before and now.
-        mesh_inputs : (3, 2L) ndarray
-            Now.
-        """
+    def start(self, start: Start) -> tuple[StateT, np.ndarray]:
+        """State and row of the record, (r − 7,), at the start of a run."""
 
     @abstractmethod
     def advance(self, laws: CouplingLaws, steps: Steps, state: StateT) -> int:

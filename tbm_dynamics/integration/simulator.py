@@ -123,9 +123,7 @@ class Simulator:
         start = static_start(system, self._operation.rate, time_step)
         self._laws, self._start_force = start.laws, start.force
         self._state: Any
-        self._state, self._start_row = self._method.start(
-            start.displacement, start.velocity, start.residual, start.mesh_inputs
-        )
+        self._state, self._start_row = self._method.start(start)
         constant = np.concatenate([start.equilibrium[dofs], np.zeros(len(dofs))])
         self._output = Output(self._method.output, self._method.tail, constant, _BLOCK)
         self._mesh_inputs = MeshInputs(system.couplings, start.deflection, _BLOCK, self._method.stages)
