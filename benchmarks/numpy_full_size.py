@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from tbm_dynamics.integration.laws import OFFSET, SLOPE, STIFFNESS, Laws
+from tbm_dynamics.integration.laws import OFFSET, SLOPE, STIFFNESS, CouplingLaws
 from tbm_dynamics.integration.lobatto import Lobatto
+from tbm_dynamics.integration.method import Steps
 
 _ROUNDS = 3
 
@@ -13,40 +14,29 @@ _ROUNDS = 3
 class NumpyLobatto(Lobatto):
     """`Lobatto` with its loop over the steps in Python."""
 
-    def advance(
-        self,
-        laws: Laws,
-        held: np.ndarray,
-        inputs: np.ndarray,
-        forced: np.ndarray,
-        record: np.ndarray,
-        force: np.ndarray,
-    ) -> int:
+    def advance(self, laws: CouplingLaws, steps: Steps, state: np.ndarray) -> int:
         """Advance by n steps; see `method.Method`."""
-        del inputs
-        k = force.shape[1]
-        s = len(self._state) - k
-        known = self._state
-        for n in range(len(record)):
-            result = forced[n] + known @ self._free
-            g_middle = g_end = known[s:]
+        k = steps.force.shape[1]
+        s = len(state) - k
+        for n in range(len(steps.record)):
+            result = steps.forced[n] + state @ self._predict
+            r_middle = r_end = state[s:]
             for _ in range(_ROUNDS):
-                motion = result[s:] + g_middle @ self._couple[0] + g_end @ self._couple[1]
+                motion = result[s:] + r_middle @ self._couple[0] + r_end @ self._couple[1]
                 middle, end = motion.reshape(2, 2, k)
-                _, g_middle = _forces(middle, held[2 * n], laws)
-                force[n], g_end = _forces(end, held[2 * n + 1], laws)
-            result += g_middle @ self._middle + g_end @ self._end
-            known = np.concatenate([result[:s], g_end])
-            record[n, : s + k] = known
-        self._state = known
-        return len(record)
+                _, r_middle = _forces(middle, steps.mesh_inputs[2 * n], laws)
+                steps.force[n], r_end = _forces(end, steps.mesh_inputs[2 * n + 1], laws)
+            result += r_middle @ self._middle + r_end @ self._end
+            state[:] = np.concatenate([result[:s], r_end])
+            steps.record[n, : s + k] = state
+        return len(steps.record)
 
 
-def _forces(motion: np.ndarray, held: np.ndarray, laws: Laws) -> tuple[np.ndarray, np.ndarray]:
-    """Compute the forces of the couplings and their excess, each (2L,)."""
+def _forces(motion: np.ndarray, mesh_inputs: np.ndarray, laws: CouplingLaws) -> tuple[np.ndarray, np.ndarray]:
+    """Compute the forces of the couplings and their residual, each (2L,)."""
     stiffness, damping, gap = laws.constants
-    deflection = motion[0] + held[OFFSET]
+    deflection = motion[0] + mesh_inputs[OFFSET]
     beyond = np.maximum(deflection - gap, 0.0) + np.minimum(deflection + gap, 0.0)
-    closing = np.where(np.abs(deflection) > gap, damping * (motion[1] + held[SLOPE]), 0.0)
-    total = held[STIFFNESS] * beyond + closing
+    closing = np.where(np.abs(deflection) > gap, damping * (motion[1] + mesh_inputs[SLOPE]), 0.0)
+    total = mesh_inputs[STIFFNESS] * beyond + closing
     return total, total - laws.statics - stiffness * motion[0] - damping * motion[1]

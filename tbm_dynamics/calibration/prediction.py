@@ -68,7 +68,7 @@ class _Gain:
     """Transfer functions of the six loads, each frequency computed once."""
 
     def __init__(self, system: System, dofs: list[int]) -> None:
-        self._parts = split_basis(system).common
+        self._parts = split_basis(system).symmetric
         self._dofs = dofs
         self._couplings = system.couplings
         self._known: dict[float, tuple[np.ndarray, np.ndarray]] = {}

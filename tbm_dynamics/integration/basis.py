@@ -1,12 +1,12 @@
-"""The production basis: modes of what the drives share with ring and mount, and modes of a drive for itself.
+"""The production basis: reduced symmetric and individual parts of the motion of a machine with cyclic symmetry.
 
 The drives are alike, and ring and mount lie on the axis: they feel of the drives only the sums of their motions
 weighted with 1, cos and sin of their angles (`Drives.shared`). So the motion splits exactly, whatever the number of
 drives, into
 
-- the common part: all other nodes, and the drives moving in those three patterns; where axial, torsional and lateral
-  motion have nothing to do with each other, as in a machine round its axis, that is one part for each;
-- each drive's own part: what is left, in which every drive moves as if ring and mount stood still.
+- symmetric parts: all other nodes, and the drives moving in those three patterns; where axial, torsional and lateral
+  motion are uncoupled, as in a machine round its axis, that is one part for each;
+- an individual part of each drive: what is left, in which every drive moves as if ring and mount stood still.
 
 Either is reduced to the motions that forces can bring about: of the loads and motors, and of the couplings,
 
@@ -46,22 +46,22 @@ _RESONANT_HZ, _RESONANT_RATIO = 250.0, 0.1
 # How fast a pinion is struck.
 _STRIKE_HZ = 3000.0
 
-# Of a vector of unit mass, what is left of it beyond others that says something and is no rounding.
+# Of a vector of unit mass, the least rest beyond others that is no rounding.
 _LEAST = 1e-6
 
-# Coupling, over the geometric mean of the diagonal, below which two unknowns have nothing to do with each other.
+# Coupling, over the geometric mean of the diagonal, below which two unknowns are uncoupled.
 _UNCOUPLED = 1e-12
 
 
 @dataclass(frozen=True)
-class Part:
+class ModalPart:
     """One part of the motion in its basis, with the first-order system there.
 
     Attributes
     ----------
     shapes : (d, m) ndarray
-        Motion of the part's unknowns per coordinate: all n of a common part, those of a drive in its own axes of the
-        own part.
+        Motion of the part's unknowns per coordinate: all n of a symmetric part, those of a drive in its own axes
+        of the individual part.
     project : (m, d) ndarray
         Coordinates from a motion.
     linear : LinearSystem
@@ -69,8 +69,8 @@ class Part:
     inputs : (i,) ndarray of int
         Which of the 7 inputs act on it.
     couplings : (k,) ndarray of int
-        Which couplings it holds. Common part: of 2c, meshes then gearboxes, each in the c shared patterns; own part:
-        mesh and gearbox.
+        Which couplings it holds. Symmetric part: of 2c, meshes then gearboxes, each in the c shared patterns;
+        individual part: mesh and gearbox.
     """
 
     shapes: np.ndarray
@@ -82,10 +82,10 @@ class Part:
 
 @dataclass(frozen=True)
 class SplitBasis:
-    """Common parts, which nothing couples, a drive's own part, and the patterns (p, c) that the drives share."""
+    """Symmetric parts, uncoupled from each other, the individual part of a drive, and the patterns (p, c)."""
 
-    common: tuple[Part, ...]
-    own: Part
+    symmetric: tuple[ModalPart, ...]
+    individual: ModalPart
     shared: np.ndarray
 
 
@@ -93,16 +93,18 @@ def split_basis(system: System, tolerance: float = DEFAULT_TOLERANCE) -> SplitBa
     """Split the motion of a system and reduce its parts."""
     shared = system.drives.shared
     rows = system.couplings.rows.reshape(2, len(shared), -1)
-    expand = _common_unknowns(system, shared)
+    expand = _symmetric_unknowns(system, shared)
     patterns = np.einsum("ic,kin->kcn", shared, rows).reshape(-1, system.size) @ expand
     M, C, K = (expand.T @ matrix @ expand for matrix in (system.M, system.C, system.K))
     meshes = np.arange(2 * shared.shape[1]) < shared.shape[1]
     whole = _Problem(M, C, K, expand.T @ input_columns(system), patterns, meshes)
-    common = [_reduced(whole.picked(unknowns), expand[:, unknowns], tolerance) for unknowns in whole.components()]
+    symmetric = [
+        _reduced(whole.restricted(unknowns), expand[:, unknowns], tolerance) for unknowns in whole.components()
+    ]
     first, turn = system.drives.dofs[0], system.drives.turns[0]
     M, C, K = (turn @ matrix[np.ix_(first, first)] @ turn.T for matrix in (system.M, system.C, system.K))
-    own = _Problem(M, C, K, np.zeros((len(first), INPUTS)), rows[:, 0, first] @ turn.T, np.array([True, False]))
-    return SplitBasis(tuple(common), _reduced(own, np.eye(len(first)), tolerance), shared)
+    individual = _Problem(M, C, K, np.zeros((len(first), INPUTS)), rows[:, 0, first] @ turn.T, np.array([True, False]))
+    return SplitBasis(tuple(symmetric), _reduced(individual, np.eye(len(first)), tolerance), shared)
 
 
 @dataclass(frozen=True)
@@ -117,7 +119,7 @@ class _Problem:
     meshes: np.ndarray
 
     def components(self) -> list[np.ndarray]:
-        """Find sets of unknowns that nothing couples: axial, torsional and lateral motion as a rule.
+        """Return sets of unknowns that nothing couples: axial, torsional and lateral motion as a rule.
 
         Those that neither loads nor couplings act on, and so never move, are left out.
         """
@@ -132,15 +134,15 @@ class _Problem:
         moved = joined.any(axis=1) | np.any(self.inputs != 0.0, axis=1)
         return [np.flatnonzero(labels == label) for label in range(count) if moved[labels == label].any()]
 
-    def picked(self, unknowns: np.ndarray) -> _Problem:
-        """Pick the same for some of the unknowns."""
+    def restricted(self, unknowns: np.ndarray) -> _Problem:
+        """Return the same for some of the unknowns."""
         square = np.ix_(unknowns, unknowns)
         M, C, K = (matrix[square] for matrix in (self.M, self.C, self.K))
         return _Problem(M, C, K, self.inputs[unknowns], self.rows[:, unknowns], self.meshes)
 
 
-def _common_unknowns(system: System, shared: np.ndarray) -> np.ndarray:
-    """Columns of the common part's unknowns, orthonormal, (n, n_c): the other nodes, then the drives' patterns."""
+def _symmetric_unknowns(system: System, shared: np.ndarray) -> np.ndarray:
+    """Columns of the symmetric unknowns, orthonormal, (n, n_c): the other nodes, then the drives' patterns."""
     drives = system.drives
     others = np.setdiff1d(np.arange(system.size), drives.dofs)
     expand = np.zeros((system.size, len(others) + drives.dofs.shape[1] * shared.shape[1]))
@@ -150,8 +152,8 @@ def _common_unknowns(system: System, shared: np.ndarray) -> np.ndarray:
     return expand
 
 
-def _reduced(problem: _Problem, expand: np.ndarray, tolerance: float) -> Part:
-    """Reduce some unknowns; `expand` (d, u) gives the motion of the part from them."""
+def _reduced(problem: _Problem, expand: np.ndarray, tolerance: float) -> ModalPart:
+    """Modal part of some unknowns; `expand` (d, u) gives the motion of the part from them."""
     inputs = np.flatnonzero(np.any(problem.inputs != 0.0, axis=0))
     size = np.abs(problem.rows).max(axis=1)
     couplings = np.flatnonzero(size > _UNCOUPLED * size.max()) if size.max() > 0.0 else np.arange(0)
@@ -160,7 +162,7 @@ def _reduced(problem: _Problem, expand: np.ndarray, tolerance: float) -> Part:
     M, C, K = (shapes.T @ matrix @ shapes for matrix in (problem.M, problem.C, problem.K))
     linear = first_order(M, C, K, shapes.T @ pushed, rows @ shapes)
     # Mass-orthonormal shapes: the coordinates are the projections in the sense of the mass.
-    return Part(expand @ shapes, shapes.T @ problem.M @ expand.T, linear, inputs, couplings)
+    return ModalPart(expand @ shapes, shapes.T @ problem.M @ expand.T, linear, inputs, couplings)
 
 
 def _shapes(

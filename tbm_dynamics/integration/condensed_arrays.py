@@ -1,4 +1,10 @@
-"""The arrays that `condensed` hands to its compiled step: what is constant, where a run stands, and room to work."""
+"""Arrays that `condensed` hands to its compiled step: constants, the state of a run, and the workspace of a step.
+
+The letters in parentheses are those of the equations in `condensed_kernel`. There are M pairs of the symmetric parts, n
+states of an individual part, and drives in L lanes. Coupling motion is of 4 kinds: deflection of mesh and of gearbox,
+rate of mesh and of gearbox. The residual force is of 2 kinds, of mesh and of gearbox. Rows and columns of the patterns
+are ordered by pattern, then time, then kind.
+"""
 
 from __future__ import annotations
 
@@ -6,113 +12,139 @@ from typing import NamedTuple
 
 import numpy as np
 
+from tbm_dynamics.integration.lanes import aligned
+
 PATTERNS = 3
 """Places for the patterns of the drives: 1, cos and sin; idle ones are zero."""
 
+BY_LENGTH = ("transfer", "forced", "push", "couple", "own_transfer", "own_push", "own_couple")
+"""Arrays that depend on the length of a step."""
+
 
 class Arrays(NamedTuple):
-    """Constant arrays of a step; M pairs of the common parts, n states of an own part, drives in L lanes.
-
-    What depends on the length of the step stands twice, for a whole step and for a part of one. Motions are of 4 kinds:
-    deflection of mesh and of gearbox, rate of mesh and of gearbox. g is of 2 kinds, the excess of mesh and of gearbox.
-    Rows and columns of patterns go by pattern, then time, then kind. A pattern acts on w of the pairs only, those of
-    the part that holds it.
+    """Constant arrays of a step; those `BY_LENGTH` stand twice, for a whole step and for a substep.
 
     Attributes
     ----------
-    spans : (3, 2) ndarray of int
-        Pairs from and to which each pattern acts.
+    spans : (3, 2) ndarray of unsigned int
+        Pairs from and to which each pattern acts: those of the part that holds it.
     transfer : (2, 4, M) ndarray
-        Action on the pairs of the common parts.
-    observe : tuple of 3 (4, 2, w) ndarray
-        Motions in a pattern from the pairs.
-    push : tuple of 3 (2, 6, 2, w) ndarray
-        What g in a pattern, a step before, now and at the end, adds to the pairs at the end.
-    couple : (2, 12, 6 …) ndarray
-        What g at the end adds to the motions beyond what `own_couple` adds to every drive; idle columns at the end.
-    own_transfer : (2, 4, n/2), own_push : (2, n, 6) ndarray
-        The same for the own part of every drive.
-    own_observe : (4, n) ndarray
-        Motions of a drive beyond the patterns from its states.
-    own_couple : (2, 4, 2) ndarray
-        What g at the end adds to them.
-    shared : (3, L) ndarray
-        The patterns.
+        Action of a step on the pairs of the symmetric parts (A).
     forced : (2, 14, 2M) ndarray
-        What u at the end and u now add to the pairs.
+        What the inputs at the end and at the start add to the pairs (B).
+    push : (2, 3, 6, 2, M) ndarray
+        What the residual in a pattern, a step before, now and at the end, adds to the pairs (P₋, P₀, P₊).
+    observe : (3, 4, 2, M) ndarray
+        Coupling motion of a pattern from the pairs (O).
+    couple : (2, 12, 6) ndarray
+        What the residual at the end adds to the motion of the patterns beyond what it adds to every drive (Q).
+    own_transfer : (2, 4, n/2), own_push : (2, n, 6), own_observe : (4, n), own_couple : (2, 4, 2) ndarray
+        The same for the individual part of every drive (a, p, o, q).
+    patterns : (3, L) ndarray
+        The patterns (W), orthonormal.
     """
 
     spans: np.ndarray
     transfer: np.ndarray
-    observe: tuple[np.ndarray, np.ndarray, np.ndarray]
-    push: tuple[np.ndarray, np.ndarray, np.ndarray]
+    forced: np.ndarray
+    push: np.ndarray
+    observe: np.ndarray
     couple: np.ndarray
     own_transfer: np.ndarray
     own_push: np.ndarray
     own_observe: np.ndarray
     own_couple: np.ndarray
-    shared: np.ndarray
+    patterns: np.ndarray
+
+
+class Workspace(NamedTuple):
+    """Arrays in which a step computes; nothing in them lasts beyond it.
+
+    Attributes
+    ----------
+    symmetric : (2, M), individual : (n, L) ndarray
+        States without the residual at the end (z*, y*).
+    predicted_pattern, pattern_motion : (12,) ndarray
+        Coupling motion of the patterns without the residual at the end, and with it (D*, D).
+    predicted, motion : (4, L) ndarray
+        Coupling motion of every drive, the same (d*, d).
+    force, contact_state : (2L,) ndarray
+        Of the couplings at the end.
+    mesh_inputs : (1, 3, 2L) ndarray
+        Of the couplings at the end.
+    forced : (1, 2M) ndarray
+        What the inputs add to the pairs in a substep.
+    """
+
+    symmetric: np.ndarray
+    individual: np.ndarray
+    predicted_pattern: np.ndarray
+    pattern_motion: np.ndarray
+    predicted: np.ndarray
+    motion: np.ndarray
+    force: np.ndarray
+    contact_state: np.ndarray
+    mesh_inputs: np.ndarray
     forced: np.ndarray
 
 
 class State(NamedTuple):
-    """Where a run stands; g a step before, now, and room for it at the end of the next.
+    """State of a run between two steps; of three residuals the last is room for that at the end of the next step.
 
     Attributes
     ----------
-    common : (2, M) ndarray
-        Pairs of the common parts.
-    own : (n, L) ndarray
-        States of the drives' own parts.
-    excess : (3, 2, L) ndarray
-        g of every coupling.
-    patterns : (3, 6) ndarray
-        The same in the patterns.
-    alone : (3, 2, L) ndarray
-        The same of the drives beyond the patterns.
-    touch : (2L,) ndarray
+    symmetric : (2, M) ndarray
+        Pairs of the symmetric parts (z).
+    individual : (n, L) ndarray
+        States of the drives' individual parts (y).
+    residual : (3, 2, L) ndarray
+        Residual force of every coupling a step before, now and at the end (r).
+    pattern_residual : (3, 6) ndarray
+        The same in the patterns (R).
+    individual_residual : (3, 2, L) ndarray
+        The same beyond the patterns (r°).
+    contact_state : (2L,) ndarray
         1 on the drive flank, 0 open, −1 on the back flank.
-    held : (3, 2L) ndarray
-        What was held of the couplings now.
+    mesh_inputs : (3, 2L) ndarray
+        Of the couplings now.
+    workspace : Workspace
     """
 
-    common: np.ndarray
-    own: np.ndarray
-    excess: np.ndarray
-    patterns: np.ndarray
-    alone: np.ndarray
-    touch: np.ndarray
-    held: np.ndarray
+    symmetric: np.ndarray
+    individual: np.ndarray
+    residual: np.ndarray
+    pattern_residual: np.ndarray
+    individual_residual: np.ndarray
+    contact_state: np.ndarray
+    mesh_inputs: np.ndarray
+    workspace: Workspace
 
 
-class Room(NamedTuple):
-    """Where a step puts what it computes, before it becomes the state.
+def zero_state(arrays: Arrays) -> State:
+    """State without motion and force, with its workspace."""
+    pairs, lanes, n = arrays.transfer.shape[2], arrays.patterns.shape[1], arrays.own_push.shape[1]
 
-    Attributes
-    ----------
-    moved : (2, M) ndarray
-        Pairs of the common parts.
-    own : (n, L) ndarray
-        Own parts without their g at the end.
-    free, motion : (4, L) ndarray
-        Motions of every drive beyond the patterns without g at the end, and all of them.
-    free_pattern, pattern : (12,) ndarray
-        Motions in the patterns without g at the end, and all of them.
-    force, touch : (2L,) ndarray
-        Of the couplings at the end.
-    held : (1, 3, 2L) ndarray
-        What is held of them there.
-    forced : (1, 2M) ndarray
-        What the inputs add in a part of a step.
-    """
+    def zeros(*shape: int) -> np.ndarray:
+        return aligned(np.zeros(shape))
 
-    moved: np.ndarray
-    own: np.ndarray
-    free: np.ndarray
-    motion: np.ndarray
-    free_pattern: np.ndarray
-    pattern: np.ndarray
-    force: np.ndarray
-    touch: np.ndarray
-    held: np.ndarray
-    forced: np.ndarray
+    return State(
+        symmetric=zeros(2, pairs),
+        individual=zeros(n, lanes),
+        residual=zeros(3, 2, lanes),
+        pattern_residual=zeros(3, 2 * PATTERNS),
+        individual_residual=zeros(3, 2, lanes),
+        contact_state=zeros(2 * lanes),
+        mesh_inputs=zeros(3, 2 * lanes),
+        workspace=Workspace(
+            symmetric=zeros(2, pairs),
+            individual=zeros(n, lanes),
+            predicted_pattern=zeros(4 * PATTERNS),
+            pattern_motion=zeros(4 * PATTERNS),
+            predicted=zeros(4, lanes),
+            motion=zeros(4, lanes),
+            force=zeros(2 * lanes),
+            contact_state=zeros(2 * lanes),
+            mesh_inputs=zeros(1, 3, 2 * lanes),
+            forced=zeros(1, 2 * pairs),
+        ),
+    )

@@ -1,4 +1,40 @@
-"""The compiled step of `condensed`."""
+"""Compiled steps of `condensed`: predict, contact, correct, record.
+
+Let z be the pairs of the symmetric parts, yᵢ the states of drive i's individual part, u the inputs, and r the residual
+force of the couplings: what their forces F are above the mean linear part. The patterns W (1, cos and sin of the
+drives' angles, orthonormal) split r into R = W r, which acts on z, and r° = r − Wᵀ R, which acts on y. Indices −, 0 and
++ mean a step before, now and at the end. A step takes r as the quadratic through r₋, r₀ and r₊, to which z and y answer
+exactly; the small letters a, p, o, q do for a drive what A, P, O, Q do for the patterns.
+
+Predict, all that does not depend on r₊:
+
+    z* = A z + B u + P₋ R₋ + P₀ R₀          `_transfer_symmetric`, `_push_known`
+    D* = O z*                               `_observe_symmetric`
+    y* = a y + p₋ r°₋ + p₀ r°₀              `_predict_individual`
+    d* = o y*                               `_observe_individual`
+
+Contact, from r₊ ≈ 2 r₀ − r₋ in two rounds, d being the deflections and rates of the couplings:
+
+    R₊ = W r₊                               `_into_patterns`
+    D = D* + Q R₊                           `_pattern_motion`
+    d = d* + q r₊ + Wᵀ D                    `_coupling_motion`
+    r₊ = F(d) − F_s − k̄ d − c ḋ             `coupling_forces`
+
+As every drive answers the whole of r with q, Q is what the patterns' answer exceeds it by. Then the contact state, 1 on
+the drive flank, 0 open, −1 on the back flank (`_contact_state`). Where it changes, r jumps (by the damper) or turns (by
+the spring): the step is discarded and taken again in 32 substeps, u and the mesh inputs linear between its ends
+(`_substep_inputs`), r₋ moved along its line to a substep before (`_move_before`). After the substep that holds the jump
+the quadratic begins anew, r₋ = r₊.
+
+Correct:
+
+    R₊ = W r₊,  r°₊ = r₊ − Wᵀ R₊            `_into_patterns`, `_individual_residual`
+    z = z* + P₊ R₊                          `_push_end`
+    y = y* + p₊ r°₊                         `_correct_individual`
+    r₋, r₀ = r₀, r₊                         `_shift`
+
+Record: z, R, and of the drives asked for y and r° (`_record`).
+"""
 
 from __future__ import annotations
 
@@ -7,13 +43,14 @@ import math
 import numpy as np
 from numba import njit
 
-from tbm_dynamics.integration.condensed_arrays import PATTERNS, Arrays, Room, State
-from tbm_dynamics.integration.laws import Laws, forces
+from tbm_dynamics.integration.condensed_arrays import PATTERNS, Arrays, State
+from tbm_dynamics.integration.laws import CouplingLaws, coupling_forces
+from tbm_dynamics.integration.method import Steps
 
 SUBSTEPS = 32
 """Parts of a step in which a mesh meets or leaves a flank."""
 
-# Rounds over g at the end of a step. A round shrinks the error by about (ω_mesh τ)²/6.
+# A round shrinks the error of the residual by about (ω_mesh τ)²/6.
 _ROUNDS = 2
 
 # No slices of arrays within the steps: each would be counted as a reference. Dot products may be summed in vectors:
@@ -23,42 +60,11 @@ _SUMS = {**_INNER, "fastmath": {"reassoc", "contract", "nsz"}}
 _LOOPS = {**_INNER, "fastmath": {"contract"}}
 
 
-@njit(**_SUMS)  # type: ignore[untyped-decorator]
-def _observe(matrix: np.ndarray, a: np.ndarray, b: np.ndarray, place: int, out: np.ndarray) -> None:
-    """Write the four motions of a pattern, matrix (4, 2, w), from its pairs (a, b) to a place of out (12,)."""
-    w = x = y = z = 0.0
-    for j in range(len(a)):
-        first, second = a[j], b[j]
-        w += matrix[0, 0, j] * first + matrix[0, 1, j] * second
-        x += matrix[1, 0, j] * first + matrix[1, 1, j] * second
-        y += matrix[2, 0, j] * first + matrix[2, 1, j] * second
-        z += matrix[3, 0, j] * first + matrix[3, 1, j] * second
-    out[place], out[place + 1], out[place + 2], out[place + 3] = w, x, y, z
-
-
 @njit(**_LOOPS)  # type: ignore[untyped-decorator]
-def _push(
-    rows: np.ndarray, level: int, g: np.ndarray, place: int, upper: np.ndarray, lower: np.ndarray, old: bool
+def _transfer_symmetric(
+    action: np.ndarray, level: int, pairs: np.ndarray, forced: np.ndarray, k: int, out: np.ndarray
 ) -> None:
-    """Add to a pattern's pairs what its g at `place` pushes: that before and now (`old`), or that at the end."""
-    a, b, c, d, e, f = g[0, place], g[0, place + 1], g[1, place], g[1, place + 1], g[2, place], g[2, place + 1]
-    if old:
-        for j in range(len(upper)):
-            first = a * rows[level, 0, 0, j] + b * rows[level, 1, 0, j]
-            upper[j] += first + (c * rows[level, 2, 0, j] + d * rows[level, 3, 0, j])
-        for j in range(len(lower)):
-            first = a * rows[level, 0, 1, j] + b * rows[level, 1, 1, j]
-            lower[j] += first + (c * rows[level, 2, 1, j] + d * rows[level, 3, 1, j])
-    else:
-        for j in range(len(upper)):
-            upper[j] += e * rows[level, 4, 0, j] + f * rows[level, 5, 0, j]
-        for j in range(len(lower)):
-            lower[j] += e * rows[level, 4, 1, j] + f * rows[level, 5, 1, j]
-
-
-@njit(**_LOOPS)  # type: ignore[untyped-decorator]
-def _transfer(action: np.ndarray, level: int, pairs: np.ndarray, forced: np.ndarray, k: int, out: np.ndarray) -> None:
-    """Write to out (2, M) what the pairs become by themselves and by the inputs, row k of forced."""
+    """Write A z + B u, the latter row k of `forced`, to out (2, M)."""
     m = pairs.shape[1]
     for j in range(m):
         out[0, j] = forced[k, j] + (action[level, 0, j] * pairs[0, j] + action[level, 1, j] * pairs[1, j])
@@ -67,32 +73,58 @@ def _transfer(action: np.ndarray, level: int, pairs: np.ndarray, forced: np.ndar
 
 
 @njit(**_LOOPS)  # type: ignore[untyped-decorator]
-def _own_free(
-    action: np.ndarray, push: np.ndarray, level: int, own: np.ndarray, alone: np.ndarray, out: np.ndarray
+def _push_known(rows: np.ndarray, level: int, spans: np.ndarray, R: np.ndarray, out: np.ndarray) -> None:
+    """Add P₋ R₋ + P₀ R₀ to out (2, M)."""
+    for q in range(PATTERNS):
+        a, b, c, d = R[0, 2 * q], R[0, 2 * q + 1], R[1, 2 * q], R[1, 2 * q + 1]
+        for half in range(2):
+            for j in range(spans[q, 0], spans[q, 1]):
+                first = a * rows[level, q, 0, half, j] + b * rows[level, q, 1, half, j]
+                out[half, j] += first + (c * rows[level, q, 2, half, j] + d * rows[level, q, 3, half, j])
+
+
+@njit(**_LOOPS)  # type: ignore[untyped-decorator]
+def _push_end(rows: np.ndarray, level: int, spans: np.ndarray, R: np.ndarray, out: np.ndarray) -> None:
+    """Add P₊ R₊ to out (2, M)."""
+    for q in range(PATTERNS):
+        e, f = R[2, 2 * q], R[2, 2 * q + 1]
+        for half in range(2):
+            for j in range(spans[q, 0], spans[q, 1]):
+                out[half, j] += e * rows[level, q, 4, half, j] + f * rows[level, q, 5, half, j]
+
+
+@njit(**_SUMS)  # type: ignore[untyped-decorator]
+def _observe_symmetric(matrix: np.ndarray, spans: np.ndarray, pairs: np.ndarray, out: np.ndarray) -> None:
+    """Write D* = O z*, (12,)."""
+    for q in range(PATTERNS):
+        w = x = y = z = 0.0
+        for j in range(spans[q, 0], spans[q, 1]):
+            first, second = pairs[0, j], pairs[1, j]
+            w += matrix[q, 0, 0, j] * first + matrix[q, 0, 1, j] * second
+            x += matrix[q, 1, 0, j] * first + matrix[q, 1, 1, j] * second
+            y += matrix[q, 2, 0, j] * first + matrix[q, 2, 1, j] * second
+            z += matrix[q, 3, 0, j] * first + matrix[q, 3, 1, j] * second
+        out[4 * q], out[4 * q + 1], out[4 * q + 2], out[4 * q + 3] = w, x, y, z
+
+
+@njit(**_LOOPS)  # type: ignore[untyped-decorator]
+def _predict_individual(
+    action: np.ndarray, push: np.ndarray, level: int, own: np.ndarray, r: np.ndarray, out: np.ndarray
 ) -> None:
-    """Write what the own parts become by themselves and by their g before and now."""
+    """Write y* = a y + p₋ r°₋ + p₀ r°₀, (n, L)."""
     m = action.shape[2]
     for half in range(2):
         for j in range(m):
             first, second, row = action[level, 2 * half, j], action[level, 2 * half + 1, j], half * m + j
             a, b, c, d = push[level, row, 0], push[level, row, 1], push[level, row, 2], push[level, row, 3]
             for i in range(own.shape[1]):
-                pushed = (a * alone[0, 0, i] + b * alone[0, 1, i]) + (c * alone[1, 0, i] + d * alone[1, 1, i])
+                pushed = (a * r[0, 0, i] + b * r[0, 1, i]) + (c * r[1, 0, i] + d * r[1, 1, i])
                 out[row, i] = (first * own[j, i] + second * own[m + j, i]) + pushed
 
 
 @njit(**_LOOPS)  # type: ignore[untyped-decorator]
-def _own_end(push: np.ndarray, level: int, alone: np.ndarray, free: np.ndarray, out: np.ndarray) -> None:
-    """Write what the own parts become by themselves and by what their g at the end pushes."""
-    for row in range(push.shape[1]):
-        e, f = push[level, row, 4], push[level, row, 5]
-        for i in range(alone.shape[2]):
-            out[row, i] = free[row, i] + (e * alone[2, 0, i] + f * alone[2, 1, i])
-
-
-@njit(**_LOOPS)  # type: ignore[untyped-decorator]
-def _mixed(weights: np.ndarray, rows: np.ndarray, out: np.ndarray) -> None:
-    """Write weights (4, n) @ rows (n, L) to out (4, L); n even."""
+def _observe_individual(weights: np.ndarray, rows: np.ndarray, out: np.ndarray) -> None:
+    """Write d* = o y*, (4, L); n even."""
     for i in range(rows.shape[1]):
         out[0, i] = out[1, i] = out[2, i] = out[3, i] = 0.0
     for k in range(0, weights.shape[1], 2):
@@ -107,206 +139,203 @@ def _mixed(weights: np.ndarray, rows: np.ndarray, out: np.ndarray) -> None:
 
 
 @njit(**_SUMS)  # type: ignore[untyped-decorator]
-def _together(shared: np.ndarray, g: np.ndarray, out: np.ndarray) -> None:
-    """Write g at the end in the patterns, by pattern and kind."""
-    for pattern in range(PATTERNS):
+def _into_patterns(patterns: np.ndarray, r: np.ndarray, R: np.ndarray) -> None:
+    """Write R₊ = W r₊, by pattern and kind."""
+    for q in range(PATTERNS):
         mesh = gearbox = 0.0
-        for i in range(shared.shape[1]):
-            mesh += shared[pattern, i] * g[2, 0, i]
-            gearbox += shared[pattern, i] * g[2, 1, i]
-        out[2, 2 * pattern], out[2, 2 * pattern + 1] = mesh, gearbox
+        for i in range(patterns.shape[1]):
+            mesh += patterns[q, i] * r[2, 0, i]
+            gearbox += patterns[q, i] * r[2, 1, i]
+        R[2, 2 * q], R[2, 2 * q + 1] = mesh, gearbox
 
 
 @njit(**_SUMS)  # type: ignore[untyped-decorator]
-def _beyond(couple: np.ndarray, level: int, g: np.ndarray, free: np.ndarray, out: np.ndarray) -> None:
-    """Write the motions of the patterns, (12,), from the free ones and g at the end."""
+def _pattern_motion(couple: np.ndarray, level: int, R: np.ndarray, predicted: np.ndarray, out: np.ndarray) -> None:
+    """Write D = D* + Q R₊, (12,)."""
     for i in range(12):
-        total = free[i]
+        total = predicted[i]
         for j in range(6):
-            total += couple[level, i, j] * g[2, j]
+            total += couple[level, i, j] * R[2, j]
         out[i] = total
 
 
 @njit(**_LOOPS)  # type: ignore[untyped-decorator]
-def _coupled(
-    own: np.ndarray,
+def _coupling_motion(
+    couple: np.ndarray,
     level: int,
-    shared: np.ndarray,
-    g: np.ndarray,
-    pattern: np.ndarray,
-    free: np.ndarray,
+    patterns: np.ndarray,
+    r: np.ndarray,
+    D: np.ndarray,
+    predicted: np.ndarray,
     out: np.ndarray,
 ) -> None:
-    """Write the motions (4, L): the own parts' free ones, what g at the end adds to them, the patterns' (12,)."""
-    for q in range(4):
-        a, b, x, y, z = own[level, q, 0], own[level, q, 1], pattern[q], pattern[4 + q], pattern[8 + q]
-        for i in range(shared.shape[1]):
-            alone = free[q, i] + (a * g[2, 0, i] + b * g[2, 1, i])
-            out[q, i] = alone + (x * shared[0, i] + y * shared[1, i] + z * shared[2, i])
+    """Write d = d* + q r₊ + Wᵀ D, (4, L)."""
+    for k in range(4):
+        a, b, x, y, z = couple[level, k, 0], couple[level, k, 1], D[k], D[4 + k], D[8 + k]
+        for i in range(patterns.shape[1]):
+            own = predicted[k, i] + (a * r[2, 0, i] + b * r[2, 1, i])
+            out[k, i] = own + (x * patterns[0, i] + y * patterns[1, i] + z * patterns[2, i])
 
 
 @njit(**_LOOPS)  # type: ignore[untyped-decorator]
-def _alone(shared: np.ndarray, g: np.ndarray, together: np.ndarray, out: np.ndarray) -> None:
-    """Write what of g at the end is beyond the patterns."""
-    for kind in range(2):
-        x, y, z = together[2, kind], together[2, 2 + kind], together[2, 4 + kind]
-        for i in range(shared.shape[1]):
-            out[2, kind, i] = g[2, kind, i] - (x * shared[0, i] + y * shared[1, i] + z * shared[2, i])
-
-
-@njit(**_LOOPS)  # type: ignore[untyped-decorator]
-def _touching(motion: np.ndarray, held: np.ndarray, constants: np.ndarray, now: np.ndarray, out: np.ndarray) -> float:
-    """Write which flanks touch; count those that did not before."""
+def _contact_state(
+    motion: np.ndarray, mesh_inputs: np.ndarray, constants: np.ndarray, now: np.ndarray, out: np.ndarray
+) -> bool:
+    """Write the contact state at the end, (2L,); returns whether it differs from that now."""
     changed = 0.0
     for i in range(len(out)):
-        deflection, gap = motion[0, i] + held[0, 1, i], constants[2, i]
+        deflection, gap = motion[0, i] + mesh_inputs[0, 1, i], constants[2, i]
         out[i] = (1.0 if deflection > gap else 0.0) - (1.0 if deflection < -gap else 0.0)
         changed += 1.0 if out[i] != now[i] else 0.0
-    return changed
+    return changed > 0.0
 
 
 @njit(**_LOOPS)  # type: ignore[untyped-decorator]
-def _aged(g: np.ndarray, anew: bool) -> None:
-    """Age g: that at the end becomes that now; `anew`: it has jumped, and what it was before says nothing."""
-    for i in range(len(g[0])):
-        g[0, i] = g[2, i] if anew else g[1, i]
-        g[1, i] = g[2, i]
-
-
-@njit(**_LOOPS)  # type: ignore[untyped-decorator]
-def _spread(g: np.ndarray, factor: float) -> None:
-    """Move g before along the line through it and g now: to a part of a step before, or back."""
-    for i in range(len(g[0])):
-        g[0, i] = g[1, i] - factor * (g[1, i] - g[0, i])
-
-
-@njit(**_LOOPS)  # type: ignore[untyped-decorator]
-def _part_of(
-    part: int,
+def _substep_inputs(
+    substep: int,
     inputs: np.ndarray,
     k: int,
     matrix: np.ndarray,
     before: np.ndarray,
-    held: np.ndarray,
-    out: np.ndarray,
+    mesh_inputs: np.ndarray,
+    forced: np.ndarray,
     between: np.ndarray,
 ) -> None:
-    """Write what the inputs add in a part of step k, and what is held then; both run linearly between its ends."""
-    share, done = part / SUBSTEPS, (part - 1.0) / SUBSTEPS
+    """Write B u of a substep of step k, (1, 2M), and the mesh inputs at its end, (1, 3, 2L)."""
+    share, done = substep / SUBSTEPS, (substep - 1.0) / SUBSTEPS
     for j in range(matrix.shape[2]):
-        out[0, j] = 0.0
+        forced[0, j] = 0.0
     for i in range(14):
         fraction = share if i < 7 else done
         u = inputs[k, i % 7 + 7] + fraction * (inputs[k, i % 7] - inputs[k, i % 7 + 7])
         for j in range(matrix.shape[2]):
-            out[0, j] += u * matrix[1, i, j]
+            forced[0, j] += u * matrix[1, i, j]
     for q in range(3):
         for i in range(before.shape[1]):
-            between[0, q, i] = before[q, i] + share * (held[k, q, i] - before[q, i])
+            between[0, q, i] = before[q, i] + share * (mesh_inputs[k, q, i] - before[q, i])
+
+
+@njit(**_LOOPS)  # type: ignore[untyped-decorator]
+def _individual_residual(patterns: np.ndarray, r: np.ndarray, R: np.ndarray, out: np.ndarray) -> None:
+    """Write r°₊ = r₊ − Wᵀ R₊."""
+    for kind in range(2):
+        x, y, z = R[2, kind], R[2, 2 + kind], R[2, 4 + kind]
+        for i in range(patterns.shape[1]):
+            out[2, kind, i] = r[2, kind, i] - (x * patterns[0, i] + y * patterns[1, i] + z * patterns[2, i])
+
+
+@njit(**_LOOPS)  # type: ignore[untyped-decorator]
+def _correct_individual(push: np.ndarray, level: int, r: np.ndarray, predicted: np.ndarray, out: np.ndarray) -> None:
+    """Write y = y* + p₊ r°₊, (n, L)."""
+    for row in range(push.shape[1]):
+        e, f = push[level, row, 4], push[level, row, 5]
+        for i in range(r.shape[2]):
+            out[row, i] = predicted[row, i] + (e * r[2, 0, i] + f * r[2, 1, i])
+
+
+@njit(**_LOOPS)  # type: ignore[untyped-decorator]
+def _shift(r: np.ndarray, anew: bool) -> None:
+    """Shift the residuals (3, …) by a step; `anew`: r has jumped, and what it was before says nothing."""
+    for i in range(len(r[0])):
+        r[0, i] = r[2, i] if anew else r[1, i]
+        r[1, i] = r[2, i]
+
+
+@njit(**_LOOPS)  # type: ignore[untyped-decorator]
+def _move_before(r: np.ndarray, factor: float) -> None:
+    """Move r₋ along the line through it and r₀: to a substep before, or back to a step before."""
+    for i in range(len(r[0])):
+        r[0, i] = r[1, i] - factor * (r[1, i] - r[0, i])
+
+
+@njit(**_LOOPS)  # type: ignore[untyped-decorator]
+def _record(
+    z: np.ndarray, R: np.ndarray, y: np.ndarray, r: np.ndarray, drives: np.ndarray, k: int, record: np.ndarray
+) -> None:
+    """Write z, R₀ and of the drives asked for y and r°₀ to row k of the record."""
+    for j in range(z.shape[1]):
+        record[k, 2 * j], record[k, 2 * j + 1] = z[0, j], z[1, j]
+    place = 2 * z.shape[1]
+    for i in range(2 * PATTERNS):
+        record[k, place + i] = R[1, i]
+    place += 2 * PATTERNS
+    for i in drives:
+        for j in range(len(y)):
+            record[k, place + j] = y[j, i]
+        record[k, place + len(y)], record[k, place + len(y) + 1] = r[1, 0, i], r[1, 1, i]
+        place += len(y) + 2
 
 
 @njit(cache=True, error_model="numpy")  # type: ignore[untyped-decorator]
-def advance(  # noqa: PLR0912, PLR0915 - one loop: a call for each piece would cost as much as the piece
-    arrays: Arrays,
-    laws: Laws,
-    held: np.ndarray,
-    inputs: np.ndarray,
-    forced: np.ndarray,
-    state: State,
-    room: Room,
-    wanted: np.ndarray,
-    record: np.ndarray,
-    force: np.ndarray,
+def advance(  # noqa: PLR0912 - one loop: a call for each phase would cost as much as the phase
+    arrays: Arrays, laws: CouplingLaws, drives: np.ndarray, steps: Steps, state: State
 ) -> int:
-    """Compiled `Condensed.advance`."""
-    shared, transfer, couple = arrays.shared, arrays.transfer, arrays.couple
-    own_transfer, own_push, own_couple = arrays.own_transfer, arrays.own_push, arrays.own_couple
-    observe0, observe1, observe2 = arrays.observe
-    push0, push1, push2 = arrays.push
-    spans, fine, constants = arrays.spans, arrays.forced, laws.constants
-    common, own, excess, patterns = state.common, state.own, state.excess, state.patterns
-    alone, touch, standing = state.alone, state.touch, state.held
-    lanes, pairs, n = shared.shape[1], transfer.shape[2], own_push.shape[1]
-    moved, next_own, next_touch, fine_forced = room.moved, room.own, room.touch, room.forced
-    a0, b0 = moved[0, spans[0, 0] : spans[0, 1]], moved[1, spans[0, 0] : spans[0, 1]]
-    a1, b1 = moved[0, spans[1, 0] : spans[1, 1]], moved[1, spans[1, 0] : spans[1, 1]]
-    a2, b2 = moved[0, spans[2, 0] : spans[2, 1]], moved[1, spans[2, 0] : spans[2, 1]]
-    own_observe, free, free_pattern, pattern = arrays.own_observe, room.free, room.free_pattern, room.pattern
-    motion, between, forced_by = room.motion, room.held, room.force
-    stage, later = motion.reshape(2, 2 * lanes), excess[2].reshape(2 * lanes)
-    flat = excess.reshape(3, 2 * lanes), patterns, alone.reshape(3, 2 * lanes)
-    # Not as literals: the functions would be compiled anew for each.
-    order = np.arange(PATTERNS)
-    i0, i1, i2 = order[0], order[1], order[2]
-    k = part = 0
+    """Compiled `Condensed.advance`; `drives` are those whose individual parts are recorded."""
+    spans, transfer, B, push, observe, couple, own_transfer, own_push, own_observe, own_couple, W = arrays
+    mesh_inputs, inputs, forced, record, force = steps
+    z, y, r, R, r_own, contact, mesh_now, workspace = state
+    z_end, y_end, D_predicted, D, d_predicted, d, force_end, contact_end, mesh_end, forced_substep = workspace
+    lanes, pairs = W.shape[1], transfer.shape[2]
+    residuals = (r.reshape(3, 2 * lanes), R, r_own.reshape(3, 2 * lanes))
+    motion, r_end = d.reshape(2, 2 * lanes), r[2].reshape(2 * lanes)
+    first = np.arange(1)[0]  # no literal: the functions would be compiled anew for it
+    k = substep = 0
     while k < len(record):
-        level = 1 if part else 0
-        if part:
-            _part_of(part, inputs, k, fine, standing, held, fine_forced, between)
-            _transfer(transfer, level, common, fine_forced, i0, moved)
+        # Predict.
+        level = 1 if substep else 0
+        if substep:
+            _substep_inputs(substep, inputs, k, B, mesh_now, mesh_inputs, forced_substep, mesh_end)
+            _transfer_symmetric(transfer, level, z, forced_substep, first, z_end)
         else:
-            _transfer(transfer, level, common, forced, k, moved)
             for q in range(3):
                 for i in range(2 * lanes):
-                    between[0, q, i] = held[k, q, i]
-        _push(push0, level, patterns, 2 * i0, a0, b0, True)
-        _push(push1, level, patterns, 2 * i1, a1, b1, True)
-        _push(push2, level, patterns, 2 * i2, a2, b2, True)
-        _observe(observe0, a0, b0, 4 * i0, free_pattern)
-        _observe(observe1, a1, b1, 4 * i1, free_pattern)
-        _observe(observe2, a2, b2, 4 * i2, free_pattern)
-        _own_free(own_transfer, own_push, level, own, alone, next_own)
-        _mixed(own_observe, next_own, free)
+                    mesh_end[0, q, i] = mesh_inputs[k, q, i]
+            _transfer_symmetric(transfer, level, z, forced, k, z_end)
+        _push_known(push, level, spans, R, z_end)
+        _observe_symmetric(observe, spans, z_end, D_predicted)
+        _predict_individual(own_transfer, own_push, level, y, r_own, y_end)
+        _observe_individual(own_observe, y_end, d_predicted)
+        # Contact.
         for kind in range(2):
             for i in range(lanes):
-                excess[2, kind, i] = 2.0 * excess[1, kind, i] - excess[0, kind, i]
+                r[2, kind, i] = 2.0 * r[1, kind, i] - r[0, kind, i]
         for _ in range(_ROUNDS):
-            _together(shared, excess, patterns)
-            _beyond(couple, level, patterns, free_pattern, pattern)
-            _coupled(own_couple, level, shared, excess, pattern, free, motion)
-            forces(stage, between, i0, laws, forced_by, later)
-        changed = _touching(stage, between, constants, touch, next_touch) > 0.0
-        if changed and part == 0:
-            part = 1
-            for g in flat:
-                _spread(g, 1.0 / SUBSTEPS)
+            _into_patterns(W, r, R)
+            _pattern_motion(couple, level, R, D_predicted, D)
+            _coupling_motion(own_couple, level, W, r, D, d_predicted, d)
+            coupling_forces(motion, mesh_end, first, laws, force_end, r_end)
+        changed = _contact_state(motion, mesh_end, laws.constants, contact, contact_end)
+        if changed and substep == 0:
+            substep = 1
+            for values in residuals:
+                _move_before(values, 1.0 / SUBSTEPS)
             continue
-        _together(shared, excess, patterns)
-        _alone(shared, excess, patterns, alone)
-        _push(push0, level, patterns, 2 * i0, a0, b0, False)
-        _push(push1, level, patterns, 2 * i1, a1, b1, False)
-        _push(push2, level, patterns, 2 * i2, a2, b2, False)
-        _own_end(own_push, level, alone, next_own, own)
+        # Correct.
+        _into_patterns(W, r, R)
+        _individual_residual(W, r, R, r_own)
+        _push_end(push, level, spans, R, z_end)
+        _correct_individual(own_push, level, r_own, y_end, y)
         for j in range(pairs):
-            common[0, j], common[1, j] = moved[0, j], moved[1, j]
-        for g in flat:
-            _aged(g, changed)
-        if part:
+            z[0, j], z[1, j] = z_end[0, j], z_end[1, j]
+        for values in residuals:
+            _shift(values, changed)
+        if substep:
             for i in range(2 * lanes):
-                touch[i] = next_touch[i]
-            part += 1
-            if part <= SUBSTEPS:
+                contact[i] = contact_end[i]
+            substep += 1
+            if substep <= SUBSTEPS:
                 continue
-            part = 0
-            for g in flat:
-                _spread(g, float(SUBSTEPS))
+            substep = 0
+            for values in residuals:
+                _move_before(values, float(SUBSTEPS))
         for q in range(3):
             for i in range(2 * lanes):
-                standing[q, i] = held[k, q, i]
+                mesh_now[q, i] = mesh_inputs[k, q, i]
+        # Record.
+        _record(z, R, y, r_own, drives, k, record)
         for i in range(2 * lanes):
-            force[k, i] = forced_by[i]
-        for j in range(pairs):
-            record[k, 2 * j], record[k, 2 * j + 1] = common[0, j], common[1, j]
-        place = 2 * pairs
-        for i in range(6):
-            record[k, place + i] = patterns[1, i]
-        place += 6
-        for i in wanted:
-            for j in range(n):
-                record[k, place + j] = own[j, i]
-            record[k, place + n], record[k, place + n + 1] = alone[1, 0, i], alone[1, 1, i]
-            place += n + 2
-        if not math.isfinite(forced_by[0]) or not math.isfinite(common[0, 0]):
+            force[k, i] = force_end[i]
+        if not math.isfinite(force_end[0]) or not math.isfinite(z[0, 0]):
             return k
         k += 1
     return len(record)

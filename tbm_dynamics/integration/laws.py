@@ -1,8 +1,7 @@
-"""The laws of the couplings as the compiled methods want them.
+"""Force over deflection of the couplings, as the compiled methods want it.
 
-Drives are lanes: the couplings of all drives stand side by side, meshes first, then gearboxes, each in L places, a
-multiple of eight, of which the last may be idle. Stiffness and error are computed for a block of steps at once
-(`Held`), the forces one by one in the compiled step (`forces`).
+The couplings of all drives stand side by side, meshes first, then gearboxes, each in L lanes (`lanes`). Stiffness and
+error are computed for a block of steps at once (`MeshInputs`), the forces in the compiled step (`coupling_forces`).
 """
 
 from __future__ import annotations
@@ -13,17 +12,15 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
-from tbm_dynamics.integration import aligned
+from tbm_dynamics.integration.lanes import aligned, lanes_for, widened
 from tbm_dynamics.structure.couplings import Couplings
 
-_REGISTER = 8
-
 STIFFNESS, OFFSET, SLOPE = 0, 1, 2
-"""What is held of every coupling at an instant: k (N/m, N·m/rad), deflection at equilibrium plus error (m, rad), error
+"""Mesh inputs of every coupling at an instant: k (N/m, N·m/rad), deflection at equilibrium plus error (m, rad), error
 rate (m/s, rad/s)."""
 
 
-class Laws(NamedTuple):
+class CouplingLaws(NamedTuple):
     """What does not vary with time.
 
     Attributes
@@ -38,20 +35,7 @@ class Laws(NamedTuple):
     constants: np.ndarray
 
 
-def lanes_for(drives: int) -> int:
-    """Lanes L of p drives."""
-    return -(-drives // _REGISTER) * _REGISTER
-
-
-def widened(rows: np.ndarray, drives: int) -> np.ndarray:
-    """Columns of drives (…, k·p) into lanes (…, k·L), idle lanes zero."""
-    groups = rows.reshape(len(rows), -1, drives)
-    found = np.zeros((len(rows), groups.shape[1], lanes_for(drives)))
-    found[:, :, :drives] = groups
-    return found.reshape(len(rows), -1)
-
-
-class Held:
+class MeshInputs:
     """Stiffness and error of the couplings over a block of steps, the same bits however the steps are asked for.
 
     Parameters
@@ -61,13 +45,15 @@ class Held:
         Of the couplings at equilibrium (m, rad).
     steps : int
         Steps in a block.
-    stages_of_step : tuple of float
+    stages : tuple of float
         Instants within a step, as shares of it, at which they are wanted.
+
+    Attributes
+    ----------
+    values : (steps · stages, 3, 2L) ndarray
     """
 
-    def __init__(
-        self, couplings: Couplings, deflection: np.ndarray, steps: int, stages_of_step: tuple[float, ...]
-    ) -> None:
+    def __init__(self, couplings: Couplings, deflection: np.ndarray, steps: int, stages: tuple[float, ...]) -> None:
         waves, p = couplings.waves, couplings.drives
         lanes = lanes_for(p)
         error = waves.error
@@ -83,44 +69,45 @@ class Held:
         self._error = np.hstack(
             [widened(_with_mean(deflection, error), p), widened(_with_mean(np.zeros(2 * p), slope), p)]
         )
-        mesh, *stages = waves.stiffness_turns()
-        self._multiples = np.concatenate([[0.0], mesh, [0.0], *stages, [0.0], waves.turns])
-        self._instants = (np.arange(steps)[:, None] + np.array(stages_of_step)).ravel()
+        mesh, *planets = waves.stiffness_turns()
+        self._multiples = np.concatenate([[0.0], mesh, [0.0], *planets, [0.0], waves.turns])
+        self._instants = (np.arange(steps)[:, None] + np.array(stages)).ravel()
         self._turned = np.empty((len(self._instants), len(self._multiples)), dtype=complex)
         self._phases = np.empty_like(self._turned)
         self._turn, self._start = math.nan, math.nan
         self._stiffness, self._compliance = np.empty((2, len(self._instants), lanes))
         self._errors = np.empty((len(self._instants), 4 * lanes))
-        self._held = aligned.empty(len(self._instants), 3, 2 * lanes)
+        self.values = aligned(np.zeros((len(self._instants), 3, 2 * lanes)))
 
-    def block(self, start: float, turn: float, rate: float) -> np.ndarray:
-        """Give a block whose first step begins at mesh phase `start` (cycles), `turn` cycles a step, `rate` Hz.
+    def fill(self, start: float, turn: float, rate: float) -> None:
+        """Compute `values` for a block whose first step begins at mesh phase `start`.
 
-        Returns
-        -------
-        (steps · stages, 3, 2L) ndarray
-            Valid until the next call.
+        Parameters
+        ----------
+        start : float
+            Cycles.
+        turn : float
+            Cycles a step.
+        rate : float
+            Mesh frequency (Hz).
         """
         if turn != self._turn:
             # All that a block's phases differ in from those at its start: the same for every block at one speed.
             self._turned[:] = _unit(np.outer(self._instants * turn, self._multiples))
-        if (start, turn) != (self._start, self._turn):
-            self._fill(start, rate)
+        elif start == self._start:
+            return
         self._start, self._turn = start, turn
-        return self._held
-
-    def _fill(self, start: float, rate: float) -> None:
         np.multiply(self._turned, _unit(start * self._multiples), out=self._phases)
         waves, lanes = self._phases.view(float), self._stiffness.shape[1]
         first, second = len(self._mesh), len(self._mesh) + len(self._gearbox)
         np.matmul(waves[:, :first], self._mesh, out=self._stiffness)
         np.matmul(waves[:, first:second], self._gearbox, out=self._compliance)
         np.matmul(waves[:, second:], self._error, out=self._errors)
-        held = self._held
-        held[:, STIFFNESS, :lanes] = self._stiffness
-        np.reciprocal(self._compliance, out=held[:, STIFFNESS, lanes:])
-        held[:, OFFSET] = self._errors[:, : 2 * lanes]
-        np.multiply(self._errors[:, 2 * lanes :], rate, out=held[:, SLOPE])
+        values = self.values
+        values[:, STIFFNESS, :lanes] = self._stiffness
+        np.reciprocal(self._compliance, out=values[:, STIFFNESS, lanes:])
+        values[:, OFFSET] = self._errors[:, : 2 * lanes]
+        np.multiply(self._errors[:, 2 * lanes :], rate, out=values[:, SLOPE])
 
 
 def _with_mean(mean: np.ndarray, coefficients: np.ndarray) -> np.ndarray:
@@ -135,31 +122,36 @@ def _unit(cycles: np.ndarray) -> np.ndarray:
 
 
 @njit(cache=True, error_model="numpy", fastmath={"contract"})  # type: ignore[untyped-decorator]
-def forces(
-    motion: np.ndarray, held: np.ndarray, instant: int, laws: Laws, force: np.ndarray, excess: np.ndarray
+def coupling_forces(
+    motion: np.ndarray,
+    mesh_inputs: np.ndarray,
+    instant: int,
+    laws: CouplingLaws,
+    force: np.ndarray,
+    residual: np.ndarray,
 ) -> None:
-    """Compute the forces of every coupling and their excess g over the mean linear part.
+    """Compute the forces of every coupling and what they are above the mean linear part.
 
     Parameters
     ----------
     motion : (2, 2L) ndarray
         Deflections and rates about the equilibrium.
-    held : (instants, 3, 2L) ndarray
+    mesh_inputs : (instants, 3, 2L) ndarray
         See `STIFFNESS`, `OFFSET`, `SLOPE`.
     instant : int
         Which of them.
-    laws : Laws
-    force, excess : (2L,) ndarray
-        Written: F and g (N, N·m).
+    laws : CouplingLaws
+    force, residual : (2L,) ndarray
+        Written: F and the residual force (N, N·m).
     """
     statics, constants = laws.statics, laws.constants
     for i in range(len(force)):
         gap = constants[2, i]
-        deflection = motion[0, i] + held[instant, 1, i]
+        deflection = motion[0, i] + mesh_inputs[instant, 1, i]
         over, under = deflection - gap, deflection + gap
         # Without a branch, so that the loop runs over several couplings at once.
         beyond = (over if over > 0.0 else 0.0) + (under if under < 0.0 else 0.0)
         closed = constants[1, i] if over > 0.0 or under < 0.0 else 0.0
-        total = held[instant, 0, i] * beyond + closed * (motion[1, i] + held[instant, 2, i])
+        total = mesh_inputs[instant, 0, i] * beyond + closed * (motion[1, i] + mesh_inputs[instant, 2, i])
         force[i] = total
-        excess[i] = total - statics[i] - constants[0, i] * motion[0, i] - constants[1, i] * motion[1, i]
+        residual[i] = total - statics[i] - constants[0, i] * motion[0, i] - constants[1, i] * motion[1, i]

@@ -2,10 +2,10 @@
 
 State v = (p, ṗ) of the perturbation about the static equilibrium, q = q_s + V p:
 
-    v̇ = H v + E_u u(t) + E_g g(t, v)
+    v̇ = H v + E_u u(t) + E_r r(t, v)
 
-u: fluctuation of the six cutterhead loads and of the torque. g: what the couplings' forces are above their mean linear
-part, F − F_s = k̄ B V p + c B V ṗ + g.
+u: fluctuation of the six cutterhead loads and of the torque. r: the residual force, what the couplings' forces are
+above their mean linear part, F − F_s = k̄ B V p + c B V ṗ + r.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ class LinearSystem:
     ----------
     H : (s, s) ndarray
     E : (s, i + k) ndarray
-        Inputs u, then g.
+        Inputs u, then r.
     observe : (2k, s) ndarray
         Deflections and rates of the couplings from the state.
     """
@@ -40,7 +40,7 @@ class LinearSystem:
 
     @property
     def acceleration(self) -> np.ndarray:
-        """p̈ from (v, u, g), shape (m, s + i + k)."""
+        """p̈ from (v, u, r), shape (m, s + i + k)."""
         m = len(self.H) // 2
         return np.hstack([self.H[m:], self.E[m:]])
 

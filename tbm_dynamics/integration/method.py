@@ -1,81 +1,138 @@
 """The contract of an integration method.
 
-1. A method is built from a system, the unknowns whose motion is wanted and a step τ; it holds constant arrays and the
-   state, and never prints. The p drives stand in L lanes (`laws`).
-2. `begin` sets displacement and velocity about the static equilibrium, the couplings' excess g and what is held of them
-   at the start, and gives the row of the record there.
-3. What is known beforehand is handed over for a block of steps of always the same size, so that the bits do not depend
-   on the pieces: what the inputs u add (`forced`), and what is held of the couplings at the `stages` of a step.
-4. `advance` takes n steps, fills one row of `record` and of `force` for each, and returns how many it did: fewer than n
-   when the motion is no longer finite.
-5. A row of `record` begins with the method's own columns and ends with u (7); `output` turns it into the outputs asked
-   for.
-6. The same steps give the same bits in whatever pieces `advance` is called.
+1. A method is built from a system, the unknowns whose motion is wanted and a step τ. It holds constants only and never
+   changes: any number of runs may use one, each with a state of its own. The p drives stand in L lanes (`lanes`).
+2. `start` returns the state at the start of a run, and the row of the record there.
+3. `advance` takes a state n steps further in place, fills one row of the record and of the forces for each, and returns
+   how many it did: fewer than n when the motion is no longer finite, and then the state is of no use.
+4. What is known beforehand is computed for a block of steps of always the same size (`Steps`), so that the bits do not
+   depend on the pieces; the same steps give the same bits in whatever pieces `advance` is called.
+5. A row of the record begins with the method's own columns and ends with u (7); `output` turns it into the outputs
+   asked for.
+
+A method implements
+
+    class Euler(Method[State]):
+        states = stages = forced = output = tail = ...    # as documented at `Method`
+
+        def start(self, start):
+            return State(start.displacement, start.velocity, start.residual[1]), row
+
+        def advance(self, laws, steps, state):
+            for k in range(len(steps.record)):
+                ...                                       # predict, contact, correct, record
+            return len(steps.record)
 """
 
 from __future__ import annotations
 
-from typing import Protocol
+from abc import ABC, abstractmethod
+from collections.abc import Callable
+from typing import Generic, NamedTuple, TypeVar
 
 import numpy as np
 
-from tbm_dynamics.integration.laws import Laws
+from tbm_dynamics.integration.laws import CouplingLaws
+from tbm_dynamics.integration.start import Start
+from tbm_msgs_py.base.errors import SimulationError
+
+# Least factor by which a round of the iteration must shrink the error of the residual.
+_SLOWEST = 0.5
+_LONGEST_S = 1e-3  # longest step that is named as short enough; the longer one is, the longer it takes to be tried
+
+StateT = TypeVar("StateT")
 
 
-class Method(Protocol):
-    """An integration method; see the module."""
+class Steps(NamedTuple):
+    """What is known beforehand of n steps, and where a method writes what it finds.
 
-    @property
-    def states(self) -> int:
-        """Number of states integrated."""
+    Attributes
+    ----------
+    mesh_inputs : (n · stages, 3, 2L) ndarray
+        From `laws.MeshInputs`.
+    inputs : (n, 14) ndarray
+        u at the end and at the start of each step.
+    forced : (n, w) ndarray
+        Inputs times `Method.forced`.
+    record : (n, r) ndarray
+        Written, but for the last 7 columns, which hold u at the end.
+    force : (n, 2L) ndarray
+        Written: forces of the couplings (N, N·m).
+    """
 
-    @property
-    def stages(self) -> tuple[float, ...]:
-        """Instants within a step, as shares of it, at which the couplings' laws are wanted."""
+    mesh_inputs: np.ndarray
+    inputs: np.ndarray
+    forced: np.ndarray
+    record: np.ndarray
+    force: np.ndarray
 
-    @property
-    def forced(self) -> np.ndarray:
-        """What u at the end of a step and at its start add, shape (14, w)."""
+    def rows(self, begin: int, stop: int) -> Steps:
+        """Return steps `begin` to `stop` of these."""
+        stages = len(self.mesh_inputs) // len(self.inputs)
+        steps = slice(begin, stop)
+        mesh_inputs = self.mesh_inputs[stages * begin : stages * stop]
+        return Steps(mesh_inputs, self.inputs[steps], self.forced[steps], self.record[steps], self.force[steps])
 
-    @property
-    def output(self) -> np.ndarray:
-        """Outputs from a row of the record, shape (r, o): the rows wanted of q − q_s, then of q̈."""
 
-    @property
-    def tail(self) -> int:
-        """Last columns of a row of the record that any output may need (see `output.Output`)."""
+class Method(ABC, Generic[StateT]):
+    """An integration method, see the module.
 
-    def begin(self, displacement: np.ndarray, velocity: np.ndarray, excess: np.ndarray, held: np.ndarray) -> np.ndarray:
-        """Stand at q − q_s and q̇, each (n,), with the couplings' g a step before and now (2, 2L) and what is held.
+    Attributes
+    ----------
+    stages : tuple of float
+        Instants within a step, as shares of it, at which the mesh inputs are wanted.
+    states : int
+        Number of states integrated.
+    forced : (14, w) ndarray
+        What u at the end of a step and at its start add.
+    output : (r, o) ndarray
+        Outputs from a row of the record: the rows wanted of q − q_s, then of q̈.
+    tail : int
+        Last columns of a row of the record that any output may need (see `output.Output`).
+    """
 
-        Returns
-        -------
-        (r − 7,) ndarray
-            Row of the record there, without its u.
-        """
+    stages: tuple[float, ...]
+    states: int
+    forced: np.ndarray
+    output: np.ndarray
+    tail: int
 
-    def advance(
-        self,
-        laws: Laws,
-        held: np.ndarray,
-        inputs: np.ndarray,
-        forced: np.ndarray,
-        record: np.ndarray,
-        force: np.ndarray,
-    ) -> int:
-        """Advance by n steps.
+    @abstractmethod
+    def start(self, start: Start) -> tuple[StateT, np.ndarray]:
+        """State and row of the record, (r − 7,), at the start of a run."""
 
-        Parameters
-        ----------
-        laws : Laws
-        held : (n · stages, 3, 2L) ndarray
-            From `laws.Held`.
-        inputs : (n, 14) ndarray
-            u at the end and at the start of each step.
-        forced : (n, w) ndarray
-            Inputs times `forced`.
-        record : (n, r) ndarray
-            Written, but for the last 7 columns.
-        force : (n, 2L) ndarray
-            Written: forces of the couplings (N, N·m).
-        """
+    @abstractmethod
+    def advance(self, laws: CouplingLaws, steps: Steps, state: StateT) -> int:
+        """Take a state n steps further in place; returns the number of steps whose motion is finite."""
+
+
+def refuse_coarse(gain_at: Callable[[float], np.ndarray], step: float, gain: np.ndarray) -> None:
+    """Refuse a step over which the stiffest meshes swing too far for the iteration to settle.
+
+    Parameters
+    ----------
+    gain_at : callable
+        From a step (s) what the residual of open meshes at its end adds to itself there, (k, k): its size is about
+        (ω τ)²/6, ω the natural frequency of a pinion on its teeth.
+    step : float
+        τ (s).
+    gain : (k, k) ndarray
+        That at the step wanted.
+
+    Raises
+    ------
+    SimulationError
+        Rounds that would not settle.
+    """
+    if _settles(gain):
+        return
+    allowed = min(0.5 * step, _LONGEST_S)
+    while not _settles(gain_at(allowed)):
+        allowed *= 0.5
+    raise SimulationError(
+        f"time_step {step:g} s: too coarse for the stiffest mesh vibration; {allowed:.2g} s is short enough"
+    )
+
+
+def _settles(gain: np.ndarray) -> bool:
+    return float(np.abs(np.linalg.eigvals(gain)).max()) < _SLOWEST

@@ -69,8 +69,8 @@ def scalar_responses(values: np.ndarray, step: float) -> np.ndarray:
     Returns
     -------
     (6, n) ndarray
-        Transfer; input linear over the step by its value now and at the end; g quadratic through its values a step
-        before, now and at the end.
+        Transfer; input linear over the step by its value now and at the end; residual quadratic through its values a
+        step before, now and at the end.
     """
     augmented = np.zeros((len(values), 4, 4), dtype=complex)
     augmented[:, 0, 0] = values * step

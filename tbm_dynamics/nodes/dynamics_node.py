@@ -16,8 +16,7 @@ from tbm_dynamics import Machine, MachineError, OperatingPoint, load_machine
 from tbm_dynamics.integration.simulator import Chunk
 from tbm_dynamics.loads.stepper import LOAD_MODELS
 from tbm_dynamics.nodes.pace import Pace
-from tbm_dynamics.streaming.live import LiveFilter
-from tbm_dynamics.streaming.sensors import SensorModel, SensorPacket, SensorParameters
+from tbm_dynamics.streaming.sensors import LiveFilter, SensorModel, SensorPacket, SensorParameters
 from tbm_dynamics.streaming.streams import DynamicsStream, step_ns
 from tbm_dynamics.structure.drive import gear_pair
 from tbm_msgs_py import blocks, topics

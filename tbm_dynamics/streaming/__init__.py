@@ -1,1 +1,1 @@
-"""What turns a machine into a stream: schedules, runs, blocks, gaps, sensors. No ROS."""
+"""From a machine to a stream: schedules, runs, blocks, gaps, sensors. No ROS."""

@@ -35,7 +35,7 @@ class Schedule:
     speed, torque, thrust : (n,) array_like
         rad/s, N·m, N.
     places : tuple of str
-        What error messages call the rows, e.g. ``cycle.csv: line 7``; ``schedule: row 1`` … by default.
+        Names of the rows in error messages, e.g. ``cycle.csv: line 7``; ``schedule: row 1`` … by default.
 
     Raises
     ------
@@ -73,7 +73,7 @@ class Schedule:
         return OperatingPoint(*(float(np.interp(time, times, column)) for column in values))
 
     def rows(self) -> Iterator[tuple[str, OperatingPoint]]:
-        """Rows in order: what messages call each, and its operating point."""
+        """Name in messages and operating point of each row, in order."""
         table: NDArray[np.float64] = np.array([self.speed, self.torque, self.thrust]).T
         for place, row in zip(self.places, table, strict=True):
             yield place, OperatingPoint(*map(float, row))
@@ -115,34 +115,34 @@ def read_schedule(
 
 
 def _schedule(path: str | Path, lines: Iterable[str], chosen: Mapping[str, str], where: Mapping[str, str]) -> Schedule:
-    """Take the chosen columns, in SI units, of the rows that have what is asked for."""
+    """Schedule of the chosen columns, in SI units, of the rows whose cells are those of `where`."""
     rows = csv.DictReader(lines)
     header = [name.strip() for name in rows.fieldnames or ()]
     rows.fieldnames = header
     wanted_columns = (*chosen.values(), *where)
     for name in wanted_columns:
         if name not in header:
-            # Of a file without any of them nothing is quoted: over ROS anybody may name it.
+            # Nothing is quoted of a file without any of them: over ROS anybody may name it.
             there = f", there are {listed(header)}" if set(header) & set(wanted_columns) else ""
             raise MachineError(f"{path}: line 1: no column {name!r}{there}")
-    taken = [
+    chosen_rows = [
         (f"{path}: line {rows.line_num}", row)
         for row in rows
         if all((row[name] or "").strip() == text for name, text in where.items())
     ]
-    if not taken:
+    if not chosen_rows:
         wanted = " and ".join(f"{name} = {text!r}" for name, text in where.items())
         raise MachineError(f"{path}: no row{f' with {wanted}' if wanted else ''}")
     table = {
-        key: np.array([_number(place, column, row[column]) for place, row in taken]) * _TO_SI[key]
+        key: np.array([_number(place, column, row[column]) for place, row in chosen_rows]) * _TO_SI[key]
         for key, column in chosen.items()
     }
     table["time"] -= table["time"][0]
-    return Schedule(**table, places=tuple(place for place, _ in taken))
+    return Schedule(**table, places=tuple(place for place, _ in chosen_rows))
 
 
 def pairs(name: str, given: Iterable[str]) -> dict[str, str]:
-    """Read texts of the form ``key=value``, as parameters and options give them.
+    """Read texts of the form ``key=value``, as of parameters and options.
 
     Raises
     ------

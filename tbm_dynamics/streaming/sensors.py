@@ -1,7 +1,7 @@
-"""The accelerometer model: what a wireless sensor on the machine would have recorded of the model's acceleration.
+"""Accelerometer model: what a wireless sensor on the machine records of the model's acceleration; slow live copies.
 
-In the order of a real one: mounting rotation and gravity, anti-alias filter, sampling, bias and noise, range,
-quantisation, packets with a clock of their own, lost packets. The default parameters leave only plain decimation.
+The sensor, in the order of a real one: mounting rotation and gravity, anti-alias filter, sampling, bias and noise,
+range, quantisation, packets with a clock of their own, lost packets. The default parameters leave plain decimation.
 """
 
 from dataclasses import dataclass
@@ -9,22 +9,23 @@ from typing import Self
 
 import numpy as np
 import scipy.signal
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from pydantic import BaseModel, ConfigDict, Field, FiniteFloat, model_validator
 from scipy.spatial.transform import Rotation
 
 from tbm_dynamics.loads.noise import hashed_generator
+from tbm_msgs_py.base.causal_filter import CausalFilter, FloatArray
 from tbm_msgs_py.base.errors import InputError
 from tbm_msgs_py.base.units import NANOSECONDS, STANDARD_GRAVITY
 
-FloatArray = NDArray[np.float64]
-
 GRAVITY = np.array([0.0, 0.0, STANDARD_GRAVITY])  # m/s²; an accelerometer at rest reads its support, upwards
 FILTER_ORDER = 8
+LIVE_ORDER = 6
+LIVE_CORNER = 0.4  # of the low-pass before a live copy, over the rate of the copy
 
 
 class SensorParameters(BaseModel):
-    """What one accelerometer does to the signal. Zero switches an effect off.
+    """Effects of one accelerometer on the signal; zero switches one off.
 
     Attributes
     ----------
@@ -125,7 +126,8 @@ class SensorModel:
         self._decimation = input_rate_hz // rate
         self._rotation = Rotation.from_euler("xyz", parameters.mounting_rotation, degrees=True).as_matrix()
         self._offset = GRAVITY * parameters.gravity
-        self._filter = _AntiAlias(parameters.anti_alias_hz, input_rate_hz) if parameters.anti_alias_hz else None
+        corner = parameters.anti_alias_hz
+        self._filter = _low_pass(FILTER_ORDER, corner, input_rate_hz) if corner else None
         self._next_step: int | None = None
         self._first = 0  # absolute index of the first pending sample
         self._pending = np.empty((0, 3))
@@ -169,7 +171,7 @@ class SensorModel:
         return self._send(len(self._pending)) if len(self._pending) else []
 
     def _sample(self, first_step: int, rows: FloatArray) -> tuple[FloatArray, int]:
-        """Take the samples (m, 3) before the converter, in the sensor axes, and the absolute index of the first."""
+        """Sample before the converter: (m, 3) in the sensor axes, and the absolute index of the first."""
         total = rows + self._offset
         # Written out, because a BLAS product may round differently for another number of rows.
         turned = sum(total[:, axis : axis + 1] * self._rotation[axis] for axis in range(3))
@@ -179,7 +181,7 @@ class SensorModel:
         return turned[skipped :: self._decimation], (first_step + skipped) // self._decimation
 
     def _send(self, count: int) -> list[SensorPacket]:
-        """Cut `count` samples off the pending ones; an empty list if their packet gets lost."""
+        """Packet of the first `count` pending samples; an empty list if it gets lost."""
         parameters, first = self.parameters, self._first
         samples, self._pending = self._pending[:count], self._pending[count:]
         self._first += count
@@ -215,22 +217,29 @@ class SensorModel:
         return true + drift + round(self.parameters.clock_offset * NANOSECONDS)
 
 
-class _AntiAlias:
-    """Causal low-pass of three channels, its state carried; it starts as if the first value had always been there."""
+class LiveFilter:
+    """Slow copy of a fast signal for live display: low-pass and every `stride`-th sample, causal, in any chunks.
 
-    def __init__(self, corner_hz: float, rate_hz: float) -> None:
-        self._sections = scipy.signal.butter(FILTER_ORDER, corner_hz, fs=rate_hz, output="sos")
-        self._steady = scipy.signal.sosfilt_zi(self._sections)[:, :, None]
-        self._state: FloatArray | None = None
+    Parameters
+    ----------
+    rate_hz : float
+        Of the input.
+    stride : int
+        Input samples per output sample.
+    """
 
-    def reset(self) -> None:
-        self._state = None
+    def __init__(self, rate_hz: float, stride: int) -> None:
+        self._stride = stride
+        self._filter = _low_pass(LIVE_ORDER, LIVE_CORNER * rate_hz / stride, rate_hz) if stride > 1 else None
 
-    def process(self, values: FloatArray) -> FloatArray:
-        if not len(values):
-            return values
-        if self._state is None:
-            self._state = self._steady * values[0]
-        filtered: FloatArray
-        filtered, self._state = scipy.signal.sosfilt(self._sections, values, axis=0, zi=self._state)
-        return filtered
+    def process(self, first_step: int, values: FloatArray) -> list[tuple[int, FloatArray]]:
+        """Filter consecutive samples (n, c); returns (step, sample (c,)) at every multiple of the stride."""
+        if self._filter:
+            values = self._filter.process(values)
+        first = -first_step % self._stride
+        return [(first_step + i, values[i]) for i in range(first, len(values), self._stride)]
+
+
+def _low_pass(order: int, corner_hz: float, rate_hz: float) -> CausalFilter:
+    """Butterworth low-pass."""
+    return CausalFilter(scipy.signal.butter(order, corner_hz, fs=rate_hz, output="sos"))

@@ -1,4 +1,4 @@
-"""A run from start to end: machine → response."""
+"""A run from start to end: from a machine to its response."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ _BLOCK_STEPS = 8192
 _CHANGE_S = 0.05  # blocks of a schedule: those of the load node
 
 Progress = Callable[[float], None]
-"""Called with the share of the run that is done, 0 to 1."""
+"""Called with the fraction of the run that is done, 0 to 1."""
 
 
 def simulate(
@@ -71,7 +71,7 @@ def simulate(
     stream = LoadStream(machine, seed, time_step, min(samples, steps), loads, schedule)
     simulator = Simulator(system.under(stream.operating_point, stream.mean), nodes, time_step, method)
     run = Chunk(0, np.empty((steps, 2, len(nodes), 6)), np.empty((steps, system.couplings.drives)))
-    torque = _integrate(stream, simulator, run, progress or _silent)
+    torque = _integrate(stream, simulator, run, progress)
     drive = machine.description.driveshaft
     return Response(
         time=np.arange(steps) * time_step,
@@ -86,8 +86,8 @@ def simulate(
     )
 
 
-def _integrate(stream: LoadStream, simulator: Simulator, run: Chunk, progress: Progress) -> float:
-    """Fill a run from its loads; gives the mean torque of the cutterhead over it, N·m."""
+def _integrate(stream: LoadStream, simulator: Simulator, run: Chunk, progress: Progress | None) -> float:
+    """Integrate a run into its arrays; returns the mean torque of the cutterhead over it, N·m."""
     steps, torque = len(run.mesh_force), 0.0
     while (first := stream.next_step) < steps:
         before = stream.operating_point
@@ -97,9 +97,6 @@ def _integrate(stream: LoadStream, simulator: Simulator, run: Chunk, progress: P
             simulator.set_operating_point(block.operating_point, over=len(block.loads))
         simulator.step(block.loads[: part.stop - first], Chunk(first, run.motion[part], run.mesh_force[part]))
         torque += 0.5 * (before.torque + block.operating_point.torque) * (part.stop - first)
-        progress(part.stop / steps)
+        if progress:
+            progress(part.stop / steps)
     return torque / steps
-
-
-def _silent(share: float) -> None:
-    """Tell nobody."""

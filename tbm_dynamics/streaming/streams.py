@@ -1,4 +1,4 @@
-"""Live streams without ROS: what the nodes do with time, blocks and gaps.
+"""Live streams of loads and of the response, block by block, without ROS.
 
 Stream time is an integer step k from an epoch (ns): sample k belongs to epoch + k·dt.
 """
@@ -14,7 +14,7 @@ import numpy as np
 from tbm_dynamics.loads.stepper import LoadModel, load_stepper
 from tbm_dynamics.machine.machine import Machine
 from tbm_dynamics.response import default_outputs
-from tbm_dynamics.streaming.continuity import Continuity, Piece
+from tbm_dynamics.streaming.continuity import Continuity, StreamBlock
 from tbm_dynamics.streaming.schedule import Schedule
 from tbm_msgs_py.base.errors import InputError, MachineError, SimulationError
 from tbm_msgs_py.base.operating_point import OperatingPoint
@@ -151,7 +151,7 @@ class LoadStream:
         return LoadBlock(first, values, float(angle[0] % (2.0 * np.pi)), after)
 
     def _angle(self, point: OperatingPoint, time: np.ndarray) -> np.ndarray:
-        """Angle of the head (n,) at times (n,), rad: it counts on, since the chips follow each other along it."""
+        """Angle of the head (n,) at times (n,), rad, over all turns, since the chips follow each other along it."""
         since, angle = self._turning
         return angle + point.speed * (time - since)
 
@@ -165,7 +165,7 @@ class DynamicsStream:
     rate_hz : float
         Rate of the loads, and 1/time step.
     level : "spectral" or "cutter"
-        Of the loads that come: their mean is where a run starts.
+        Of the received loads: a run starts under their mean.
     longest_bridge : float
         s; a longer gap, or a jump back, starts the run afresh from the static equilibrium.
 
@@ -178,7 +178,7 @@ class DynamicsStream:
     epoch_ns : int
         Time of step 0.
     lost_steps, restarts, dropped : int
-        Load samples that never came; fresh starts after the first; blocks that did not belong to the stream.
+        Missing load samples; fresh starts after the first; blocks that did not belong to the stream.
     """
 
     def __init__(
@@ -194,15 +194,15 @@ class DynamicsStream:
         self.lost_steps = self.restarts = 0
         self.meshes = self._system.couplings.drives
         self._point = self._loads.reached(machine.operating_point)
-        self._ahead: list[tuple[int, OperatingPoint]] = []  # points asked for, by the time from which they hold
+        self._ahead: list[tuple[int, OperatingPoint]] = []  # operating points, by the time from which they hold
         self._last = np.zeros(6)
         self.epoch_ns = 0
         self._started = False
-        self._lost = False  # the state is that of a run that diverged
-        self._simulator = self._fresh()
+        self._diverged = False
+        self._simulator = self._new_simulator()
 
-    def _fresh(self) -> Simulator:
-        """Stand in the static equilibrium of the operating point asked for last."""
+    def _new_simulator(self) -> Simulator:
+        """Return a simulator in the static equilibrium of the operating point that holds now."""
         from tbm_dynamics.integration.simulator import Simulator  # noqa: PLC0415 - a stream of loads needs none
 
         self._changed = False  # the operating point, since the last block
@@ -235,8 +235,8 @@ class DynamicsStream:
         """
         self._ahead.append((stamp_ns, self._loads.reached(point)))
 
-    def _reach(self, stamp_ns: int) -> None:
-        """Take the operating points up to a time; the last one holds."""
+    def _apply_points(self, stamp_ns: int) -> None:
+        """Apply the operating points up to a time; the last one holds."""
         for stamp, point in self._ahead:
             if stamp <= stamp_ns and point != self._point:
                 self._point, self._changed = point, True
@@ -245,8 +245,8 @@ class DynamicsStream:
     def process(self, stamp_ns: int, loads: np.ndarray) -> list[Chunk]:
         """Integrate over a block of loads (n, 6) whose first sample belongs to `stamp_ns`.
 
-        Returns the chunk of the block; none while it waits, and several when what waited is believed, the straight
-        line over a gap before it among them: see `Continuity`.
+        Returns the chunk of the block; none while it waits, and several when blocks that waited are admitted, the
+        straight line over a gap before them among these: see `Continuity`.
 
         Raises
         ------
@@ -255,19 +255,18 @@ class DynamicsStream:
         """
         if not np.isfinite(loads).all():
             raise SimulationError("loads hold a value that is not finite")
-        begins = self._lost or not self._started
+        begins = self._diverged or not self._started
         end = None if begins else self.epoch_ns + self._simulator.next_step * self._step
-        block = Piece(stamp_ns, stamp_ns + len(loads) * self._step, self._step / 2, len(loads), loads)
-        return [
-            chunk for piece in self._continuity.take(block, end) for chunk in self._go_on(piece.begin_ns, piece.content)
-        ]
+        block = StreamBlock(stamp_ns, stamp_ns + len(loads) * self._step, self._step / 2, len(loads), loads)
+        admitted = self._continuity.add(block, end)
+        return [chunk for block in admitted for chunk in self._integrate(block.begin_ns, block.content)]
 
-    def _go_on(self, stamp_ns: int, loads: np.ndarray) -> list[Chunk]:
+    def _integrate(self, stamp_ns: int, loads: np.ndarray) -> list[Chunk]:
         """Integrate over a block of the stream, and over the gap before it."""
-        self._reach(stamp_ns - 1)
+        self._apply_points(stamp_ns - 1)
         missing = self._missing(stamp_ns)
-        self._reach(stamp_ns)
-        self._lost = True
+        self._apply_points(stamp_ns)
+        self._diverged = True
         bridge = []
         if missing:
             self.lost_steps += missing
@@ -277,18 +276,18 @@ class DynamicsStream:
             self._simulator.set_operating_point(self._point, over=len(loads))
         self._changed = False
         chunk = self._simulator.step(loads)
-        self._lost = False
+        self._diverged = False
         self._last = loads[-1].copy()
         return [*bridge, chunk]
 
     def _missing(self, stamp_ns: int) -> int:
-        """Count the steps between what has come and this stamp; a stamp that does not follow starts afresh."""
+        """Return the number of steps missing before a stamp; one that does not follow starts the run afresh."""
         if self._started:
             missing = round((stamp_ns - self.epoch_ns) / self._step) - self._simulator.next_step
-            if 0 <= missing <= self._longest and not self._lost:
+            if 0 <= missing <= self._longest and not self._diverged:
                 return missing
             self.restarts += 1
         if self._started or self._changed:
-            self._simulator = self._fresh()
+            self._simulator = self._new_simulator()
         self.epoch_ns, self._started = stamp_ns, True
         return 0

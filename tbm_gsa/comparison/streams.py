@@ -6,7 +6,7 @@ from typing import Literal
 
 import numpy as np
 
-from tbm_dynamics.streaming.continuity import Continuity, Piece
+from tbm_dynamics.streaming.continuity import Continuity, StreamBlock
 from tbm_gsa.comparison.pace import Pace
 from tbm_gsa.signals.clock import GAP_PERIODS, sampling_rate
 from tbm_gsa.signals.conditioning import HIGH_PASS_HZ, Band, CausalConditioner, common_band
@@ -172,12 +172,12 @@ class _Stream:
         length = int(times[-1] - times[0])
         period = length / (len(times) - 1) if length > 0 else self._period_ns
         slack = max(SLACK_NS, length / 2.0, GAP_PERIODS * period)
-        piece = Piece(int(times[0]), round(times[-1] + period), slack, len(times), (times, rows))
+        block = StreamBlock(int(times[0]), round(times[-1] + period), slack, len(times), (times, rows))
         end = None if self.latest_ns is None else round(self.latest_ns + period)
-        admitted = self._continuity.take(piece, end)
+        admitted = self._continuity.add(block, end)
         self._counters.late += self._continuity.dropped_samples - self._dropped
         self._dropped = self._continuity.dropped_samples
-        return [piece.content for piece in admitted]
+        return [block.content for block in admitted]
 
     def is_behind(self, times: Integers) -> bool:
         """Whether samples at these times (n,), ns, that were admitted, belong to a new run of the clock."""

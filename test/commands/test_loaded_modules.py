@@ -70,9 +70,8 @@ def work():
     stream.next_block()
 """,
     "dynamics": """
-from tbm_dynamics.streaming.live import LiveFilter
-from tbm_dynamics import load_machine
-from tbm_dynamics.streaming.sensors import SensorModel, SensorParameters
+from tbm_dynamics.machine.machine import load_machine
+from tbm_dynamics.streaming.sensors import LiveFilter, SensorModel, SensorParameters
 from tbm_dynamics.streaming.streams import DynamicsStream
 
 stream = DynamicsStream(load_machine("dz101"), 1e4)

@@ -5,7 +5,7 @@ from itertools import pairwise
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
-from tbm_dynamics.streaming.continuity import BELIEVED_NS, MOST_RUNS, Continuity, Piece
+from tbm_dynamics.streaming.continuity import CONFIRMED_NS, MOST_SEQUENCES, Continuity, StreamBlock
 
 STEP, COUNT = 1_000_000, 50  # ns; samples of a block of 50 ms
 LENGTH = STEP * COUNT
@@ -14,7 +14,7 @@ START = 1_700_000_000 * 10**9
 
 
 def block(stamp):
-    return Piece(stamp, stamp + LENGTH, STEP / 2, COUNT, None)
+    return StreamBlock(stamp, stamp + LENGTH, STEP / 2, COUNT, None)
 
 
 class Stream:
@@ -24,9 +24,9 @@ class Stream:
         self.continuity, self.end, self.admitted = Continuity(LONGEST, **options), None, []
 
     def send(self, stamp):
-        for taken in self.continuity.take(block(stamp), self.end):
-            self.admitted.append(taken.begin_ns)
-            self.end = taken.end_ns
+        for admitted in self.continuity.add(block(stamp), self.end):
+            self.admitted.append(admitted.begin_ns)
+            self.end = admitted.end_ns
 
 
 def own(count, first=0):
@@ -38,7 +38,7 @@ near = st.integers(-3 * LONGEST, 3 * LONGEST)
 
 
 @given(st.lists(st.tuples(st.booleans(), st.one_of(far, near)), min_size=1, max_size=40))
-def test_what_comes_between_the_blocks_of_a_stream_changes_nothing(others):
+def test_blocks_between_those_of_a_stream_change_nothing(others):
     stream, strays = Stream(), 0
     for stamp, (stray, offset) in zip(own(len(others)), others, strict=True):
         stream.send(stamp)
@@ -52,7 +52,7 @@ def test_what_comes_between_the_blocks_of_a_stream_changes_nothing(others):
 
 
 @given(st.lists(st.booleans(), max_size=60))
-def test_nothing_that_came_of_a_stream_with_losses_is_left_out(lost):
+def test_no_block_of_a_stream_with_losses_is_left_out(lost):
     stream = Stream()
     came = [stamp for stamp, gone in zip(own(len(lost), 3), lost, strict=True) if not gone]
     came = [*own(3), *came, *own(3, first=len(lost) + 3 + 39)]
@@ -65,7 +65,7 @@ def test_nothing_that_came_of_a_stream_with_losses_is_left_out(lost):
 
 
 @given(st.one_of(far, near), st.integers(10, 15))
-def test_a_stream_that_jumped_is_believed_as_a_whole(jump, count):
+def test_a_stream_that_jumped_is_admitted_as_a_whole(jump, count):
     stream = Stream()
     for stamp in own(2):
         stream.send(stamp)
@@ -73,20 +73,23 @@ def test_a_stream_that_jumped_is_believed_as_a_whole(jump, count):
     assume(all(2 * abs(stamp - stream.end) >= STEP for stamp in jumped))  # else it is the stream after all
     for stamp in jumped:
         stream.send(stamp)
-    assert count * LENGTH >= BELIEVED_NS
+    assert count * LENGTH >= CONFIRMED_NS
     assert stream.admitted == own(2) + jumped
 
 
-def test_what_does_not_belong_together_is_not_believed():
+def test_blocks_that_follow_no_other_are_not_admitted():
     stream = Stream()
-    others = [START + (-1) ** k * (k + 1) * 10**12 for k in range(2 * MOST_RUNS)]
+    others = [START + (-1) ** k * (k + 1) * 10**12 for k in range(2 * MOST_SEQUENCES)]
     for stamp in (START, *others):
         stream.send(stamp)
     assert stream.admitted == [START]
-    assert stream.continuity.dropped == MOST_RUNS  # no more than so many wait
+    assert stream.continuity.dropped == MOST_SEQUENCES  # no more than so many wait
     stream.send(START + LENGTH)
     assert stream.admitted == own(2)
-    assert (stream.continuity.dropped, stream.continuity.dropped_samples) == (2 * MOST_RUNS, 2 * MOST_RUNS * COUNT)
+    assert (stream.continuity.dropped, stream.continuity.dropped_samples) == (
+        2 * MOST_SEQUENCES,
+        2 * MOST_SEQUENCES * COUNT,
+    )
 
 
 away = st.one_of(st.integers(11 * LENGTH, 10**18), st.integers(11 * LENGTH, 3 * LONGEST))
@@ -97,7 +100,7 @@ def test_a_loss_beside_other_publishers_is_got_over(lost, at, distance, side, ot
     """The stream neither stands still nor goes on with another, however their blocks alternate."""
     offset = side * distance
     if abs(offset) <= LONGEST + 20 * LENGTH:
-        lost = 1  # what is as near as the stream after a loss is believed as soon
+        lost = 1  # what is as near as the stream after a loss is admitted as soon
     stream, gone = Stream(jump_ns=JUMP), range(at + 3, at + 3 + lost)
     for k in range(40):
         if k not in gone:

@@ -1,6 +1,6 @@
 """Order of convergence of both methods, and the split basis for any number of drives.
 
-Sources: with loads that do not vary within a step what is left is the quadrature of the couplings' excess, of order 3
+Sources: with loads that do not vary within a step what is left is the quadrature of the couplings' residual, of order 3
 in the production method (implicit exponential Adams of two steps: Hochbruck and Ostermann, BIT 51, 2011) and of order
 4 in the reference (Lobatto); loads that run linearly between the steps, where they are curved, make it 2. Measured from
 three halvings of the step against an eighth of the smallest; orders to 0.15 (the reference is somewhat better than 4 in
@@ -32,7 +32,7 @@ def errors(method, amplitude=None):
         return Simulator(system, (1,), step, method).step(loads).mesh_force
 
     exact = force(FINEST)
-    assert exact.min() > 0.0  # a change of contact is no smooth excess
+    assert exact.min() > 0.0  # a change of contact is no smooth residual
     return [np.abs(force(step) - exact[:: round(step / FINEST)]).max() for step in STEPS]
 
 

@@ -11,7 +11,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from tbm_dynamics.streaming.live import LiveFilter
+from tbm_dynamics.streaming.sensors import LiveFilter
 
 RATE, STRIDE = 10_000.0, 200  # 50 Hz out, corner 20 Hz
 

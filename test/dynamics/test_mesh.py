@@ -12,7 +12,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from tbm_dynamics import load_machine
-from tbm_dynamics.integration.laws import Held, Laws, forces, lanes_for, widened
+from tbm_dynamics.integration.lanes import lanes_for, widened
+from tbm_dynamics.integration.laws import CouplingLaws, MeshInputs, coupling_forces
 from tbm_dynamics.mesh.error import composite_tolerances
 from tbm_dynamics.mesh.geometry import InternalPair
 from tbm_dynamics.mesh.ishikawa import mesh_stiffness
@@ -168,16 +169,18 @@ def test_every_gearbox_repeats_with_its_stages_and_planets(couplings):
 
 @settings(max_examples=20)
 @given(start=st.floats(0.0, 1e6), turn=st.floats(1e-4, 0.05))
-def test_what_a_block_holds_is_what_the_waves_say(couplings, start, turn):
+def test_mesh_inputs_of_a_block_are_the_sums_of_the_waves(couplings, start, turn):
     deflection = np.linspace(1e-4, 2e-4, 20)
-    held = Held(couplings, deflection, 8, (0.5, 1.0)).block(start, turn, 14.0).reshape(8, 2, 3, -1)
+    mesh_inputs = MeshInputs(couplings, deflection, 8, (0.5, 1.0))
+    mesh_inputs.fill(start, turn, 14.0)
+    values = mesh_inputs.values.reshape(8, 2, 3, -1)
     lanes = lanes_for(10)
     places = np.r_[0:10, lanes : lanes + 10]
     for stage, share in enumerate((0.5, 1.0)):
         stiffness, error, slope = couplings.waves.evaluate(start + (np.arange(8) + share) * turn)
-        assert held[:, stage, 0][:, places] == pytest.approx(stiffness, rel=1e-7)
-        assert held[:, stage, 1][:, places] == pytest.approx(deflection + error, abs=1e-10)
-        assert held[:, stage, 2][:, places] == pytest.approx(14.0 * slope, abs=1e-7)
+        assert values[:, stage, 0][:, places] == pytest.approx(stiffness, rel=1e-7)
+        assert values[:, stage, 1][:, places] == pytest.approx(deflection + error, abs=1e-10)
+        assert values[:, stage, 2][:, places] == pytest.approx(14.0 * slope, abs=1e-7)
 
 
 @pytest.mark.parametrize(
@@ -192,15 +195,15 @@ def test_what_a_block_holds_is_what_the_waves_say(couplings, start, turn):
     ],
 )
 def test_law_of_a_mesh(deflection, rate, expected):
-    # Statics 120 µm and 2e5 N, the rest as motion; g is what F is above the mean linear part. All lanes alike.
+    # Statics 120 µm and 2e5 N, the rest as motion; r is what F is above the mean linear part. All lanes alike.
     wide = np.ones(2 * lanes_for(1))
-    force, excess = np.empty((2, len(wide)))
+    force, residual = np.empty((2, len(wide)))
     motion = np.outer([deflection - 120e-6 - 10e-6, rate - 2e-3], wide)
-    held = np.array([[9e9], [120e-6 + 10e-6], [2e-3]]) * wide
-    laws = Laws(2e5 * wide, np.array([[8e9], [1e5], [150e-6]]) * wide)
-    forces(motion, held[None], 0, laws, force, excess)
+    mesh_inputs = np.array([[9e9], [120e-6 + 10e-6], [2e-3]]) * wide
+    laws = CouplingLaws(2e5 * wide, np.array([[8e9], [1e5], [150e-6]]) * wide)
+    coupling_forces(motion, mesh_inputs[None], 0, laws, force, residual)
     assert force == pytest.approx(expected * wide, rel=1e-9, abs=1e-6)
-    assert excess == pytest.approx(expected - 2e5 - 8e9 * motion[0] - 1e5 * motion[1], rel=1e-9)
+    assert residual == pytest.approx(expected - 2e5 - 8e9 * motion[0] - 1e5 * motion[1], rel=1e-9)
 
 
 def test_idle_lanes_stay_idle():

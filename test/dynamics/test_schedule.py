@@ -165,7 +165,7 @@ def test_operating_points_beyond_the_machine(machine, point, message):
         LoadStream(machine, 0, TIME_STEP, SAMPLES, schedule=Schedule([0.0, 1.0], *columns))
 
 
-def test_a_thrust_that_friction_takes_up_is_no_point_of_the_cutter_level(machine):
+def test_the_cutter_level_refuses_a_thrust_below_friction(machine):
     stream = LoadStream(machine, 0, TIME_STEP, SAMPLES, "cutter")
     with pytest.raises(MachineError, match=r"^operating point: thrust 4000 kN, allowed are 4480 kN, which friction"):
         stream.set_operating_point(replace(machine.operating_point, thrust=4e6))

@@ -128,7 +128,7 @@ def test_reduced_against_full_on_the_shipped_machine():
 
 
 @pytest.mark.parametrize("seed", [0, pytest.param(3, marks=pytest.mark.verify)])
-def test_every_indicator_of_the_shipped_machine_while_the_teeth_strike(seed):
+def test_indicators_of_the_shipped_machine_while_teeth_strike(seed):
     # Low torque and eight times the error: teeth strike on both flanks. The loads run linearly between the steps.
     machine = load_machine("dz101").with_inputs(x2=1000.0, x8=8.0)
     system, steps, finer = machine.assemble(), 3000, 10

@@ -13,6 +13,10 @@ from hypothesis import strategies as st
 from machine_files import built, small
 
 from tbm_dynamics import Machine, SimulationError, Simulator, load_machine, simulate
+from tbm_dynamics.integration import simulator
+from tbm_dynamics.integration.condensed import Condensed
+from tbm_dynamics.integration.lobatto import Lobatto
+from tbm_dynamics.structure.system import DIRECTIONS
 
 STEPS = 700
 NODES = (3, 8, 14)
@@ -72,6 +76,16 @@ def test_one_step_at_a_time_across_a_border_of_the_output_blocks(system, loads, 
     run = Simulator(system, NODES)
     pieces = [loads[:1], loads[1:250], *(loads[i : i + 1] for i in range(250, 262)), loads[262:]]
     assert same([run.step(piece) for piece in pieces], whole)
+
+
+@pytest.mark.parametrize(("name", "home"), [("reduced", Condensed), ("full", Lobatto)])
+def test_two_runs_in_turn_share_one_method(system, loads, monkeypatch, name, home):
+    expected = Simulator(system, NODES, method=name).step(loads[:40])
+    method = home(system, np.array([system.dof(node, d) for node in NODES for d in DIRECTIONS]), 1e-4)
+    monkeypatch.setattr(simulator, home.__name__, lambda *_: method)
+    runs = [Simulator(system, NODES, method=name) for _ in range(2)]
+    pieces = [[run.step(part) for run in runs] for part in np.split(loads[:40], [7, 8, 30])]
+    assert all(same(chunks, expected) for chunks in zip(*pieces, strict=True))
 
 
 def test_other_outputs_do_not_change_the_motion(system, loads, whole):
@@ -134,7 +148,7 @@ def test_a_time_step_that_is_none(system, step):
         Simulator(system, NODES, step)
 
 
-def test_a_torque_reached_over_some_steps_is_reached_step_by_step(machine, system, loads):
+def test_a_torque_ramp_is_the_torque_of_each_of_its_steps(machine, system, loads):
     point, steps = machine.operating_point, 40
     half = replace(point, torque=0.5 * point.torque)
     at_once, by_hand = Simulator(system, NODES), Simulator(system, NODES)

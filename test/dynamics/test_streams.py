@@ -112,7 +112,7 @@ def test_a_second_publisher_changes_no_bit(machine, offset):
     assert (stream.dropped, stream.restarts, stream.lost_steps) == (6, 0, 0)
 
 
-def test_an_operating_point_holds_from_its_stamp_on_whenever_its_message_comes(machine):
+def test_an_operating_point_holds_from_its_stamp_on(machine):
     half = replace(machine.operating_point, torque=0.5 * machine.operating_point.torque)
     sent, runs = blocks(machine, 4), []
     for early in (0, 2):
@@ -147,7 +147,7 @@ def test_refused_loads_become_a_gap(machine):
     assert (stream.lost_steps, stream.dropped) == (200, 0)
 
 
-def test_a_change_of_the_operating_point_is_spread_over_one_block(machine):
+def test_a_new_operating_point_is_reached_over_one_block(machine):
     stream = LoadStream(machine, 4, TIME_STEP, SAMPLES)
     still = LoadStream(machine, 4, TIME_STEP, SAMPLES)
     before = machine.operating_point
@@ -165,7 +165,7 @@ def test_a_change_of_the_operating_point_is_spread_over_one_block(machine):
     assert (later.head_angle - found.head_angle) / (unchanged.head_angle - same.head_angle) == pytest.approx(1.1)
 
 
-def test_a_run_starts_and_restarts_in_the_equilibrium_of_its_operating_point(machine):
+def test_a_run_starts_in_the_equilibrium_of_its_operating_point(machine):
     # An operating point that comes before the first block is where the run starts: as the variant does offline.
     variant = machine.with_inputs(x1=5.9, x2=1800.0, x3=9000.0)
     sent = blocks(variant, 8)

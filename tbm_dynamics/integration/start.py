@@ -1,0 +1,71 @@
+"""Where a run starts: the static equilibrium at mesh phase 0, moving with it as the teeth turn."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from tbm_dynamics.integration.lanes import widened
+from tbm_dynamics.integration.laws import CouplingLaws, coupling_forces
+from tbm_dynamics.structure.system import System
+
+_INSTANT = 1e-6  # of a mesh cycle, over which the equilibrium is differentiated
+
+
+@dataclass(frozen=True)
+class Start:
+    """Static equilibrium, and motion about it.
+
+    Attributes
+    ----------
+    equilibrium : (n,) ndarray
+        Displacement q_s.
+    deflection : (2p,) ndarray
+        Of the couplings there.
+    laws : CouplingLaws
+    displacement, velocity : (n,) ndarray
+        q − q_s and q̇.
+    residual : (2, 2L) ndarray
+        Residual forces of the couplings a step before and now.
+    mesh_inputs : (3, 2L) ndarray
+        Now.
+    force : (2L,) ndarray
+        Of the couplings now.
+    """
+
+    equilibrium: np.ndarray
+    deflection: np.ndarray
+    laws: CouplingLaws
+    displacement: np.ndarray
+    velocity: np.ndarray
+    residual: np.ndarray
+    mesh_inputs: np.ndarray
+    force: np.ndarray
+
+
+def static_start(system: System, rate: float, time_step: float) -> Start:
+    """Start of a run of a system whose meshes turn at `rate` (Hz), in steps of `time_step` (s).
+
+    Without the motion that the equilibrium has as the teeth turn, the error rate of the meshes would strike the pinions
+    at the first step.
+    """
+    couplings = system.couplings
+    stiffness, error, slope = couplings.waves.evaluate(np.array([-rate * time_step, 0.0, -_INSTANT, _INSTANT]))
+    slope *= rate
+    before, still, *around = (system.equilibrium(k, e) for k, e in zip(stiffness, error, strict=True))
+    velocity = (around[1].displacement - around[0].displacement) * (rate / (2.0 * _INSTANT))
+    # The dampers hold that motion back a little: shift the start to where no net force is left.
+    rows = couplings.rows
+    offset = -system.solve(system.C @ velocity + rows.T @ (couplings.damping * slope[1]))
+    deflection, p = rows @ still.displacement, couplings.drives
+    laws = CouplingLaws(
+        statics=widened(still.force[None], p)[0],
+        constants=widened(np.array([couplings.stiffness, couplings.damping, couplings.half_gap]), p),
+    )
+    mesh_inputs = np.array([widened(np.array([stiffness[i], deflection + error[i], slope[i]]), p) for i in (0, 1)])
+    force, *residual = np.empty((3, mesh_inputs.shape[2]))
+    for i, place in enumerate((before.displacement - still.displacement + offset, offset)):
+        motion = widened(np.array([rows @ place, rows @ velocity]), p)
+        coupling_forces(motion, mesh_inputs, i, laws, force, residual[i])
+    return Start(still.displacement, deflection, laws, offset, velocity, np.array(residual), mesh_inputs[1], force)
