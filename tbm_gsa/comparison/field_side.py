@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from tbm_gsa.comparison.levels import Course
+from tbm_gsa.comparison.levels import OperatingHistory
 from tbm_gsa.comparison.model_run import MODEL_RATE_HZ
 from tbm_gsa.comparison.offline import compared_band
 from tbm_gsa.signals.clock import sampling_rate
@@ -52,7 +52,7 @@ def reduce_field(
     reader: RecordingReader,
     points: Collection[str],
     settings: Settings,
-    course: Course | None = None,
+    history: OperatingHistory | None = None,
     progress: Callable[[float], None] = lambda _: None,
 ) -> FieldSide:
     """Read a recording from beginning to end.
@@ -63,13 +63,13 @@ def reduce_field(
     points : collection of str
         Points to reduce; the others are counted only.
     settings : Settings
-    course : Course, optional
+    history : OperatingHistory, optional
         Levels of operation, if they are known and several.
     progress : callable
         Called with the seconds of the recording that are done.
     """
     tally = Tally(reader)
-    intakes = {point: _Intake(reader.points[point].frame, settings, course) for point in points}
+    intakes = {point: _Intake(reader.points[point].frame, settings, history) for point in points}
     for piece in reader.pieces():
         tally.add(piece)
         for point, record in piece.items():
@@ -88,8 +88,8 @@ def reduce_field(
 class _Intake:
     """Pieces of one point: the first ones wait until the sampling rate is known."""
 
-    def __init__(self, frame: Frame, settings: Settings, course: Course | None) -> None:
-        self._frame, self._settings, self._course = frame, settings, course
+    def __init__(self, frame: Frame, settings: Settings, history: OperatingHistory | None) -> None:
+        self._frame, self._settings, self._history = frame, settings, history
         self._waiting: list[AccelerationRecord] = []
         self._origin_ns = 0
         self._reducer: SignalReducer | None = None
@@ -128,7 +128,7 @@ class _Intake:
     def _begin(self) -> None:
         self._origin_ns = self._waiting[0].start_ns
         rate = sampling_rate(np.concatenate([self._seconds(record) for record in self._waiting]))
-        level_of = self._course.level_of(self._origin_ns) if self._course else one_level
+        level_of = self._history.level_of(self._origin_ns) if self._history else one_level
         band = compared_band(rate, MODEL_RATE_HZ, self._settings)
         self._reducer = SignalReducer(rate, band, self._frame, self._settings, level_of)
 

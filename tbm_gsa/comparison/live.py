@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from tbm_gsa.comparison.levels import Kind
+from tbm_gsa.comparison.results import Kind
 from tbm_gsa.comparison.streams import SOURCES, ClosedWindow, PointStreams, Source, StreamCounters
 from tbm_gsa.signals.statistics import ratio, relative_error
 from tbm_msgs_py.base.arrays import Array, Integers

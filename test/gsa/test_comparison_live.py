@@ -1,10 +1,10 @@
 from collections.abc import Iterator
 from dataclasses import replace
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
 import scipy.stats
+from compared_signals import compared
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -13,7 +13,6 @@ from tbm_gsa.comparison import (
     UsualError,
     WindowedComparison,
     WindowResult,
-    compare_records,
     dead_axes,
 )
 from tbm_gsa.comparison.streams import WindowSum
@@ -88,9 +87,7 @@ def test_peak_crest_factor_and_kurtosis_agree_with_the_offline_ones(frame):
             part = slice(k * RATES[source] // 20, (k + 1) * RATES[source] // 20)
             offsets = times[source][part] - k * 0.05
             results += comparison.feed("shield", source, EPOCH + k * step, offsets, values[part])
-    record = SimpleNamespace(time=times["field"], values=signals["field"], rate_hz=RATES["field"])
-    model = {"shield": (times["model"], signals["model"])}
-    axes = compare_records({"shield": record}, model, frames={"shield": frame}).points["shield"].axes
+    axes = compared(*((times[source], signals[source]) for source in ("field", "model")), frame=frame).axes
     assert len(results) == 5
     for column, axis in enumerate(axes):
         for name in ("field_peak", "field_crest_factor", "field_kurtosis"):
