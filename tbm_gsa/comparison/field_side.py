@@ -10,7 +10,7 @@ from tbm_gsa.comparison.model_run import MODEL_RATE_HZ
 from tbm_gsa.comparison.offline import compared_band
 from tbm_gsa.signals.clock import sampling_rate
 from tbm_gsa.signals.conditioning import Frame
-from tbm_gsa.signals.reduction import ReducedSignal, SignalReducer, one_level
+from tbm_gsa.signals.reduction import ReducedSignal, SignalReducer
 from tbm_gsa.signals.settings import Settings
 from tbm_msgs_py.base.errors import InputError
 from tbm_msgs_py.recordings.health import PointHealth, Tally
@@ -128,7 +128,7 @@ class _Intake:
     def _begin(self) -> None:
         self._origin_ns = self._waiting[0].start_ns
         rate = sampling_rate(np.concatenate([self._seconds(record) for record in self._waiting]))
-        level_of = self._history.level_of(self._origin_ns) if self._history else one_level
+        level_of = self._history.level_of(self._origin_ns) if self._history else None
         band = compared_band(rate, MODEL_RATE_HZ, self._settings)
         self._reducer = SignalReducer(rate, band, self._frame, self._settings, level_of)
 

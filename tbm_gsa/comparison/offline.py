@@ -19,7 +19,7 @@ from tbm_gsa.comparison.results import (
     numbers,
 )
 from tbm_gsa.signals.conditioning import Band, common_band
-from tbm_gsa.signals.estimates import SignalStatistics, estimate, field_sample, level_shares, model_sample
+from tbm_gsa.signals.estimates import SignalStatistics, estimate, level_shares
 from tbm_gsa.signals.intervals import error_interval
 from tbm_gsa.signals.reduction import ReducedSignal, Series
 from tbm_gsa.signals.settings import Settings, band_name
@@ -59,14 +59,13 @@ def compared_band(field_rate_hz: float, model_rate_hz: float, settings: Settings
     return band if settings.high_hz is None else Band(band.low, settings.high_hz)
 
 
-def compare_signals(field: ReducedSignal, model: Mapping[int, ReducedSignal], settings: Settings) -> PointComparison:
+def compare_signals(field: ReducedSignal, model: ReducedSignal, settings: Settings) -> PointComparison:
     """Comparison of what is left of both signals of a test point.
 
     Parameters
     ----------
-    field : ReducedSignal
-    model : mapping of int to ReducedSignal
-        The model's run at each level of operation. Windows of the recording at another level are left out.
+    field, model : ReducedSignal
+        Windows of the recording at a level that the model was not run at are left out.
     settings : Settings
 
     Raises
@@ -74,41 +73,37 @@ def compare_signals(field: ReducedSignal, model: Mapping[int, ReducedSignal], se
     InputError
         No window of the recording belongs to a level.
     """
-    shares = level_shares(field, model)
+    shares = level_shares(field, np.unique(model.level).tolist())
     if not shares:
         raise InputError("no window at a steady level of operation")
     both = _statistics(field, model, shares, settings)
-    levels = {
-        level: {
-            axis: _level_axis(*sides)
-            for axis, sides in (_statistics(field, model, {level: 1.0}, settings) if len(shares) > 1 else both).items()
-        }
+    by_level = {
+        level: _statistics(field, model, {level: 1.0}, settings) if len(shares) > 1 else both
         for level in shares
         if level in field.spectra
     }
+    levels = {level: {axis: _level_axis(*sides) for axis, sides in at.items()} for level, at in by_level.items()}
     share = coverage(float(field.windows.count.sum()), field.rate_hz, field.duration)
     axes = {}
     for number, (axis, sides) in enumerate(both.items()):
         model_rms = {level: found[axis].model_rms for level, found in levels.items()}
         axes[axis] = _axis(*sides, share, _windows(field, number, model_rms, settings))
-    longest = model[max(shares, key=shares.__getitem__)]
     return PointComparison(
         axes,
         {axis: AxisSpectra(field=_spectrum(one), model=_spectrum(other)) for axis, (one, other) in both.items()},
         PointBand(
-            low_hz=field.band.low, high_hz=field.band.high, field_rate_hz=field.rate_hz, model_rate_hz=longest.rate_hz
+            low_hz=field.band.low, high_hz=field.band.high, field_rate_hz=field.rate_hz, model_rate_hz=model.rate_hz
         ),
         levels,
-        (field.excerpt, longest.excerpt),
+        (field.excerpt, model.excerpt),
     )
 
 
 def _statistics(
-    field: ReducedSignal, model: Mapping[int, ReducedSignal], shares: Mapping[int, float], settings: Settings
+    field: ReducedSignal, model: ReducedSignal, shares: Mapping[int, float], settings: Settings
 ) -> dict[str, tuple[SignalStatistics, SignalStatistics]]:
     """Statistics of field and model over some levels, by axis."""
-    measured = estimate(field_sample(field, shares), field, settings)
-    computed = estimate(model_sample(model, shares), next(iter(model.values())), settings)
+    measured, computed = (estimate(signal, shares, settings) for signal in (field, model))
     return {axis: (measured[axis], computed[axis]) for axis in field.axes}
 
 

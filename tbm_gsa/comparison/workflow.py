@@ -22,7 +22,7 @@ from tbm_gsa.comparison.results import (
 )
 from tbm_gsa.provenance import machine_sha256, package_versions
 from tbm_gsa.signals.intervals import CONFIDENCE
-from tbm_gsa.signals.reduction import ReducedSignal, Series, SignalReducer
+from tbm_gsa.signals.reduction import ReducedSignal, Series, SignalReducer, one_level
 from tbm_gsa.signals.settings import Settings
 from tbm_msgs_py.bags.marks import is_synthetic
 from tbm_msgs_py.base.bounds import listed
@@ -193,30 +193,31 @@ def _model_side(
     settings: Settings,
     run: tuple[float, int],
     progress: Progress,
-) -> dict[int, dict[str, ReducedSignal]]:
-    """Run the model at every level that a window belongs to, for (duration, seed)."""
+) -> dict[str, ReducedSignal]:
+    """Signals of the model at every level that a window belongs to, for (duration, seed), by test point."""
     seen = {int(level) for signal in field.values() for level in signal.level}
-    predicted = {}
+    runs = []
     for level in sorted(seen & set(machines)):
         reducers = {
-            point: SignalReducer(MODEL_RATE_HZ, signal.band, "rotating" if "yz" in signal.axes else "fixed", settings)
+            point: SignalReducer(MODEL_RATE_HZ, signal.band, signal.frame, settings, one_level(level))
             for point, signal in field.items()
         }
         name = "model" if len(machines) == 1 else f"model, level {level + 1} of {len(machines)}"
-        predicted[level] = run_model(machines[level], *run, reducers, partial(progress, name))
-    return predicted
+        runs.append(run_model(machines[level], *run, reducers, partial(progress, name)))
+    return {point: ReducedSignal.joined([signals[point] for signals in runs]) for point in field} if runs else {}
 
 
 def _compare_each(
-    reader: RecordingReader, field: FieldSide, predicted: Mapping[int, Mapping[str, ReducedSignal]], settings: Settings
+    reader: RecordingReader, field: FieldSide, predicted: Mapping[str, ReducedSignal], settings: Settings
 ) -> tuple[dict[str, PointComparison], dict[str, str]]:
     """Compare point by point, so that one dead sensor does not take the others with it; the failed with the reason."""
     compared: dict[str, PointComparison] = {}
     failed = {**field.failed, **reader.problems}
     for point, signal in field.signals.items():
         try:
-            runs = {level: signals[point] for level, signals in predicted.items()}
-            compared[point] = compare_signals(signal, runs, settings)
+            if point not in predicted:
+                raise InputError("no window at a level of operation")
+            compared[point] = compare_signals(signal, predicted[point], settings)
         except InputError as error:
             failed[point] = str(error)
     if not compared:

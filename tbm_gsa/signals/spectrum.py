@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from tbm_gsa.signals.conditioning import SHORTEST_S, Stretch
+from tbm_gsa.signals.conditioning import SHORTEST_S, Segment
 from tbm_gsa.signals.statistics import Spectrum, periodograms
 from tbm_msgs_py.base.arrays import Array, Integers
 
@@ -32,13 +32,13 @@ class SpectrumSum:
 
 
 class WelchCollector:
-    """Adds up periodograms (Hann, half overlap) of every run of stretches, as scipy's Welch does of each alone.
+    """Adds up periodograms (Hann, half overlap) of every run of joined segments, as scipy's Welch does of each alone.
 
     Parameters
     ----------
     rate_hz : float
     resolution_hz : float
-        Distance of the frequencies. Segments of a second are added up too, for a level that has no longer stretch.
+        Distance of the frequencies. Segments of a second are added up too, for a level that has no longer one.
     level_of : callable
         Level of a segment.
     """
@@ -48,10 +48,10 @@ class WelchCollector:
         sizes = {size, min(size, int(rate_hz * SHORTEST_S))}
         self._sums = [_Segments(rate_hz, size, level_of) for size in sorted(sizes, reverse=True)]
 
-    def feed(self, stretch: Stretch) -> None:
-        """Take the next stretch."""
+    def add(self, segment: Segment) -> None:
+        """Add the next segment."""
         for total in self._sums:
-            total.feed(stretch)
+            total.add(segment)
 
     def finish(self) -> Mapping[int, SpectrumSum]:
         """Finest sum of each level that has any."""
@@ -70,9 +70,9 @@ class _Segments:
         self._step = size - size // 2
         self._time, self._values = np.empty(0), np.empty((0, 3))  # what the next segment begins with
 
-    def feed(self, stretch: Stretch) -> None:
-        time, values = stretch.time, stretch.acceleration
-        if stretch.joined:
+    def add(self, segment: Segment) -> None:
+        time, values = segment.time, segment.acceleration
+        if segment.joined:
             time, values = np.concatenate([self._time, time]), np.concatenate([self._values, values])
         count = max(0, (len(time) - self._size) // self._step + 1)
         if count:

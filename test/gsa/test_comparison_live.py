@@ -4,7 +4,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import scipy.stats
-from compared_signals import compared
+from compared_signals import compared, conditioned
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -16,7 +16,7 @@ from tbm_gsa.comparison import (
     dead_axes,
 )
 from tbm_gsa.comparison.streams import WindowSum
-from tbm_gsa.signals.conditioning import common_band, condition
+from tbm_gsa.signals.conditioning import common_band
 
 SECOND = 1_000_000_000
 EPOCH = 1_700_000_000 * SECOND  # a multiple of the window
@@ -55,8 +55,8 @@ def starts(results: list[WindowResult]) -> list[float]:
 
 def offline_rms(source: str, duration: float, window: float, edge: float) -> np.ndarray:
     values, rate = noise(source, duration), RATES[source]
-    conditioned = condition(np.arange(len(values)) / rate, values, rate, common_band(*RATES.values())).values
-    inside = conditioned[round(edge * rate) : round((edge + window) * rate)]
+    whole = conditioned(np.arange(len(values)) / rate, values, rate, common_band(*RATES.values()))
+    inside = whole[round(edge * rate) : round((edge + window) * rate)]
     return np.sqrt(np.mean(inside**2, axis=0))
 
 

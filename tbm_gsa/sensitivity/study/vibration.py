@@ -8,7 +8,7 @@ from tbm_dynamics.response import Response
 from tbm_gsa.sensitivity.study.outputs import Vibration
 from tbm_gsa.signals.clock import sampling_rate
 from tbm_gsa.signals.conditioning import Band, Frame, common_band, compared_axes
-from tbm_gsa.signals.estimates import SignalStatistics, estimate, model_sample
+from tbm_gsa.signals.estimates import SignalStatistics, estimate
 from tbm_gsa.signals.reduction import SignalReducer
 from tbm_gsa.signals.settings import Settings, band_name
 
@@ -51,7 +51,7 @@ def _statistics(response: Response, node: int, frame: Frame, settings: Settings)
     reducer = SignalReducer(rate, band, frame, settings)
     reducer.feed(response.time, np.ascontiguousarray(response.acceleration(node)[:, :3]))
     signal = reducer.finish()
-    return estimate(model_sample({0: signal}, {0: 1.0}), signal, settings)
+    return estimate(signal, {0: 1.0}, settings)
 
 
 def _value(output: Vibration, statistics: SignalStatistics) -> float:
