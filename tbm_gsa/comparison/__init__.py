@@ -3,8 +3,8 @@
 from tbm_gsa.comparison.alarm import DEAD_SHARE, AlarmRule, UsualError, dead_axes
 from tbm_gsa.comparison.levels import LiveOperation
 from tbm_gsa.comparison.live import WindowedComparison, WindowResult
+from tbm_gsa.comparison.rate import StreamCounters
 from tbm_gsa.comparison.results import ComparisonResult
-from tbm_gsa.comparison.streams import StreamCounters
 from tbm_gsa.signals.settings import Settings
 
 __all__ = [

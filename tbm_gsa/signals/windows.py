@@ -1,7 +1,7 @@
 """Window by window: what is kept of a conditioned signal, as sums from which every statistic follows."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, fields
 from itertools import pairwise
 from typing import Self
 
@@ -59,7 +59,6 @@ class WindowTable:
         return cls(**{f.name: np.concatenate([getattr(table, f.name) for table in tables]) for f in fields(cls)})
 
 
-@dataclass(eq=False)
 class WindowSums:
     """Sums of a window along its compared axes (a of them), from which RMS and kurtosis follow.
 
@@ -73,9 +72,8 @@ class WindowSums:
         Largest magnitude, m/s².
     """
 
-    count: int = 0
-    moments: Array = field(default_factory=lambda: np.zeros((4, 1)))
-    peak: Array = field(default_factory=lambda: np.zeros(1))
+    def __init__(self, axes: int) -> None:
+        self.count, self.moments, self.peak = 0, np.zeros((4, axes)), np.zeros(axes)
 
     def add(self, values: Array) -> None:
         """Add conditioned samples along the axes, (a, n)."""
@@ -139,7 +137,7 @@ class WindowCollector:
     def _close(self) -> None:
         if self._index is None:
             return
-        sums = WindowSums()
+        sums = WindowSums(len(self._axes))
         sums.add(along(np.concatenate([part.acceleration for part in self._parts]), self._axes))
         speed = np.full(len(self._axes), np.nan)
         velocities = [part.velocity for part in self._parts if part.velocity is not None]
