@@ -19,7 +19,7 @@ from tbm_gsa.comparison.results import (
     numbers,
 )
 from tbm_gsa.signals.conditioning import Band, common_band
-from tbm_gsa.signals.estimates import SignalStatistics, estimate, level_shares
+from tbm_gsa.signals.estimates import STATISTICS, SignalStatistics, estimate, level_shares
 from tbm_gsa.signals.intervals import error_interval
 from tbm_gsa.signals.reduction import ReducedSignal, Series
 from tbm_gsa.signals.settings import Settings, band_name
@@ -27,8 +27,6 @@ from tbm_gsa.signals.statistics import coverage, kurtosis, ratio, relative_error
 from tbm_msgs_py.base.arrays import Array
 from tbm_msgs_py.base.errors import InputError
 from tbm_msgs_py.base.units import STANDARD_GRAVITY
-
-STATISTICS = ("rms", "peak", "crest_factor", "kurtosis", "velocity_rms")
 
 
 @dataclass(frozen=True, eq=False)
@@ -126,20 +124,16 @@ def _axis(
     field: SignalStatistics, model: SignalStatistics, recorded_share: float, windows: WindowColumns
 ) -> AxisResult:
     whole = _level_axis(field, model)
-    values: dict[str, object] = {
-        "relative_error": whole.relative_error,
-        "coverage": recorded_share,
-        "windows": windows,
-    }
+    values: dict[str, object] = {"relative_error": whole.relative_error, "coverage": recorded_share}
     intervals: dict[str, object] = {"relative_error": whole.intervals.relative_error}
     for side, found in (("field", field), ("model", model)):
-        values |= {f"{side}_{name}": known(getattr(found, name)) for name in STATISTICS}
-        values[f"{side}_rms_g"] = known(found.rms / STANDARD_GRAVITY)
-        values[f"{side}_band_rms"] = {name: known(value) for name, value in found.band_rms.items()}
-        values[f"{side}_lines"] = _peaks(found)
+        values |= {f"{side}_{name}": known(found.values[name]) for name in STATISTICS}
         intervals |= {f"{side}_{name}": limits(found.intervals[name]) for name in STATISTICS}
-        intervals[f"{side}_band_rms"] = {name: limits(value) for name, value in found.band_intervals.items()}
-    return AxisResult.model_validate({**values, "intervals": intervals})
+        values[f"{side}_band_rms"] = {name: known(found.values[name]) for name in windows.field_band_rms}
+        intervals[f"{side}_band_rms"] = {name: limits(found.intervals[name]) for name in windows.field_band_rms}
+        values[f"{side}_rms_g"] = known(found.rms / STANDARD_GRAVITY)
+        values[f"{side}_lines"] = _peaks(found)
+    return AxisResult.model_validate({**values, "intervals": intervals, "windows": windows})
 
 
 def _peaks(statistics: SignalStatistics) -> tuple[SpectralPeak, ...]:

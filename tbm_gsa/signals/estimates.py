@@ -29,6 +29,8 @@ from tbm_gsa.signals.statistics import (
 from tbm_msgs_py.base.arrays import Array
 from tbm_msgs_py.base.errors import InputError
 
+STATISTICS = ("rms", "peak", "crest_factor", "kurtosis", "velocity_rms")
+
 
 @dataclass(frozen=True, eq=False)
 class SignalStatistics:
@@ -36,13 +38,11 @@ class SignalStatistics:
 
     Attributes
     ----------
-    rms, peak, crest_factor, kurtosis : float
-    velocity_rms : float
-        m/s, from 10 Hz on; NaN of a band that ends below.
-    band_rms : mapping of str to float
-        NaN where no window was long enough for a Fourier transform.
-    intervals, band_intervals : mapping of str to (float, float)
-        95 % intervals by the names of the statistics and of the bands.
+    values : mapping of str to float
+        By name: those of `STATISTICS` (velocity from 10 Hz on; NaN of a band that ends below), and the RMS by band, NaN
+        where no window was long enough for a Fourier transform.
+    intervals : mapping of str to (float, float)
+        95 % intervals by the same names.
     rms_width : float
         Half width of the interval of the RMS value's logarithm.
     lines : tuple of SpectralLine
@@ -52,18 +52,17 @@ class SignalStatistics:
         From a density to the ends of its 95 % interval.
     """
 
-    rms: float
-    peak: float
-    crest_factor: float
-    kurtosis: float
-    velocity_rms: float
-    band_rms: Mapping[str, float]
+    values: Mapping[str, float]
     intervals: Mapping[str, Interval]
-    band_intervals: Mapping[str, Interval]
     rms_width: float
     lines: tuple[SpectralLine, ...]
     spectrum: Spectrum
     density_factors: Interval
+
+    @property
+    def rms(self) -> float:
+        """Root mean square, m/s²."""
+        return self.values["rms"]
 
 
 def level_shares(signal: ReducedSignal, levels: Collection[int]) -> dict[int, float]:
@@ -103,54 +102,30 @@ def estimate(signal: ReducedSignal, shares: Mapping[int, float], settings: Setti
 
         return whole(rows.sum(axis=0)), jackknife(whole, rows, group_windows(level), level)[0]
 
-    powers = {
+    sums = {
         "rms": value(table.moments, rms),
         "kurtosis": value(table.moments, kurtosis),
         "velocity_rms": value(table.velocity[:, None], _root_mean),
     }
-    bands = {
-        band_name(*limits): value(table.bands[:, i : i + 1], _root_mean) for i, limits in enumerate(settings.bands)
-    }
+    for i, limits in enumerate(settings.bands):
+        sums[band_name(*limits)] = value(table.bands[:, i : i + 1], _root_mean)
     full = table.count >= 0.5 * table.count.max()
     statistics = {}
     for i, (axis, columns) in enumerate(signal.axes.items()):
+        found = {name: (float(both[0][i]), float(both[1][i])) for name, both in sums.items()}
+        (root, width), peak, peaks = found["rms"], float(table.peak[:, i].max()), peak_range(table.peak[full, i])
+        values = {name: both[0] for name, both in found.items()}
+        intervals = {name: around(*both) for name, both in found.items()}
         spectrum = _up_to(mixed_spectrum(spectra, columns, signal.rate_hz), signal.band.high)
-        statistics[axis] = _one_axis(
-            {name: (float(both[0][i]), float(both[1][i])) for name, both in powers.items()},
-            {name: (float(both[0][i]), float(both[1][i])) for name, both in bands.items()},
-            float(table.peak[:, i].max()),
-            peak_range(table.peak[full, i]),
-            spectrum,
+        statistics[axis] = SignalStatistics(
+            values | {"peak": peak, "crest_factor": float(ratio(peak, root))},
+            intervals | {"peak": peaks, "crest_factor": quotient_range(peak, root, peaks, width)},
+            width,
             match_lines(strongest_lines(spectrum, settings.line_count), settings.expected_lines),
+            spectrum,
+            density_factors(spectrum.segments),
         )
     return statistics
-
-
-def _one_axis(
-    powers: Mapping[str, tuple[float, float]],
-    bands: Mapping[str, tuple[float, float]],
-    peak: float,
-    peaks: Interval,
-    spectrum: Spectrum,
-    lines: tuple[SpectralLine, ...],
-) -> SignalStatistics:
-    root, width = powers["rms"]
-    intervals = {name: around(*both) for name, both in powers.items()}
-    intervals |= {"peak": peaks, "crest_factor": quotient_range(peak, root, peaks, width)}
-    return SignalStatistics(
-        rms=root,
-        peak=peak,
-        crest_factor=float(ratio(peak, root)),
-        kurtosis=powers["kurtosis"][0],
-        velocity_rms=powers["velocity_rms"][0],
-        band_rms={name: both[0] for name, both in bands.items()},
-        intervals=intervals,
-        band_intervals={name: around(*both) for name, both in bands.items()},
-        rms_width=width,
-        lines=lines,
-        spectrum=spectrum,
-        density_factors=density_factors(spectrum.segments),
-    )
 
 
 def _root_mean(count: Array, squares: Array) -> Array:

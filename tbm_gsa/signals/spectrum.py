@@ -46,7 +46,7 @@ class WelchCollector:
     def __init__(self, rate_hz: float, resolution_hz: float, level_of: LevelOf) -> None:
         size = round(rate_hz / resolution_hz)
         sizes = {size, min(size, int(rate_hz * SHORTEST_S))}
-        self._sums = [_Segments(rate_hz, size, level_of) for size in sorted(sizes, reverse=True)]
+        self._sums = [_Periodograms(rate_hz, size, level_of) for size in sorted(sizes, reverse=True)]
 
     def add(self, segment: Segment) -> None:
         """Add the next segment."""
@@ -61,8 +61,8 @@ class WelchCollector:
         return found
 
 
-class _Segments:
-    """Segments of one size."""
+class _Periodograms:
+    """Sums of the periodograms of one size."""
 
     def __init__(self, rate_hz: float, size: int, level_of: LevelOf) -> None:
         self.sums: dict[int, SpectrumSum] = {}

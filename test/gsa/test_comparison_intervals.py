@@ -99,15 +99,15 @@ def test_a_band_holds_its_share_of_the_density(draws):
     bins = np.fft.rfftfreq(100, 1.0 / RATE)
     inside = smeared[(bins >= 5.0) & (bins < 15.0)].sum() / (smeared.sum() - 0.5 * (smeared[0] + smeared[-1]))
     truth = np.sqrt(inside) * draws[1]
-    assert share([one.band_intervals["5-15_hz"] for one in found], truth) == pytest.approx(0.95, abs=0.04)
+    assert share([one.intervals["5-15_hz"] for one in found], truth) == pytest.approx(0.95, abs=0.04)
 
 
 def test_the_peak_of_another_recording_lies_in_the_range(draws):
     found, _ = draws
-    peaks = np.array([one.peak for one in found])
+    peaks = np.array([one.values["peak"] for one in found])
     held = [np.mean((one.intervals["peak"][0] <= peaks) & (peaks <= one.intervals["peak"][1])) for one in found]
     assert 0.92 <= np.mean(held) <= 0.995  # with the doubt about its parameters a little wide on average
-    crests = np.array([one.crest_factor for one in found])
+    crests = np.array([one.values["crest_factor"] for one in found])
     ranges = np.array([one.intervals["crest_factor"] for one in found])
     held = [np.mean((low <= crests) & (crests <= high)) for low, high in ranges]
     assert 0.92 <= np.mean(held) <= 0.999
@@ -126,7 +126,7 @@ def test_densities_hold_the_truth_at_their_frequencies():
 def test_the_error_interval_holds_the_true_error(draws):
     found, _ = draws
     half = len(found) // 2
-    model = [replace(one, rms=0.6 * one.rms) for one in found[half:]]
+    model = [replace(one, values={"rms": 0.6 * one.rms}) for one in found[half:]]
     held = [
         interval[0] <= 0.4 <= interval[1]
         for field, other in zip(found[:half], model, strict=True)
