@@ -9,7 +9,8 @@ the others count as transient. A recording that was driven but never steady is t
 
 from bisect import bisect_right
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import Literal
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -32,14 +33,35 @@ class NeverDrivenError(InputError):
     """Operating points, and all of them standstills; one line."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class OperatingSegment:
-    """Time in one way of operation: begin and end in ns since the epoch, number of its level or None."""
+    """Time in one way of operation.
+
+    Attributes
+    ----------
+    begin_ns, end_ns : int
+        Since the epoch.
+    mean : ndarray, shape (3,)
+        Time-weighted speed in r/min, torque in kN·m and thrust in kN.
+    kind : {"steady", "transient", "standstill"}
+    level : int or None
+        Number of its level.
+    """
 
     begin_ns: int
     end_ns: int
+    mean: Array
     kind: Kind
-    level: int | None
+    level: int | None = None
+
+    @property
+    def seconds(self) -> float:
+        """Length, s."""
+        return (self.end_ns - self.begin_ns) * 1e-9
+
+    def at(self, level: int | None) -> "OperatingSegment":
+        """Segment at a level, or at none: then it is transient at best."""
+        return replace(self, level=level, kind="transient" if level is None and self.kind == "steady" else self.kind)
 
 
 @dataclass(frozen=True)
@@ -50,7 +72,7 @@ class OperatingHistory:
     segments: tuple[OperatingSegment, ...]
 
     def level_of(self, origin_ns: int) -> LevelOf:
-        """Level of stretches of time in s after an origin; −1 where they leave it."""
+        """Levels between begins and ends in s after an origin, as a function of them; −1 where the level changes."""
         begins = np.array([one.begin_ns - origin_ns for one in self.segments], dtype=np.float64) * 1e-9
         numbers = np.array([-1 if one.level is None else one.level for one in self.segments], dtype=np.int64)
 
@@ -67,15 +89,10 @@ class OperatingHistory:
 def machine_history(machine: Machine, begin_ns: int, end_ns: int) -> OperatingHistory:
     """One level, the machine's own, of a recording that holds no operating point."""
     own = machine.description.operating_point
-    level = OperatingLevel(
-        speed_r_min=own.speed_r_min,
-        torque_kn_m=own.torque_kn_m,
-        thrust_kn=own.thrust_kn,
-        seconds=(end_ns - begin_ns) * 1e-9,
-        source="machine",
-        note="the recording holds none: the machine's own",
-    )
-    return OperatingHistory((level,), (OperatingSegment(begin_ns, end_ns, "steady", 0),))
+    mean = np.array([own.speed_r_min, own.torque_kn_m, own.thrust_kn])
+    segment = OperatingSegment(begin_ns, end_ns, mean, "steady", 0)
+    level = _level(mean, segment.seconds, "machine", "the recording holds none: the machine's own")
+    return OperatingHistory((level,), (segment,))
 
 
 def recorded_history(record: OperatingRecord, begin_ns: int, end_ns: int) -> OperatingHistory:
@@ -102,36 +119,12 @@ def recorded_history(record: OperatingRecord, begin_ns: int, end_ns: int) -> Ope
         never = f"never steady for {SHORTEST_SEGMENT_S:g} s: time-weighted mean of {len(driven)} stretches"
         notes = [never if len(driven) > 1 else "recorded"]
     return OperatingHistory(
-        tuple(_level(group, note) for group, note in zip(groups, notes, strict=False)),
+        tuple(_group_level(group, note) for group, note in zip(groups, notes, strict=False)),
         tuple(segment.at(number.get(id(segment))) for segment in segments),
     )
 
 
-@dataclass(frozen=True, eq=False)
-class _MeanSegment:
-    """Consecutive entries that belong together: time-weighted mean (3,) r/min, kN·m, kN."""
-
-    begin_ns: int
-    end_ns: int
-    mean: Array
-
-    @property
-    def seconds(self) -> float:
-        return (self.end_ns - self.begin_ns) * 1e-9
-
-    @property
-    def kind(self) -> Kind:
-        if not (self.mean > 0.0).all():
-            return "standstill"
-        return "steady" if self.seconds >= SHORTEST_SEGMENT_S else "transient"
-
-    def at(self, level: int | None) -> OperatingSegment:
-        """Segment at a level, or at none: then it counts as transient at best."""
-        kind = "transient" if level is None and self.kind == "steady" else self.kind
-        return OperatingSegment(self.begin_ns, self.end_ns, kind, level)
-
-
-def _segments(record: OperatingRecord, begin_ns: int, end_ns: int) -> Iterator[_MeanSegment]:
+def _segments(record: OperatingRecord, begin_ns: int, end_ns: int) -> Iterator[OperatingSegment]:
     values = np.array([(p.speed, p.torque, p.thrust) for p in record.points]) / (R_MIN, 1e3, 1e3)
     stamps = record.start_ns + np.rint(record.time * 1e9).astype(np.int64)
     borders = np.clip(np.concatenate([[begin_ns], stamps[1:], [end_ns]]), begin_ns, end_ns)
@@ -146,8 +139,14 @@ def _segments(record: OperatingRecord, begin_ns: int, end_ns: int) -> Iterator[_
             mean = (mean * before + values[entry] * hold) / (before + hold)
         following = values[held[place + 1]] if place + 1 < len(held) else None
         if following is None or not alike(mean, following):
-            yield _MeanSegment(int(borders[held[first]]), int(borders[entry + 1]), mean)
+            yield _segment(int(borders[held[first]]), int(borders[entry + 1]), mean)
             first = place + 1
+
+
+def _segment(begin_ns: int, end_ns: int, mean: Array) -> OperatingSegment:
+    long = (end_ns - begin_ns) * 1e-9 >= SHORTEST_SEGMENT_S
+    kind: Kind = ("steady" if long else "transient") if (mean > 0.0).all() else "standstill"
+    return OperatingSegment(begin_ns, end_ns, mean, kind)
 
 
 def alike(mean: Array, other: Array) -> bool:
@@ -157,9 +156,9 @@ def alike(mean: Array, other: Array) -> bool:
     return bool(np.all(np.abs(other - mean) <= TOLERANCE * mean))
 
 
-def _groups(steady: Sequence[_MeanSegment]) -> list[list[_MeanSegment]]:
+def _groups(steady: Sequence[OperatingSegment]) -> list[list[OperatingSegment]]:
     """Segments by level: each joins the first whose longest segment is alike; the level held longest comes first."""
-    groups: list[list[_MeanSegment]] = []
+    groups: list[list[OperatingSegment]] = []
     for segment in sorted(steady, key=lambda one: -one.seconds):
         group = next((group for group in groups if alike(group[0].mean, segment.mean)), None)
         if group is None:
@@ -169,17 +168,15 @@ def _groups(steady: Sequence[_MeanSegment]) -> list[list[_MeanSegment]]:
     return sorted(groups, key=lambda group: -sum(one.seconds for one in group))
 
 
-def _level(segments: Sequence[_MeanSegment], note: str) -> OperatingLevel:
+def _group_level(segments: Sequence[OperatingSegment], note: str) -> OperatingLevel:
     seconds = [segment.seconds for segment in segments]
-    speed, torque, thrust = np.average([segment.mean for segment in segments], axis=0, weights=seconds).tolist()
-    return OperatingLevel(
-        speed_r_min=speed,
-        torque_kn_m=torque,
-        thrust_kn=thrust,
-        seconds=sum(seconds),
-        source="recording",
-        note=note,
-    )
+    mean = np.average([segment.mean for segment in segments], axis=0, weights=seconds)
+    return _level(mean, sum(seconds), "recording", note)
+
+
+def _level(mean: Array, seconds: float, source: Literal["recording", "machine"], note: str) -> OperatingLevel:
+    values = dict(zip(("speed_r_min", "torque_kn_m", "thrust_kn"), mean.tolist(), strict=True))
+    return OperatingLevel(**values, seconds=seconds, source=source, note=note)
 
 
 class LiveOperation:

@@ -210,7 +210,7 @@ def _model_side(
 def _compare_each(
     reader: RecordingReader, field: FieldSide, predicted: Mapping[str, ReducedSignal], settings: Settings
 ) -> tuple[dict[str, PointComparison], dict[str, str]]:
-    """Compare point by point, so that one dead sensor does not take the others with it; the failed with the reason."""
+    """Comparison of each point by itself, for a dead sensor must not end that of the others; reasons of the failed."""
     compared: dict[str, PointComparison] = {}
     failed = {**field.failed, **reader.problems}
     for point, signal in field.signals.items():

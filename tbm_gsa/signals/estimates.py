@@ -87,7 +87,7 @@ def estimate(signal: ReducedSignal, shares: Mapping[int, float], settings: Setti
     if not spectra:
         raise InputError("no second without a gap at a steady level of operation")
     chosen = np.isin(signal.level, list(shares))
-    table, level = signal.windows.take(chosen), signal.level[chosen]
+    table, level = signal.windows.where(chosen), signal.level[chosen]
     weight = np.empty(len(table))
     for one, share in shares.items():
         weight[level == one] = share / table.count[level == one].sum()

@@ -81,7 +81,7 @@ class ReducedSignal:
 
 
 def one_level(number: int = 0) -> LevelOf:
-    """Level of any stretch of a signal that has but one."""
+    """Level of every part of a signal, the same."""
     return lambda begin, _: np.full(len(begin), number, dtype=np.int64)
 
 
@@ -98,7 +98,7 @@ class SignalReducer:
     settings : Settings
         Windows, bands, resolution.
     level_of : callable
-        Level of operation of stretches of time; by default it is all at level 0.
+        Level of operation of parts of it; by default it is all at level 0.
     """
 
     def __init__(
@@ -125,7 +125,7 @@ class SignalReducer:
         Raises
         ------
         InputError
-            No stretch was long enough to condition.
+            No segment was long enough to condition.
         """
         self._add(self._conditioner.finish())
         table = self._windows.finish()

@@ -10,7 +10,7 @@ from tbm_gsa.signals.statistics import Spectrum, periodograms
 from tbm_msgs_py.base.arrays import Array, Integers
 
 LevelOf = Callable[[Array, Array], Integers]
-"""Level of stretches of time from begin (n,) to end (n,), s; negative ones belong to none."""
+"""Levels of times from begin (n,) to end (n,), s; negative where they belong to none."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,51 +45,34 @@ class WelchCollector:
 
     def __init__(self, rate_hz: float, resolution_hz: float, level_of: LevelOf) -> None:
         size = round(rate_hz / resolution_hz)
-        sizes = {size, min(size, int(rate_hz * SHORTEST_S))}
-        self._sums = [_Periodograms(rate_hz, size, level_of) for size in sorted(sizes, reverse=True)]
+        sizes = (size, min(size, int(rate_hz * SHORTEST_S)))
+        self._rate, self._level_of = rate_hz, level_of
+        self._rest = {size: (np.empty(0), np.empty((0, 3))) for size in sizes}  # what the next periodogram begins with
+        self._sums: dict[tuple[int, int], SpectrumSum] = {}  # by size and level
 
     def add(self, segment: Segment) -> None:
         """Add the next segment."""
-        for total in self._sums:
-            total.add(segment)
+        for size, (time_before, before) in self._rest.items():
+            time, values, step = segment.time, segment.acceleration, size - size // 2
+            if segment.joined:
+                time, values = np.concatenate([time_before, time]), np.concatenate([before, values])
+            count = max(0, (len(time) - size) // step + 1)
+            if count:
+                begin = time[: count * step : step]
+                levels = self._level_of(begin, begin + size / self._rate)
+                self._sum(size, periodograms(values, self._rate, size), levels)
+            self._rest[size] = time[count * step :], values[count * step :]
 
     def finish(self) -> Mapping[int, SpectrumSum]:
         """Finest sum of each level that has any."""
-        found: dict[int, SpectrumSum] = {}
-        for total in self._sums:
-            found = {**total.sums, **found}
-        return found
+        return {level: self._sums[size, level] for size, level in sorted(self._sums)}
 
-
-class _Periodograms:
-    """Sums of the periodograms of one size."""
-
-    def __init__(self, rate_hz: float, size: int, level_of: LevelOf) -> None:
-        self.sums: dict[int, SpectrumSum] = {}
-        self._rate, self._size, self._level_of = rate_hz, size, level_of
-        self._step = size - size // 2
-        self._time, self._values = np.empty(0), np.empty((0, 3))  # what the next segment begins with
-
-    def add(self, segment: Segment) -> None:
-        time, values = segment.time, segment.acceleration
-        if segment.joined:
-            time, values = np.concatenate([self._time, time]), np.concatenate([self._values, values])
-        count = max(0, (len(time) - self._size) // self._step + 1)
-        if count:
-            begin = time[: count * self._step : self._step]
-            levels = self._level_of(begin, begin + self._size / self._rate)
-            self._add(periodograms(values, self._rate, self._size), levels)
-        self._time, self._values = time[count * self._step :], values[count * self._step :]
-
-    def _add(self, densities: Array, levels: Integers) -> None:
+    def _sum(self, size: int, densities: Array, levels: Integers) -> None:
         for level in np.unique(levels[levels >= 0]).tolist():
             chosen = densities[levels == level]
-            total = chosen.sum(axis=0)
-            before = self.sums.get(level)
-            if before is not None:
-                total += before.density
-            segments = len(chosen) + (before.segments if before else 0)
-            self.sums[level] = SpectrumSum(total, segments, self._size)
+            before = self._sums.get((size, level))
+            density, segments = (before.density, before.segments) if before else (0.0, 0)
+            self._sums[size, level] = SpectrumSum(chosen.sum(axis=0) + density, segments + len(chosen), size)
 
 
 def mixed_spectrum(sums: Sequence[tuple[SpectrumSum, float]], axis: Sequence[int], rate_hz: float) -> Spectrum:

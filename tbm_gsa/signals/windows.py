@@ -49,7 +49,7 @@ class WindowTable:
     def __len__(self) -> int:
         return len(self.index)
 
-    def take(self, chosen: NDArray[np.bool_]) -> Self:
+    def where(self, chosen: NDArray[np.bool_]) -> Self:
         """Windows chosen by a mask (w,)."""
         return type(self)(**{item.name: getattr(self, item.name)[chosen] for item in fields(self)})
 
