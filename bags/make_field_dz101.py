@@ -16,7 +16,7 @@ import numpy as np
 
 from tbm_dynamics import Machine, load_machine, simulate
 from tbm_dynamics.streaming.sensors import SensorModel, SensorPacket, SensorParameters
-from tbm_gsa.signals.conditioning import common_band, condition
+from tbm_gsa.signals.conditioning import ZeroPhaseConditioner, common_band
 from tbm_msgs_py import blocks, topics
 from tbm_msgs_py.bags.metadata import SYNTHETIC
 from tbm_msgs_py.bags.writing import BagWriter
@@ -69,8 +69,9 @@ def accelerations(machine: Machine) -> dict[str, np.ndarray]:
     band = common_band(RATE_HZ, MODEL_RATE_HZ)
     factor = {}
     for point, measured in MEASURED_G.items():
-        conditioned = condition(response.time, motion[point], MODEL_RATE_HZ, band)
-        axial = np.concatenate([segment.values[:, 0] for segment in conditioned.segments])
+        conditioner = ZeroPhaseConditioner(MODEL_RATE_HZ, band, block=np.inf)
+        segments = [*conditioner.feed(response.time, motion[point]), *conditioner.finish()]
+        axial = np.concatenate([segment.acceleration[:, 0] for segment in segments])
         factor[point] = measured * G / np.sqrt(np.mean(axial**2))
     factor["walkway"] = factor["shield"]
     factor["girder"] = np.sqrt(factor["shield"] * factor["gripper"])

@@ -17,7 +17,7 @@ import numpy as np
 
 from tbm_gsa.comparison.field_side import FieldSide, reduce_field
 from tbm_gsa.comparison.workflow import compare_recording
-from tbm_gsa.signals.estimates import estimate, field_sample
+from tbm_gsa.signals.estimates import estimate
 from tbm_gsa.signals.settings import Settings
 from tbm_msgs_py import ACCELERATION, BagWriter
 from tbm_msgs_py.recordings.recording import AccelerationRecord, RecordingReader, open_recording
@@ -54,7 +54,7 @@ class InPieces:
 
 def rms(side: FieldSide) -> np.ndarray:
     """RMS of every point and axis."""
-    statistics = [estimate(field_sample(signal, {0: 1.0}), signal, Settings()) for signal in side.signals.values()]
+    statistics = [estimate(signal, {0: 1.0}, Settings()) for signal in side.signals.values()]
     return np.array([[axis.rms for axis in point.values()] for point in statistics])
 
 

@@ -9,7 +9,7 @@ from typing import Annotated, Any, Final, NoReturn
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
-from tbm_gsa.sensitivity.study.errors import StudyError
+from tbm_msgs_py.base.errors import InputError
 from tbm_msgs_py.base.files import read_text
 from tbm_msgs_py.base.texts import LONGEST_LINE, LONGEST_NAME, shortened
 from tbm_msgs_py.base.validation import first_problem
@@ -47,19 +47,19 @@ def read_document(file: Path, form: type[Part], what: str) -> dict[str, Any]:
 
     Raises
     ------
-    StudyError
+    InputError
         One line: the file, what of it is wrong, what is allowed.
     """
     try:
         text = read_text(file, largest=LARGEST_DOCUMENT)
     except OSError as error:
-        raise StudyError(f"{file}: {error.strerror}, allowed: {what}") from None
+        raise InputError(f"{file}: {error.strerror}, allowed: {what}") from None
     except UnicodeDecodeError:
-        raise StudyError(f"{file}: no UTF-8 text, allowed: {what}") from None
-    return validated(text, form, lambda problem: StudyError(f"{file}: not {what} ({problem})"))
+        raise InputError(f"{file}: no UTF-8 text, allowed: {what}") from None
+    return validated(text, form, lambda problem: InputError(f"{file}: not {what} ({problem})"))
 
 
-def validated(text: str, form: type[Part], refusal: Callable[[str], StudyError]) -> dict[str, Any]:
+def validated(text: str, form: type[Part], refusal: Callable[[str], InputError]) -> dict[str, Any]:
     """Parse a JSON object and validate it; `refusal` makes the error of what is wrong with it."""
     try:
         document: dict[str, Any] = json.loads(text, parse_constant=_no_number)

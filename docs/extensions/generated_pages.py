@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Iterable, Iterator
 from importlib import import_module
 from pathlib import Path
 from typing import Any
 
 import typer
+from pydantic import BaseModel
 from sphinx.application import Sphinx
 from sphinx.ext.autodoc.mock import mock
 
 from tbm_gsa.app.cli.main import app as command_line
+from tbm_gsa.comparison.results import ComparisonResult
 
 NODES = (
     "tbm_dynamics.nodes.load_node",
@@ -21,6 +24,8 @@ NODES = (
     "tbm_msgs_py.nodes.bag_recorder",
     "tbm_gsa.app.nodes.live_view",
 )
+RESULTS: dict[str, type[BaseModel]] = {"compare": ComparisonResult}
+"""Model of the document that a command prints."""
 # The node modules are read without ROS: only their declarations are wanted.
 ROS = (
     "rclpy",
@@ -98,7 +103,19 @@ def parameter_page() -> str:
     return "\n".join(lines)
 
 
-PAGES = {"reference/command_line.md": command_page, "reference/parameters.md": parameter_page}
+def schema_page() -> str:
+    """JSON schemas of the results that are read back, as the models say them."""
+    lines = ["# JSON schemas", "", "Made from the models that write these documents and read them back.", ""]
+    for command, model in RESULTS.items():
+        lines += [f"## {command}", "", "```json", json.dumps(model.model_json_schema(), indent=1), "```", ""]
+    return "\n".join(lines)
+
+
+PAGES = {
+    "reference/command_line.md": command_page,
+    "reference/parameters.md": parameter_page,
+    "reference/schemas.md": schema_page,
+}
 
 
 def write_pages(app: Sphinx) -> None:

@@ -1,23 +1,21 @@
 """The model against a recording: conditioning, statistics, and the comparison afterwards and live."""
 
 from tbm_gsa.comparison.alarm import DEAD_SHARE, AlarmRule, UsualError, dead_axes
+from tbm_gsa.comparison.levels import LiveOperation
 from tbm_gsa.comparison.live import WindowedComparison, WindowResult
-from tbm_gsa.comparison.offline import Comparison, Record, compare_records
-from tbm_gsa.comparison.operation import Operation
-from tbm_gsa.comparison.streams import StreamCounters
+from tbm_gsa.comparison.rate import StreamCounters
+from tbm_gsa.comparison.results import ComparisonResult
 from tbm_gsa.signals.settings import Settings
 
 __all__ = [
     "DEAD_SHARE",
     "AlarmRule",
-    "Comparison",
-    "Operation",
-    "Record",
+    "ComparisonResult",
+    "LiveOperation",
     "Settings",
     "StreamCounters",
     "UsualError",
     "WindowResult",
     "WindowedComparison",
-    "compare_records",
     "dead_axes",
 ]

@@ -34,12 +34,12 @@ class UsualError:
 
 
 def dead_axes(result: WindowResult) -> NDArray[np.bool_]:
-    """Along which axes (3,) the sensor measures less than a hundredth of what the model says."""
+    """Axes (3,) along which the sensor measures less than a hundredth of what the model computes."""
     return np.asarray(result.field_rms < DEAD_SHARE * result.model_rms)
 
 
 class AlarmRule:
-    """Says when the error of a test point has stayed over a threshold for a number of windows.
+    """Rule by which an error that stays over a threshold for a number of windows raises an alarm.
 
     Parameters
     ----------
@@ -74,7 +74,7 @@ class AlarmRule:
         return frozenset(point for point, count in self._over.items() if count >= self._windows)
 
     def update(self, result: WindowResult) -> bool:
-        """Take the next window of a point; true when this window raises the alarm, once until it has fallen again."""
+        """Whether the next window of a point raises the alarm, which it does once until the alarm has fallen again."""
         known = (np.isfinite(result.relative_error) & ~dead_axes(result))[self._axes]
         if result.operation != "steady" or not known.any():
             return False

@@ -1,47 +1,25 @@
 """What to expect in the spectrum of a machine: lines of the loads, mesh frequency, axial natural frequencies."""
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
-from typing import Literal
 
 import numpy as np
 
 from tbm_dynamics import Machine
+from tbm_gsa.comparison.results import ExpectedLine, LineKind
 from tbm_gsa.signals.conditioning import LOW_PASS_LIMIT_HZ
-
-Kind = Literal["load", "mesh", "axial"]
 
 MOSTLY = 0.5  # share of a mode's kinetic energy along x that makes it an axial one
 AUDIBLE = 1e-3  # response of a point to the loads, relative to the strongest mode's, below which a mode is left out
 
 
-@dataclass(frozen=True)
-class ExpectedLine:
-    """A frequency that a machine is expected to show.
-
-    Attributes
-    ----------
-    name : str
-        As lines are called where they are matched.
-    frequency : float
-        Hz.
-    kind : {"load", "mesh", "axial"}
-        Line of the loads, mesh frequency or its double, axial natural frequency.
-    """
-
-    name: str
-    frequency: float
-    kind: Kind
-
-
 def expected_lines(machine: Machine) -> tuple[ExpectedLine, ...]:
-    """Gather the lines of a machine at its operating point, each frequency once, the loads' first."""
+    """Lines of a machine at its operating point, each frequency once, the loads' first."""
     loads = {line.frequency for component in machine.description.loads.components for line in component.lines}
     mesh = machine.mesh_frequency
     return (
-        *(ExpectedLine(f"load line {frequency:g} Hz", frequency, "load") for frequency in sorted(loads)),
-        ExpectedLine("mesh frequency", mesh, "mesh"),
-        ExpectedLine("2 × mesh frequency", 2.0 * mesh, "mesh"),
+        *(_line(f"load line {frequency:g} Hz", frequency, "load") for frequency in sorted(loads)),
+        _line("mesh frequency", mesh, "mesh"),
+        _line("2 × mesh frequency", 2.0 * mesh, "mesh"),
         *_axial_lines(machine),
     )
 
@@ -51,9 +29,9 @@ def lines_of_levels(machines: Mapping[int, Machine]) -> tuple[ExpectedLine, ...]
     first, *others = machines
     lines = list(expected_lines(machines[first]))
     for level in others:
-        known = {round(line.frequency, 3) for line in lines}
-        moved = [line for line in expected_lines(machines[level]) if round(line.frequency, 3) not in known]
-        lines += [ExpectedLine(f"{line.name}, level {level + 1}", line.frequency, line.kind) for line in moved]
+        known = {round(line.frequency_hz, 3) for line in lines}
+        moved = [line for line in expected_lines(machines[level]) if round(line.frequency_hz, 3) not in known]
+        lines += [_line(f"{line.name}, level {level + 1}", line.frequency_hz, line.kind) for line in moved]
     return tuple(lines)
 
 
@@ -69,4 +47,8 @@ def _axial_lines(machine: Machine) -> Iterator[ExpectedLine]:
     response = np.abs(loaded * np.array(felt)).max(axis=0, initial=0.0)
     chosen = (share > MOSTLY) & (response > AUDIBLE * response.max()) & (frequency < LOW_PASS_LIMIT_HZ)
     for number, value in enumerate(frequency[chosen].tolist(), start=1):
-        yield ExpectedLine(f"axial natural frequency A{number}", value, "axial")
+        yield _line(f"axial natural frequency A{number}", value, "axial")
+
+
+def _line(name: str, frequency_hz: float, kind: LineKind) -> ExpectedLine:
+    return ExpectedLine(name=name, frequency_hz=frequency_hz, kind=kind)

@@ -1,17 +1,19 @@
 """The recorded side: every point of a recording reduced piece by piece, and what was wrong with its data."""
 
-from collections.abc import Callable, Collection, Mapping
+from collections.abc import Callable, Collection, Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass
 
 import numpy as np
 
-from tbm_gsa.comparison.levels import Course
+from tbm_gsa.comparison.levels import OperatingHistory
 from tbm_gsa.comparison.model_run import MODEL_RATE_HZ
 from tbm_gsa.comparison.offline import compared_band
 from tbm_gsa.signals.clock import sampling_rate
 from tbm_gsa.signals.conditioning import Frame
-from tbm_gsa.signals.reduction import ReducedSignal, SignalReducer, one_level
+from tbm_gsa.signals.reduction import ReducedSignal, SignalReducer
 from tbm_gsa.signals.settings import Settings
+from tbm_msgs_py.base.arrays import Array
 from tbm_msgs_py.base.errors import InputError
 from tbm_msgs_py.recordings.recording import AccelerationRecord, RecordingReader
 from tbm_msgs_py.recordings.recording_health import PointHealth, RecordingHealth
@@ -52,7 +54,7 @@ def reduce_field(
     reader: RecordingReader,
     points: Collection[str],
     settings: Settings,
-    course: Course | None = None,
+    history: OperatingHistory | None = None,
     progress: Callable[[float], None] = lambda _: None,
 ) -> FieldSide:
     """Read a recording from beginning to end.
@@ -63,75 +65,73 @@ def reduce_field(
     points : collection of str
         Points to reduce; the others are counted only.
     settings : Settings
-    course : Course, optional
+    history : OperatingHistory, optional
         Levels of operation, if they are known and several.
     progress : callable
         Called with the seconds of the recording that are done.
     """
     recorded = RecordingHealth(reader)
-    intakes = {point: _Intake(reader.sensors[point].frame, settings, course) for point in points}
+    intakes = {point: _Intake(reader.sensors[point].frame, settings, history) for point in points}
+    signals: dict[str, ReducedSignal] = {}
+    failed: dict[str, str] = {}
     for piece in reader.pieces():
         recorded.add(piece)
-        for point, record in piece.items():
-            if point in intakes:
-                intakes[point].feed(record)
-        if found := recorded.points.values():
-            progress(max(health.duration for health in found))
-    signals = {point: intakes[point].finish() for point in points}
-    return FieldSide(
-        {point: signal for point, signal in signals.items() if isinstance(signal, ReducedSignal)},
-        recorded.points,
-        {point: signal for point, signal in signals.items() if isinstance(signal, str)},
-    )
+        for point in intakes.keys() & piece.keys() - failed.keys():
+            with _noted(failed, point):
+                intakes[point].feed(piece[point])
+        if recorded.points:
+            progress(max(health.duration for health in recorded.points.values()))
+    for point in [point for point in points if point not in failed]:
+        with _noted(failed, point):
+            signals[point] = intakes[point].finish()
+    return FieldSide(signals, recorded.points, failed)
+
+
+@contextmanager
+def _noted(failed: dict[str, str], point: str) -> Iterator[None]:
+    """Note what is wrong with a point, which ends the reduction of this point only."""
+    try:
+        yield
+    except InputError as error:
+        failed[point] = str(error)
 
 
 class _Intake:
     """Pieces of one point: the first ones wait until the sampling rate is known."""
 
-    def __init__(self, frame: Frame, settings: Settings, course: Course | None) -> None:
-        self._frame, self._settings, self._course = frame, settings, course
+    def __init__(self, frame: Frame, settings: Settings, history: OperatingHistory | None) -> None:
+        self._frame, self._settings, self._history = frame, settings, history
         self._waiting: list[AccelerationRecord] = []
         self._origin_ns = 0
         self._reducer: SignalReducer | None = None
-        self._failure = ""
 
     def feed(self, record: AccelerationRecord) -> None:
-        """Take the next piece; one that does not fit ends the reduction of this point only."""
-        if self._failure:
-            return
+        """Reduce the next piece."""
         self._waiting.append(record)
-        if self._reducer is None and sum(len(one.time) for one in self._waiting) < LEAST_SAMPLES:
-            return
-        try:
+        if self._reducer or sum(len(one.time) for one in self._waiting) >= LEAST_SAMPLES:
             self._work_off()
-        except InputError as error:
-            self._failure = str(error)
 
-    def finish(self) -> ReducedSignal | str:
-        """Give the reduced signal, or why there is none."""
-        try:
-            if self._waiting and not self._failure:
-                self._work_off()
-            if self._reducer and not self._failure:
-                return self._reducer.finish()
-        except InputError as error:
-            self._failure = str(error)
-        return self._failure or "no sample"
+    def finish(self) -> ReducedSignal:
+        """Reduced signal."""
+        if self._waiting:
+            self._work_off()
+        if self._reducer is None:
+            raise InputError("no sample")
+        return self._reducer.finish()
 
     def _work_off(self) -> None:
-        if self._reducer is None:
-            self._begin()
+        reducer = self._reducer = self._reducer or self._begin()
         for record in self._waiting:
-            self._reducer.feed(self._seconds(record), record.values)  # type: ignore[union-attr]
+            reducer.feed(self._seconds(record), record.values)
         self._waiting = []
 
-    def _begin(self) -> None:
+    def _begin(self) -> SignalReducer:
         self._origin_ns = self._waiting[0].start_ns
         rate = sampling_rate(np.concatenate([self._seconds(record) for record in self._waiting]))
-        level_of = self._course.level_of(self._origin_ns) if self._course else one_level
+        level_of = self._history.level_of(self._origin_ns) if self._history else None
         band = compared_band(rate, MODEL_RATE_HZ, self._settings)
-        self._reducer = SignalReducer(rate, band, self._frame, self._settings, level_of)
+        return SignalReducer(rate, band, self._frame, self._settings, level_of)
 
-    def _seconds(self, record: AccelerationRecord) -> np.ndarray:
-        """Give the times of a piece after the point's first sample, s."""
+    def _seconds(self, record: AccelerationRecord) -> Array:
+        """Return the times of a piece after the point's first sample, s."""
         return (record.start_ns - self._origin_ns) * 1e-9 + record.time

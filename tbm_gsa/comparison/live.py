@@ -4,16 +4,17 @@ Blocks of both signals come in any interleaving and are brought together by thei
 kept, never samples, so the memory does not grow.
 """
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from tbm_gsa.comparison.levels import Kind
-from tbm_gsa.comparison.streams import SOURCES, ClosedWindow, PointStreams, Source, StreamCounters
-from tbm_gsa.signals.statistics import ratio, relative_error
-from tbm_msgs_py.base.arrays import Array, Integers
+from tbm_gsa.comparison.rate import StreamCounters
+from tbm_gsa.comparison.results import Kind
+from tbm_gsa.comparison.streams import SOURCES, LiveWindow, PointStreams, Source
+from tbm_gsa.signals.statistics import kurtosis, ratio, relative_error, rms
+from tbm_msgs_py.base.arrays import Array
 from tbm_msgs_py.base.errors import InputError
 from tbm_msgs_py.base.units import NANOSECONDS
 
@@ -97,14 +98,12 @@ class WindowedComparison:
             raise InputError(f"window_s must be positive, not {window_s}")
         self.counters: dict[str, dict[Source, StreamCounters]] = {}
         self._window_ns = round(window_s * NANOSECONDS)
-        self._rotating = frozenset(rotating)
-        self._high_hz = high_hz
-        self._patience = patience
+        self._rotating, self._high_hz, self._patience = frozenset(rotating), high_hz, patience
         self._least_coverage = least_coverage
         self._points: dict[str, PointStreams] = {}
 
     def feed(self, point: str, source: Source, stamp_ns: int, t: ArrayLike, values: ArrayLike) -> list[WindowResult]:
-        """Take a block and give the windows it completes.
+        """Windows that a block completes.
 
         Parameters
         ----------
@@ -135,20 +134,22 @@ class WindowedComparison:
         times = stamp_ns + np.rint(offsets[finite] * NANOSECONDS).astype(np.int64)
         if not times.size:
             return []
-        streams = self._points.get(point) or self._begin(point)
-        return [
-            self._result(point, window)
-            for block_times, block_rows in streams[source].admit(times, rows[finite])
-            for window in self._streams(point, source, block_times).feed(
-                source, block_times, block_rows, high_hz=self._high_hz, patience=self._patience
+        if point not in self._points:
+            self._points[point] = PointStreams(
+                self._window_ns,
+                counters,
+                rotating=point in self._rotating,
+                high_hz=self._high_hz,
+                patience=self._patience,
             )
-        ]
+        windows = self._points[point].feed(source, times, rows[finite])
+        return [self._result(point, index, sums) for index, sums in windows]
 
     def apart_ns(self) -> dict[str, int]:
         """How far the model's stamps are ahead of the field's, ns, at the points where no window can hold both."""
         ahead: dict[str, int] = {}
-        for point, streams in self._points.items():
-            model, field = (streams[source].latest_ns for source in SOURCES)
+        for point, both in self._points.items():
+            model, field = (both.streams[source].queue.latest_ns for source in SOURCES)
             if model is not None and field is not None:
                 ahead[point] = model - field
         return {point: ns for point, ns in ahead.items() if abs(ns) > (self._patience + 1) * self._window_ns}
@@ -157,23 +158,20 @@ class WindowedComparison:
         """Begin a point anew: its signals come from elsewhere now, at another rate perhaps."""
         self._points.pop(point, None)
 
-    def _begin(self, point: str) -> PointStreams:
-        self._points[point] = PointStreams(self._window_ns, self.counters[point], point in self._rotating)
-        return self._points[point]
-
-    def _streams(self, point: str, source: Source, times: Integers) -> PointStreams:
-        """Both signals of a point; afresh if this one's clock has jumped back, as a bag does that loops."""
-        if not self._points[point][source].is_behind(times):
-            return self._points[point]
-        self.counters[point][source].restarts += 1
-        return self._begin(point)
-
-    def _result(self, point: str, closed: ClosedWindow) -> WindowResult:
-        start_ns, length_ns = closed.index * self._window_ns, self._window_ns
-        model, field = (closed.sums[source] for source in SOURCES)
-        shares = [closed.sums[source].coverage(length_ns) for source in SOURCES]
-        levels = model.rms(), field.rms()
-        error = relative_error(levels[1], levels[0]) if min(shares) >= self._least_coverage else np.full(3, np.nan)
+    def _result(self, point: str, index: int, sums: Mapping[Source, LiveWindow]) -> WindowResult:
+        length_ns, (model, field) = self._window_ns, (sums[source] for source in SOURCES)
+        shares = model.coverage(length_ns), field.coverage(length_ns)
+        model_rms, field_rms = (rms(side.count, side.moments) for side in (model, field))
+        error = relative_error(field_rms, model_rms) if min(shares) >= self._least_coverage else np.full(3, np.nan)
         return WindowResult(
-            point, start_ns, length_ns, *levels, error, shares[0], shares[1], field.peak(), field.kurtosis()
+            point=point,
+            start_ns=index * length_ns,
+            length_ns=length_ns,
+            model_rms=model_rms,
+            field_rms=field_rms,
+            relative_error=error,
+            model_coverage=shares[0],
+            field_coverage=shares[1],
+            field_peak=field.peak if field.count else np.full(3, np.nan),
+            field_kurtosis=kurtosis(field.count, field.moments),
         )

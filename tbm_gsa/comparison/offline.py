@@ -1,180 +1,54 @@
-"""A recording against the model, after the event: per test point, axis and window."""
+"""Reduced signals of field and model → results of a test point: per axis, window and level of operation."""
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, fields
-from typing import Protocol
+from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike
 
-from tbm_gsa.signals.clock import sampling_rate
-from tbm_gsa.signals.conditioning import Band, Frame, common_band, ordered
-from tbm_gsa.signals.estimates import SignalStatistics, estimate, field_sample, level_shares, model_sample
-from tbm_gsa.signals.intervals import Interval, error_interval
-from tbm_gsa.signals.reduction import ReducedSignal, SignalReducer
+from tbm_gsa.comparison.results import (
+    AxisResult,
+    AxisSpectra,
+    LevelAxis,
+    PointBand,
+    SpectralPeak,
+    SpectrumResult,
+    WindowColumns,
+    known,
+    limits,
+    numbers,
+)
+from tbm_gsa.signals.conditioning import Band, common_band
+from tbm_gsa.signals.estimates import STATISTICS, SignalStatistics, estimate, level_shares
+from tbm_gsa.signals.intervals import error_interval
+from tbm_gsa.signals.reduction import ReducedSignal, Series
 from tbm_gsa.signals.settings import Settings, band_name
 from tbm_gsa.signals.statistics import coverage, kurtosis, ratio, relative_error, rms
-from tbm_msgs_py.base.arrays import Array, Integers
+from tbm_msgs_py.base.arrays import Array
 from tbm_msgs_py.base.errors import InputError
-
-
-class Record(Protocol):
-    """What a comparison needs of a recording: time (n,) s, values (n, 3) m/s², nominal rate Hz."""
-
-    @property
-    def time(self) -> Array: ...  # noqa: D102
-    @property
-    def values(self) -> Array: ...  # noqa: D102
-    @property
-    def rate_hz(self) -> float: ...  # noqa: D102
-
-
-@dataclass(frozen=True, eq=False)
-class Windows:
-    """Window by window along one axis; all arrays have shape (w,), NaN where a window holds no sample.
-
-    Attributes
-    ----------
-    start : ndarray
-        s after the first recorded sample.
-    level : ndarray
-        Level of operation, −1 of a window that belongs to none.
-    coverage : ndarray
-        Recorded share of the window.
-    relative_error : ndarray
-        Equation (4) against the whole model run at the level, which has no window that would be simultaneous.
-    field_rms, field_peak : ndarray
-        m/s².
-    field_crest_factor, field_kurtosis : ndarray
-    field_velocity_rms : ndarray
-        m/s.
-    field_band_rms : mapping of str to ndarray
-        m/s².
-    field_line_hz : ndarray
-        Highest line of the window's own spectrum.
-    """
-
-    start: Array
-    level: Integers
-    coverage: Array
-    relative_error: Array
-    field_rms: Array
-    field_peak: Array
-    field_crest_factor: Array
-    field_kurtosis: Array
-    field_velocity_rms: Array
-    field_band_rms: Mapping[str, Array]
-    field_line_hz: Array
-
-    def arrays(self) -> dict[str, Array]:
-        """Arrays by name, without the bands."""
-        return {item.name: getattr(self, item.name) for item in fields(self) if item.name != "field_band_rms"}
-
-
-@dataclass(frozen=True, eq=False)
-class LevelComparison:
-    """One axis of one test point at one level of operation."""
-
-    field: SignalStatistics
-    model: SignalStatistics
-    relative_error: float
-    error_interval: Interval
-
-
-@dataclass(frozen=True, eq=False)
-class AxisComparison:
-    """One axis of one test point.
-
-    Attributes
-    ----------
-    field, model : SignalStatistics
-        Over all windows at a level; the model's levels count as long as they were recorded.
-    relative_error : float
-    error_interval : (float, float)
-    windows : Windows
-    levels : mapping of int to LevelComparison
-    """
-
-    field: SignalStatistics
-    model: SignalStatistics
-    relative_error: float
-    error_interval: Interval
-    windows: Windows
-    levels: Mapping[int, LevelComparison]
+from tbm_msgs_py.base.units import STANDARD_GRAVITY
 
 
 @dataclass(frozen=True, eq=False)
 class PointComparison:
-    """One test point.
+    """Results of one test point, as `ComparisonResult` holds them by point.
 
     Attributes
     ----------
-    axes : mapping of str to AxisComparison
+    axes, spectra : mapping of str to AxisResult, AxisSpectra
         ``x y z``, or ``x yz`` of a sensor that turns with the head.
-    band : Band
-        What was compared, Hz.
-    coverage : float
-        Recorded share of the time from the first to the last sample, in stretches long enough to condition.
-    field, model : ReducedSignal
-        The signals; the model's at the level that was held longest.
+    band : PointBand
+    levels : mapping of int to (mapping of str to LevelAxis)
+        By level and axis; a level at which this point has no spectrum is not there.
+    excerpts : (Series, Series)
+        A second of field and model along x; of the model at the level that was held longest.
     """
 
-    axes: Mapping[str, AxisComparison]
-    band: Band
-    coverage: float
-    field: ReducedSignal
-    model: ReducedSignal
-
-
-@dataclass(frozen=True, eq=False)
-class Comparison:
-    """All test points of a recording."""
-
-    points: Mapping[str, PointComparison]
-    window_s: float
-
-
-def compare_records(
-    field: Mapping[str, Record],
-    model: Mapping[str, tuple[ArrayLike, ArrayLike]],
-    *,
-    frames: Mapping[str, Frame] | None = None,
-    settings: Settings | None = None,
-) -> Comparison:
-    """Compare a recording with the model at every recorded test point, both in memory and at one level of operation.
-
-    Parameters
-    ----------
-    field : mapping of str to Record
-        Recorded accelerations by test point, in the machine axes.
-    model : mapping of str to (array_like, array_like)
-        Computed ones: time (m,) s and acceleration (m, 3) m/s².
-    frames : mapping of str to {"fixed", "rotating"}
-        Sensors that turn with the head; the others are fixed.
-    settings : Settings
-        Windows, bands, lines.
-
-    Returns
-    -------
-    Comparison
-    """
-    missing = sorted(set(field) - set(model))
-    if missing:
-        raise InputError(f"the model has no test point {', '.join(missing)}; it has {', '.join(sorted(model))}")
-    chosen, turning = settings or Settings(), frames or {}
-    points = {}
-    for name, record in field.items():
-        try:
-            model_rate = sampling_rate(model[name][0])
-            band = compared_band(record.rate_hz, model_rate, chosen)
-            frame = turning.get(name, "fixed")
-            measured = _reduced(record.time, record.values, SignalReducer(record.rate_hz, band, frame, chosen))
-            predicted = _reduced(*model[name], SignalReducer(model_rate, band, frame, chosen))
-            points[name] = compare_signals(measured, {0: predicted}, chosen)
-        except InputError as error:
-            raise InputError(f"test point {name}: {error}") from error
-    return Comparison(points, chosen.window_s)
+    axes: Mapping[str, AxisResult]
+    spectra: Mapping[str, AxisSpectra]
+    band: PointBand
+    levels: Mapping[int, Mapping[str, LevelAxis]]
+    excerpts: tuple[Series, Series]
 
 
 def compared_band(field_rate_hz: float, model_rate_hz: float, settings: Settings) -> Band:
@@ -183,14 +57,13 @@ def compared_band(field_rate_hz: float, model_rate_hz: float, settings: Settings
     return band if settings.high_hz is None else Band(band.low, settings.high_hz)
 
 
-def compare_signals(field: ReducedSignal, model: Mapping[int, ReducedSignal], settings: Settings) -> PointComparison:
-    """Compare what is left of both signals of a test point.
+def compare_signals(field: ReducedSignal, model: ReducedSignal, settings: Settings) -> PointComparison:
+    """Comparison of what is left of both signals of a test point.
 
     Parameters
     ----------
-    field : ReducedSignal
-    model : mapping of int to ReducedSignal
-        The model's run at each level of operation. Windows of the recording at another level are left out.
+    field, model : ReducedSignal
+        Windows of the recording at a level that the model was not run at are left out.
     settings : Settings
 
     Raises
@@ -198,51 +71,101 @@ def compare_signals(field: ReducedSignal, model: Mapping[int, ReducedSignal], se
     InputError
         No window of the recording belongs to a level.
     """
-    shares = level_shares(field, model)
+    shares = level_shares(field, np.unique(model.level).tolist())
     if not shares:
         raise InputError("no window at a steady level of operation")
-    measured, predicted = _both(field, model, shares, settings)
-    apart = {level: {level: 1.0} for level in shares if level in field.spectra}
+    both = _statistics(field, model, shares, settings)
     by_level = {
-        level: _both(field, model, share, settings) if len(shares) > 1 else (measured, predicted)
-        for level, share in apart.items()
+        level: _statistics(field, model, {level: 1.0}, settings) if len(shares) > 1 else both
+        for level in shares
+        if level in field.spectra
     }
-    axes = {}
-    for number, axis in enumerate(field.axes):
-        levels = {
-            level: LevelComparison(a[axis], b[axis], *_error(a[axis], b[axis])) for level, (a, b) in by_level.items()
-        }
-        model_rms = {level: one.model.rms for level, one in levels.items()}
-        windows = _windows(field, number, model_rms, settings)
-        error = _error(measured[axis], predicted[axis])
-        axes[axis] = AxisComparison(measured[axis], predicted[axis], *error, windows, levels)
+    levels = {level: {axis: _level_axis(*sides) for axis, sides in at.items()} for level, at in by_level.items()}
     share = coverage(float(field.windows.count.sum()), field.rate_hz, field.duration)
-    return PointComparison(axes, field.band, share, field, model[max(shares, key=shares.__getitem__)])
-
-
-def _reduced(time: ArrayLike, values: ArrayLike, reducer: SignalReducer) -> ReducedSignal:
-    stamps, rows = ordered(time, values)
-    reducer.feed(stamps - stamps[:1], rows)
-    return reducer.finish()
-
-
-def _both(
-    field: ReducedSignal, model: Mapping[int, ReducedSignal], shares: Mapping[int, float], settings: Settings
-) -> tuple[dict[str, SignalStatistics], dict[str, SignalStatistics]]:
-    """Statistics of field and model over some levels, by axis."""
-    return (
-        estimate(field_sample(field, shares), field, settings),
-        estimate(model_sample(model, shares), next(iter(model.values())), settings),
+    axes = {}
+    for number, (axis, sides) in enumerate(both.items()):
+        model_rms = {level: found[axis].model_rms for level, found in levels.items()}
+        axes[axis] = _axis(*sides, share, _windows(field, number, model_rms, settings))
+    return PointComparison(
+        axes,
+        {axis: AxisSpectra(field=_spectrum(one), model=_spectrum(other)) for axis, (one, other) in both.items()},
+        PointBand(
+            low_hz=field.band.low, high_hz=field.band.high, field_rate_hz=field.rate_hz, model_rate_hz=model.rate_hz
+        ),
+        levels,
+        (field.excerpt, model.excerpt),
     )
 
 
-def _error(field: SignalStatistics, model: SignalStatistics) -> tuple[float, Interval]:
-    widths = field.rms_width, model.rms_width
-    return float(relative_error(field.rms, model.rms)), error_interval(field.rms, model.rms, widths)
+def _statistics(
+    field: ReducedSignal, model: ReducedSignal, shares: Mapping[int, float], settings: Settings
+) -> dict[str, tuple[SignalStatistics, SignalStatistics]]:
+    """Statistics of field and model over some levels, by axis."""
+    measured, computed = (estimate(signal, shares, settings) for signal in (field, model))
+    return {axis: (measured[axis], computed[axis]) for axis in field.axes}
 
 
-def _windows(field: ReducedSignal, axis: int, model_rms: Mapping[int, float], settings: Settings) -> Windows:
-    """Every whole window from the first sample on, recorded or not."""
+def _level_axis(field: SignalStatistics, model: SignalStatistics) -> LevelAxis:
+    return LevelAxis.model_validate(
+        {
+            "field_rms": known(field.rms),
+            "model_rms": known(model.rms),
+            "relative_error": known(float(relative_error(field.rms, model.rms))),
+            "intervals": {
+                "field_rms": limits(field.intervals["rms"]),
+                "model_rms": limits(model.intervals["rms"]),
+                "relative_error": limits(error_interval(field.rms, model.rms, (field.rms_width, model.rms_width))),
+            },
+        }
+    )
+
+
+def _axis(
+    field: SignalStatistics, model: SignalStatistics, recorded_share: float, windows: WindowColumns
+) -> AxisResult:
+    whole = _level_axis(field, model)
+    values: dict[str, object] = {"relative_error": whole.relative_error, "coverage": recorded_share}
+    intervals: dict[str, object] = {"relative_error": whole.intervals.relative_error}
+    for side, found in (("field", field), ("model", model)):
+        values |= {f"{side}_{name}": known(found.values[name]) for name in STATISTICS}
+        intervals |= {f"{side}_{name}": limits(found.intervals[name]) for name in STATISTICS}
+        values[f"{side}_band_rms"] = {name: known(found.values[name]) for name in windows.field_band_rms}
+        intervals[f"{side}_band_rms"] = {name: limits(found.intervals[name]) for name in windows.field_band_rms}
+        values[f"{side}_rms_g"] = known(found.rms / STANDARD_GRAVITY)
+        values[f"{side}_lines"] = _peaks(found)
+    return AxisResult.model_validate({**values, "intervals": intervals, "windows": windows})
+
+
+def _peaks(statistics: SignalStatistics) -> tuple[SpectralPeak, ...]:
+    low, high = (math.sqrt(factor) for factor in statistics.density_factors)
+    return tuple(
+        SpectralPeak(
+            frequency_hz=line.frequency,
+            rms=known(line.rms),
+            match=line.match,
+            interval=limits((low * line.rms, high * line.rms)),
+        )
+        for line in statistics.lines
+    )
+
+
+def _spectrum(statistics: SignalStatistics) -> SpectrumResult:
+    spectrum = statistics.spectrum
+    return SpectrumResult(
+        resolution_hz=float(spectrum.frequency[1]),
+        density=numbers(spectrum.density.tolist()),
+        segments=float(spectrum.segments),
+        interval_factors=statistics.density_factors,
+    )
+
+
+def _windows(
+    field: ReducedSignal, axis: int, model_rms: Mapping[int, float | None], settings: Settings
+) -> WindowColumns:
+    """Every whole window from the first sample on, recorded or not.
+
+    The error is against the whole model run at the level, which has no window that would be simultaneous.
+    """
     length, table = settings.window_s, field.windows
     # A sensor clock that drifts makes the last window short by a sample or two: it counts.
     count = math.floor(field.duration / length + 1e-3)
@@ -254,20 +177,23 @@ def _windows(field: ReducedSignal, axis: int, model_rms: Mapping[int, float], se
         whole[place] = values[there]
         return whole
 
-    level = np.full(count, -1, dtype=np.int64)
-    level[place] = field.level[there]
+    def column(values: Array) -> tuple[float | None, ...]:
+        return numbers(dense(values).tolist())
+
+    level = dense(np.where(field.level < 0, np.nan, field.level)).tolist()
+    computed = np.array([model_rms.get(int(one)) if one == one else None for one in level], dtype=np.float64)  # noqa: PLR0124
     root = rms(table.count, table.moments)[:, axis]
     bands = np.sqrt(ratio(table.bands[:, :, axis], table.count[:, None]))
-    return Windows(
-        start=length * np.arange(count, dtype=np.float64),
-        level=level,
-        coverage=np.minimum(1.0, np.nan_to_num(dense(table.count)) / (field.rate_hz * length)),
-        relative_error=relative_error(dense(root), [model_rms.get(int(one), math.nan) for one in level]),
-        field_rms=dense(root),
-        field_peak=dense(table.peak[:, axis]),
-        field_crest_factor=dense(ratio(table.peak[:, axis], root)),
-        field_kurtosis=dense(kurtosis(table.count, table.moments)[:, axis]),
-        field_velocity_rms=dense(np.sqrt(ratio(table.velocity[:, axis], table.count))),
-        field_band_rms={band_name(*limits): dense(bands[:, i]) for i, limits in enumerate(settings.bands)},
-        field_line_hz=dense(table.line[:, axis]),
+    return WindowColumns(
+        start=numbers((length * np.arange(count, dtype=np.float64)).tolist()),
+        coverage=numbers(np.minimum(1.0, np.nan_to_num(dense(table.count)) / (field.rate_hz * length)).tolist()),
+        relative_error=numbers(relative_error(dense(root), computed).tolist()),
+        field_rms=column(root),
+        field_peak=column(table.peak[:, axis]),
+        field_crest_factor=column(ratio(table.peak[:, axis], root)),
+        field_kurtosis=column(kurtosis(table.count, table.moments)[:, axis]),
+        field_velocity_rms=column(np.sqrt(ratio(table.velocity[:, axis], table.count))),
+        field_line_hz=column(table.line[:, axis]),
+        level=tuple(None if math.isnan(one) else int(one) for one in level),
+        field_band_rms={band_name(*limits): column(bands[:, i]) for i, limits in enumerate(settings.bands)},
     )

@@ -1,16 +1,16 @@
 """One test point while its two signals arrive: ordering, conditioning and sums per window, no samples kept."""
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field
 from typing import Literal
 
 import numpy as np
 
 from tbm_dynamics.streaming.continuity import Continuity, StreamBlock
-from tbm_gsa.comparison.pace import Pace
-from tbm_gsa.signals.clock import GAP_PERIODS, sampling_rate
-from tbm_gsa.signals.conditioning import HIGH_PASS_HZ, Band, CausalConditioner, common_band
-from tbm_gsa.signals.statistics import coverage, kurtosis, rms
+from tbm_gsa.comparison.rate import RateEstimator, StreamCounters
+from tbm_gsa.signals.clock import GAP_PERIODS
+from tbm_gsa.signals.conditioning import HIGH_PASS_HZ, Band, CausalConditioner, along, common_band
+from tbm_gsa.signals.statistics import coverage
+from tbm_gsa.signals.windows import WindowSums
 from tbm_msgs_py.base.arrays import Array, Integers
 from tbm_msgs_py.base.units import NANOSECONDS
 
@@ -23,268 +23,249 @@ SLACK_NS = 30_000_000  # stamps jitter, and single samples are lost: so near, th
 # A jump of the clock is believed after a window without a sample where the signal had got to, or after so long.
 MOST_JUMP_NS = 2_000_000_000
 SETTLE_NS = round(NANOSECONDS / HIGH_PASS_HZ)  # one period of the high-pass
+FIXED, ROTATING = ((0,), (1,), (2,)), ((0,), (1, 2), (1, 2))  # columns behind x, y and z
 
 
-@dataclass
-class StreamCounters:
-    """What happened to one signal of one point since the beginning."""
+class LiveWindow(WindowSums):
+    """Sums of one signal over one window, along x, y and z; NaN without a band.
 
-    rejected: int = 0  # samples that were not finite
-    late: int = 0  # samples not newer than the ones before, of a window already closed, or beside the signal
-    gaps: int = 0  # stretches without samples that were longer than a window
-    restarts: int = 0  # jumps back of the stamps, by more than a window
-    rate_changes: int = 0  # of the rate that stamps declare, while they run on
-    declared_hz: float = 0.0  # the rate since then
-    came_hz: float = 0.0  # samples a second in the last stretch as long as a window
-    block_gaps: int = 0  # in it, if they follow most blocks: another rate comes than is declared
+    Attributes
+    ----------
+    rate_hz : float
+        Of the samples; zero before there are any.
+    settling : bool
+        The filter had not settled at its begin, or the rate may have changed in it.
+    """
 
-
-@dataclass
-class WindowSum:
-    """Sums of one signal over one window."""
-
-    count: int = 0
-    rate_hz: float = 0.0  # of the samples; zero before there are any
-    moments: Array = field(default_factory=lambda: np.zeros((4, 3)))  # of powers 1 to 4, (m/s²)^k; NaN without a band
-    largest: Array = field(default_factory=lambda: np.zeros(3))  # magnitude, m/s²; NaN likewise
-    settling: bool = False
-
-    def add(self, values: Array) -> None:
-        """Take conditioned samples, (n, 3), along the compared axes."""
-        squares = np.square(values)
-        self.count += len(values)
-        self.moments += [part.sum(axis=0) for part in (values, squares, squares * values, np.square(squares))]
-        self.largest = np.maximum(self.largest, np.abs(values).max(axis=0))
-
-    def rms(self) -> Array:
-        """Root mean square, (3,), m/s²."""
-        return rms(self.count, self.moments)
-
-    def peak(self) -> Array:
-        """Largest magnitude, (3,), m/s²."""
-        return self.largest if self.count else np.full(3, np.nan)
-
-    def kurtosis(self) -> Array:
-        """Kurtosis, (3,)."""
-        return kurtosis(self.count, self.moments)
+    def __init__(self) -> None:
+        super().__init__(axes=3)
+        self.rate_hz, self.settling = 0.0, False
 
     def coverage(self, window_ns: int) -> float:
         """Share of the window that arrived."""
         return coverage(self.count, self.rate_hz, window_ns / NANOSECONDS) if self.rate_hz else 0.0
 
 
-@dataclass(frozen=True, eq=False)
-class ClosedWindow:
-    """A window that nothing will be added to; it starts at index times its length."""
-
-    index: int
-    sums: Mapping[Source, WindowSum]
-
-
 class PointStreams:
-    """Both signals of one test point.
+    """Both signals of one test point; they begin afresh when the clock of one jumps back, as a bag does that loops.
 
     Parameters
     ----------
     window_ns : int
         Length of a window.
     counters : mapping of Source to StreamCounters
-        Where to count; they outlive a restart.
+        They outlive a restart.
     rotating : bool
         The sensor turns with the head: y and z both become √(y² + z²), as `compared_axes` says.
+    high_hz : float or None
+        Upper limit of the band; by default that of the rates once both are known.
+    patience : int
+        Windows that one signal may lag behind before a window is closed without it.
     """
 
-    def __init__(self, window_ns: int, counters: Mapping[Source, StreamCounters], rotating: bool) -> None:
-        self._window_ns = window_ns
-        self._streams: dict[Source, _Stream] = {
-            source: _Stream(window_ns, counters[source], rotating) for source in SOURCES
-        }
-        self._band: Band | None = None
+    def __init__(
+        self,
+        window_ns: int,
+        counters: Mapping[Source, StreamCounters],
+        *,
+        rotating: bool,
+        high_hz: float | None,
+        patience: int,
+    ) -> None:
+        self._window_ns, self._patience_ns, self._counters = window_ns, patience * window_ns, counters
+        self._axes = ROTATING if rotating else FIXED
+        self._given = None if high_hz is None else Band(HIGH_PASS_HZ, high_hz)
+        self._restart()
+
+    def _restart(self) -> None:
+        self.streams = {source: _Stream(self._window_ns, self._counters[source], self._axes) for source in SOURCES}
+        self._band = self._given
         self._closed: int | None = None  # the last closed window
 
-    def __getitem__(self, source: Source) -> "_Stream":
-        return self._streams[source]
+    def feed(self, source: Source, times: Integers, rows: Array) -> Iterator[tuple[int, dict[Source, LiveWindow]]]:
+        """Windows, by number and signal, that finite samples complete: times (n,) ns, rows (n, 3) m/s²."""
+        for stamps, part in self.streams[source].admit(times, rows):
+            if self.streams[source].queue.is_behind(stamps, self._window_ns):
+                self._counters[source].restarts += 1
+                self._restart()
+            self.streams[source].push(stamps, part)
+            rates = [stream.rate.hz for stream in self.streams.values() if stream.rate.hz]
+            if self._given is None and len(rates) == len(SOURCES):
+                self._band = common_band(*rates)
+            for stream in self.streams.values():
+                stream.work_off(self._band, self._closed)
+            yield from self._close()
 
-    def feed(
-        self, source: Source, times: Integers, rows: Array, *, high_hz: float | None, patience: int
-    ) -> list[ClosedWindow]:
-        """Take finite samples, times (n,) ns and rows (n, 3) m/s², and give the windows that are complete."""
-        self._streams[source].push(times, rows)
-        self._settle_on_band(high_hz)
-        for stream in self._streams.values():
-            stream.work_off(self._closed)
-        return list(self._close(patience))
-
-    def _settle_on_band(self, high_hz: float | None) -> None:
-        """Take the band of the rates once both are known, another one after a rate has changed."""
-        rates = [stream.rate_hz for stream in self._streams.values() if stream.rate_hz]
-        if high_hz is not None:
-            self._band = Band(HIGH_PASS_HZ, high_hz)
-        elif len(rates) == len(SOURCES):
-            self._band = common_band(*rates)
-        if self._band:
-            for stream in self._streams.values():
-                stream.start(self._band)
-
-    def _close(self, patience: int) -> Iterator[ClosedWindow]:
-        reached = [stream.reached_ns for stream in self._streams.values()]
-        for index in sorted(set().union(*(stream.sums for stream in self._streams.values()))):
+    def _close(self) -> Iterator[tuple[int, dict[Source, LiveWindow]]]:
+        reached = [stream.reached_ns for stream in self.streams.values()]
+        for index in sorted(set().union(*(stream.sums for stream in self.streams.values()))):
             end = (index + 1) * self._window_ns
-            if min(reached) < end and max(reached) < end + patience * self._window_ns:
+            if min(reached) < end and max(reached) < end + self._patience_ns:
                 return
             self._closed = index
-            sums = {source: stream.sums.pop(index, WindowSum()) for source, stream in self._streams.items()}
+            sums = {source: stream.sums.pop(index, LiveWindow()) for source, stream in self.streams.items()}
             if not any(total.settling for total in sums.values()):
-                yield ClosedWindow(index, sums)
+                yield index, sums
 
 
-class _Stream:
-    """One signal of one point.
+class SampleQueue:
+    """Samples that wait to be worked off, each newer than all before it."""
+
+    def __init__(self) -> None:
+        self.latest_ns: int | None = None  # of all samples, those worked off too
+        self.clear()
+
+    def __len__(self) -> int:
+        return sum(map(len, self._times))
+
+    def clear(self) -> None:
+        """Drop what waits."""
+        self._times: list[Integers] = []
+        self._rows: list[Array] = []
+
+    def push(self, times: Integers, rows: Array) -> Integers:
+        """Add what is newer than all before; the times of it are returned."""
+        latest = times[0] - 1 if self.latest_ns is None else self.latest_ns
+        fresh = times > np.maximum.accumulate(np.concatenate([[latest], times[:-1]]))
+        if fresh.any():
+            self._times.append(times[fresh])
+            self._rows.append(rows[fresh])
+            self.latest_ns = int(times[fresh][-1])
+        return times[fresh]
+
+    def is_behind(self, times: Integers, window_ns: int) -> bool:
+        """Whether samples at times (n,), ns, belong to a new run of the clock."""
+        return self.latest_ns is not None and bool(times[0] < self.latest_ns - window_ns)
+
+    def holds(self, length_ns: int) -> bool:
+        """Whether what waits, each sample with its period, fills a length of time."""
+        if len(self) < LEAST_BATCH:
+            return False
+        span = int(self._times[-1][-1] - self._times[0][0])
+        return span * len(self) >= length_ns * (len(self) - 1)
+
+    def ends_window(self, window_ns: int, period_ns: int) -> bool:
+        """Whether what waits reaches the end of the window it begins in."""
+        if not self._times or self.latest_ns is None:
+            return False
+        return bool(self.latest_ns + period_ns >= (self._times[0][0] // window_ns + 1) * window_ns)
+
+    @property
+    def times(self) -> Integers:
+        """Times of what waits, (n,), ns."""
+        return np.concatenate(self._times)
+
+    def pop_all(self) -> tuple[Integers, Array]:
+        """Remove and return what waits, times (n,) ns and rows (n, 3)."""
+        times, rows = self.times, np.concatenate(self._rows)
+        self.clear()
+        return times, rows
+
+
+class GapConditioner:
+    """Conditions one signal as it comes, with the causal filter.
 
     Short gaps leave the state of the filter as it is: its high-pass remembers the mean, and a jump between two values
     of a vibration is no worse than the vibration. After more than a window without a sample it starts afresh, and so
-    it does once the stamps declare another rate.
+    it does with another rate or band. Without a band all is NaN.
     """
 
-    def __init__(self, window_ns: int, counters: StreamCounters, rotating: bool) -> None:
-        self.rate_hz: float | None = None
-        self.reached_ns = -1  # end of what is in the sums; negative before anything is
-        self.sums: dict[int, WindowSum] = {}
-        self._window_ns = window_ns
-        self._counters = counters
-        self._rotating = rotating
-        self._pending_times: list[Integers] = []
-        self._pending_rows: list[Array] = []
-        self.latest_ns: int | None = None  # of all samples, pending or not
-        self._continuity: Continuity[tuple[Integers, Array]] = Continuity(window_ns, min(window_ns, MOST_JUMP_NS))
-        self._dropped = 0  # samples of the continuity that are counted as late
-        self._pace: Pace | None = None
-        self._changing = False  # the rate; it is learnt again
-        self._design: tuple[float, Band] | None = None  # rate and band of the conditioner
+    def __init__(self, window_ns: int, counters: StreamCounters, axes: tuple[tuple[int, ...], ...]) -> None:
+        self._window_ns, self._counters, self._axes = window_ns, counters, axes
+        self._design: tuple[float, Band] | None = None
         self._conditioner: CausalConditioner | None = None
-        self._settled_ns: int | None = None
+        self.settled_ns: int | None = None
 
-    def admit(self, times: Integers, rows: Array) -> list[tuple[Integers, Array]]:
-        """Give the blocks to go on with, now that samples at times (n,), ns, with rows (n, 3) have come.
+    def start(self, rate_hz: float, band: Band) -> None:
+        """Condition to this band from now on."""
+        if self._design != (rate_hz, band):
+            self._conditioner, self._design = CausalConditioner(rate_hz, band), (rate_hz, band)
+            self.settled_ns = None
 
-        None while they wait, for they may be of another publisher; several when those that waited are believed.
-        """
-        length = int(times[-1] - times[0])
-        period = length / (len(times) - 1) if length > 0 else self._period_ns
-        slack = max(SLACK_NS, length / 2.0, GAP_PERIODS * period)
-        block = StreamBlock(int(times[0]), round(times[-1] + period), slack, len(times), (times, rows))
-        end = None if self.latest_ns is None else round(self.latest_ns + period)
-        admitted = self._continuity.add(block, end)
-        self._counters.late += self._continuity.dropped_samples - self._dropped
-        self._dropped = self._continuity.dropped_samples
-        return [block.content for block in admitted]
-
-    def is_behind(self, times: Integers) -> bool:
-        """Whether samples at these times (n,), ns, that were admitted, belong to a new run of the clock."""
-        return self.latest_ns is not None and bool(times[0] < self.latest_ns - self._window_ns)
-
-    @property
-    def _period_ns(self) -> int:
-        return round(NANOSECONDS / self.rate_hz) if self.rate_hz else 0
-
-    def start(self, band: Band) -> None:
-        """Condition to this band from now on, if the rate is known."""
-        if self.rate_hz and self._design != (self.rate_hz, band):
-            self._conditioner = CausalConditioner(self.rate_hz, band)
-            self._design = self.rate_hz, band
-            self._settled_ns = None
-
-    def push(self, times: Integers, rows: Array) -> None:
-        """Take what is newer than all before; learn the rate from the first batch, and again once it changes."""
-        latest = int(times[0]) - 1 if self.latest_ns is None else self.latest_ns
-        fresh = times > np.maximum.accumulate(np.concatenate([[latest], times[:-1]]))
-        self._counters.late += int(np.count_nonzero(~fresh))
-        if self._pace:
-            self._pace.count(times, latest)
-            self._counters.came_hz, self._counters.block_gaps = self._pace.came_hz, self._pace.gaps
-        if not fresh.any():
-            return
-        self._pending_times.append(times[fresh])
-        self._pending_rows.append(rows[fresh])
-        self.latest_ns = int(times[fresh][-1])
-        if self._pace:
-            since = self._pace.changed_since(times[fresh])
-            if since is not None:
-                self._forget_rate(since)
-        elif self._holds(BATCH_NS):
-            self._learn_rate()
-
-    def _learn_rate(self) -> None:
-        pending = np.concatenate(self._pending_times)
-        self.rate_hz = sampling_rate((pending - pending[0]) / NANOSECONDS)
-        self._pace = Pace(self.rate_hz, self._window_ns)
-        self._counters.declared_hz = self.rate_hz
-        self._counters.rate_changes += self._changing
-        self._changing = False
-
-    def _forget_rate(self, since_ns: int) -> None:
-        """Drop what is pending, of either rate, and leave out the windows in which samples of both may be."""
-        self.rate_hz, self._pace, self._changing = None, None, True
-        self._pending_times, self._pending_rows = [], []
-        for index, total in self.sums.items():
-            total.settling |= index >= since_ns // self._window_ns
-
-    def work_off(self, closed: int | None) -> None:
-        """Add what is pending to the sums, if it is enough; while there is no band, a window of it waits for one."""
-        enough = (self._holds(BATCH_NS) or self._ends_window()) if self._conditioner else self._holds(self._window_ns)
-        if self.rate_hz is None or not enough:
-            return
-        times, rows = np.concatenate(self._pending_times), np.concatenate(self._pending_rows)
-        self._pending_times, self._pending_rows = [], []
-        cuts = np.flatnonzero(np.diff(times, prepend=times[0]) > self._window_ns)
-        if 0 <= self.reached_ns < times[0] - self._window_ns:
-            cuts = np.concatenate([[0], cuts])
+    def process(self, times: Integers, rows: Array, reached_ns: int) -> Iterator[tuple[Integers, Array]]:
+        """Parts between gaps, times (n,) ns and values (3, n) m/s², of samples after those that end at `reached_ns`."""
+        before = reached_ns if reached_ns >= 0 else times[0]
+        cuts = np.flatnonzero(np.diff(times, prepend=before) > self._window_ns)
         for number, (stamps, part) in enumerate(zip(np.split(times, cuts), np.split(rows, cuts), strict=True)):
             if number:
                 self._counters.gaps += 1
-                self._restart()
+                self.settled_ns = None
+                if self._conditioner:
+                    self._conditioner.reset()
             if stamps.size:
-                self._add(stamps, self._condition(stamps, part), closed)
-        self.reached_ns = int(times[-1]) + self._period_ns
-
-    def _holds(self, length_ns: int) -> bool:
-        """Whether the pending samples, each with its period, fill a length of time."""
-        count = sum(map(len, self._pending_times))
-        if count < LEAST_BATCH:
-            return False
-        span = int(self._pending_times[-1][-1] - self._pending_times[0][0])
-        return span * count >= length_ns * (count - 1)
-
-    def _ends_window(self) -> bool:
-        """Whether the pending samples reach the end of the window they begin in."""
-        if not self._pending_times or self.latest_ns is None:
-            return False
-        end = (self._pending_times[0][0] // self._window_ns + 1) * self._window_ns
-        return bool(self.latest_ns + self._period_ns >= end)
-
-    def _restart(self) -> None:
-        self._settled_ns = None
-        if self._conditioner:
-            self._conditioner.reset()
+                yield stamps, self._condition(stamps, part)
 
     def _condition(self, times: Integers, rows: Array) -> Array:
         if self._conditioner is None:
-            return np.full(rows.shape, np.nan)
-        if self._settled_ns is None:
-            self._settled_ns = int(times[0]) + SETTLE_NS
-        conditioned = self._conditioner.process(rows)
-        if self._rotating:
-            conditioned[:, 1:] = np.hypot(conditioned[:, 1], conditioned[:, 2])[:, None]
-        return conditioned
+            return np.full((len(self._axes), len(times)), np.nan)
+        if self.settled_ns is None:
+            self.settled_ns = int(times[0]) + SETTLE_NS
+        return along(self._conditioner.process(rows), self._axes)
 
-    def _add(self, times: Integers, conditioned: Array, closed: int | None) -> None:
-        indices = times // self._window_ns
+
+class _Stream:
+    """One signal of one point."""
+
+    def __init__(self, window_ns: int, counters: StreamCounters, axes: tuple[tuple[int, ...], ...]) -> None:
+        self.reached_ns = -1  # end of what is in the sums; negative before anything is
+        self.sums: dict[int, LiveWindow] = {}
+        self.queue, self.rate = SampleQueue(), RateEstimator(window_ns, counters)
+        self._window_ns, self._counters = window_ns, counters
+        self._continuity: Continuity[tuple[Integers, Array]] = Continuity(window_ns, min(window_ns, MOST_JUMP_NS))
+        self._conditioner = GapConditioner(window_ns, counters, axes)
+
+    def admit(self, times: Integers, rows: Array) -> list[tuple[Integers, Array]]:
+        """Blocks to go on with, now that samples at times (n,), ns, with rows (n, 3) have come.
+
+        None while they wait, for they may be of another publisher; several when those that waited are believed.
+        """
+        length, latest_ns = int(times[-1] - times[0]), self.queue.latest_ns
+        period = length / (len(times) - 1) if length > 0 else self.rate.period_ns
+        slack = max(SLACK_NS, length / 2.0, GAP_PERIODS * period)
+        block = StreamBlock(int(times[0]), round(times[-1] + period), slack, len(times), (times, rows))
+        dropped = self._continuity.dropped_samples
+        admitted = self._continuity.add(block, None if latest_ns is None else round(latest_ns + period))
+        self._counters.late += self._continuity.dropped_samples - dropped
+        return [one.content for one in admitted]
+
+    def push(self, times: Integers, rows: Array) -> None:
+        """Add what is newer than all before; learn the rate from the first batch, and again once it changes."""
+        latest_ns = self.queue.latest_ns
+        fresh = self.queue.push(times, rows)
+        self._counters.late += len(times) - len(fresh)
+        if self.rate.hz and latest_ns is not None:
+            self.rate.add_block(times, latest_ns)
+            since_ns = self.rate.changed_since(fresh) if fresh.size else None
+            if since_ns is not None:
+                # What waits may be of either rate, and so may be what is in the windows since then.
+                self.queue.clear()
+                for index, total in self.sums.items():
+                    total.settling |= index >= since_ns // self._window_ns
+        elif fresh.size and self.queue.holds(BATCH_NS):
+            self.rate.learn(self.queue.times)
+
+    def work_off(self, band: Band | None, closed: int | None) -> None:
+        """Add what waits to the sums, if it is enough; while there is no band, a window of it waits for one."""
+        if self.rate.hz is None:
+            return
+        if band:
+            self._conditioner.start(self.rate.hz, band)
+        period_ns, batch_ns = self.rate.period_ns, BATCH_NS if band else self._window_ns
+        if not (self.queue.holds(batch_ns) or (band and self.queue.ends_window(self._window_ns, period_ns))):
+            return
+        times, rows = self.queue.pop_all()
+        for stamps, values in self._conditioner.process(times, rows, self.reached_ns):
+            self._add(stamps, values, closed, self.rate.hz)
+        self.reached_ns = int(times[-1]) + period_ns
+
+    def _add(self, times: Integers, values: Array, closed: int | None, rate_hz: float) -> None:
+        settled_ns, indices = self._conditioner.settled_ns, times // self._window_ns
         for index in np.unique(indices).tolist():
             inside = indices == index
             if closed is not None and index <= closed:
                 self._counters.late += int(np.count_nonzero(inside))
                 continue
-            total = self.sums.setdefault(index, WindowSum())
-            total.add(conditioned[inside])
-            total.rate_hz = self.rate_hz or 0.0
-            total.settling |= self._settled_ns is not None and bool(times[inside][0] < self._settled_ns)
+            total = self.sums.setdefault(index, LiveWindow())
+            total.add(values[:, inside])
+            total.rate_hz = rate_hz
+            total.settling |= settled_ns is not None and bool(times[inside][0] < settled_ns)

@@ -5,21 +5,31 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
-from typing import Any
 
 from tbm_dynamics import Machine, MachineError, load_machine
-from tbm_gsa.comparison.document import Provenance, comparison_document
-from tbm_gsa.comparison.expected import ExpectedLine, lines_of_levels
+from tbm_gsa.comparison.expected import lines_of_levels
 from tbm_gsa.comparison.field_side import FieldSide, reduce_field
-from tbm_gsa.comparison.levels import Course, NeverDrivenError, machine_course, recorded_course
+from tbm_gsa.comparison.levels import NeverDrivenError, OperatingHistory, machine_history, recorded_history
 from tbm_gsa.comparison.model_run import MODEL_RATE_HZ, run_model
-from tbm_gsa.comparison.offline import Comparison, PointComparison, compare_signals
-from tbm_gsa.signals.reduction import ReducedSignal, SignalReducer
+from tbm_gsa.comparison.offline import PointComparison, compare_signals
+from tbm_gsa.comparison.results import (
+    ComparisonResult,
+    DwellResult,
+    LevelResult,
+    MachineFile,
+    RecordedPoint,
+    RecordingResult,
+)
+from tbm_gsa.provenance import machine_sha256, package_versions
+from tbm_gsa.signals.intervals import CONFIDENCE
+from tbm_gsa.signals.reduction import ReducedSignal, Series, SignalReducer, one_level
 from tbm_gsa.signals.settings import Settings
+from tbm_msgs_py.bags.metadata import is_synthetic
 from tbm_msgs_py.base.errors import InputError, RecordingError
 from tbm_msgs_py.base.texts import listed
 from tbm_msgs_py.recordings.mapping import TopicMapping
 from tbm_msgs_py.recordings.recording import RecordingReader, open_recording
+from tbm_msgs_py.recordings.recording_health import PointHealth
 
 LONGEST_MODEL_S = 3600.0
 SHORTEST_MODEL_S = 1.0
@@ -29,25 +39,21 @@ Progress = Callable[[str, float | None], None]
 
 
 @dataclass(frozen=True, eq=False)
-class ComparisonResult:
+class RecordingComparison:
     """A recording held against the model.
 
     Attributes
     ----------
-    comparison : Comparison
-        Of the points that machine and recording share, along the power flow.
-    lines : tuple of ExpectedLine
-        Of the machine at the levels of operation.
+    result : ComparisonResult
+    excerpts : mapping of str to (Series, Series)
+        A second of the axial acceleration of field and model, by test point.
     starts_ns : mapping of str to int
         Header time of the first sample of each point.
-    document : dict
-        See `comparison_document`.
     """
 
-    comparison: Comparison
-    lines: tuple[ExpectedLine, ...]
+    result: ComparisonResult
+    excerpts: Mapping[str, tuple[Series, Series]]
     starts_ns: Mapping[str, int]
-    document: dict[str, Any]
 
 
 def compare_recording(
@@ -58,11 +64,11 @@ def compare_recording(
     seed: int = 0,
     settings: Settings | None = None,
     progress: Progress = lambda *_: None,
-) -> ComparisonResult:
+) -> RecordingComparison:
     """Compare a recording with the model at the recorded levels of operation.
 
     Test points that the machine does not have, and those whose signal cannot be conditioned, are left out and named
-    with the reason in the document; it is an error only when none is left.
+    with the reason in the result; it is an error only when none is left.
 
     Parameters
     ----------
@@ -82,7 +88,7 @@ def compare_recording(
 
     Returns
     -------
-    ComparisonResult
+    RecordingComparison
 
     Raises
     ------
@@ -94,38 +100,62 @@ def compare_recording(
         A duration or window that is not allowed.
     """
     chosen = settings or Settings()
-    _check_lengths(model_duration, chosen.window_s)
+    _check(model_duration, chosen.window_s, seed)
     described = machine if isinstance(machine, Machine) else load_machine(machine)
     reader = open_recording(bag, mapping)
     shared = _shared_points(reader, described)
     field = reduce_field(reader, shared, chosen, progress=lambda seconds: progress(f"reading, {seconds:.0f} s", None))
-    course = _course(reader, described, field)
-    if len(course.dwells) > 1:
+    history = _history(reader, described, field)
+    if len(history.segments) > 1:
         # Now that the levels are known, once more: each has a spectrum of its own.
-        field = reduce_field(reader, shared, chosen, course, lambda seconds: progress(f"levels, {seconds:.0f} s", None))
-    machines = _machines(reader.path, course, described)
+        field = reduce_field(
+            reader, shared, chosen, history, lambda seconds: progress(f"levels, {seconds:.0f} s", None)
+        )
+    machines = _machines(reader.path, history, described)
     lines = lines_of_levels(machines)
-    named = {**{line.name: line.frequency for line in lines}, **chosen.expected_lines}
-    chosen = replace(chosen, expected_lines=named)
+    chosen = replace(
+        chosen, expected_lines={**{line.name: line.frequency_hz for line in lines}, **chosen.expected_lines}
+    )
     predicted = _model_side(machines, field.signals, chosen, (model_duration, seed), progress)
-    comparison, failed = _compare_each(reader, field, predicted, chosen)
-    skipped = {
+    points, failed = _compare_each(reader, field, predicted, chosen)
+    unknown = {
         point: f"machine {described.name} has no such test point" for point in reader.sensors if point not in shared
     }
-    provenance = Provenance(reader, described, course, lines, {**skipped, **failed}, seed, model_duration)
-    return ComparisonResult(
-        comparison,
-        lines,
-        {point: field.health[point].start_ns for point in comparison.points},
-        comparison_document(field, comparison, provenance),
+    nodes = described.description.test_points
+    result = ComparisonResult(
+        window_s=chosen.window_s,
+        confidence=CONFIDENCE,
+        points={name: dict(point.axes) for name, point in points.items()},
+        spectra={name: dict(point.spectra) for name, point in points.items()},
+        nodes={name: nodes[name] for name in points},
+        bands={name: point.band for name, point in points.items()},
+        skipped={**unknown, **failed},
+        recording=_recording(reader, field),
+        expected_lines=lines,
+        machine=described.name,
+        machine_file=MachineFile(origin=described.origin, sha256=machine_sha256(described)),
+        operating_point=history.levels[0],
+        levels=_levels(history, points),
+        dwells=_dwells(history, field.begin_ns),
+        seed=seed,
+        model_duration=model_duration,
+        versions=package_versions(),
+        synthetic=is_synthetic(reader.path),
+    )
+    return RecordingComparison(
+        result,
+        {name: point.excerpts for name, point in points.items()},
+        {name: field.health[name].start_ns for name in points},
     )
 
 
-def _check_lengths(model_duration: float, window_s: float) -> None:
+def _check(model_duration: float, window_s: float, seed: int) -> None:
     if not SHORTEST_MODEL_S <= model_duration <= LONGEST_MODEL_S:
         raise InputError(f"model_duration {model_duration:g} s, allowed: {SHORTEST_MODEL_S:g} to {LONGEST_MODEL_S:g} s")
     if not (window_s > 0.0 and math.isfinite(window_s)):
         raise InputError(f"window {window_s:g} s, allowed: a positive length")
+    if not 0 <= seed < 2**31:
+        raise InputError(f"seed {seed}, allowed: 0 to {2**31 - 1}")
 
 
 def _shared_points(reader: RecordingReader, machine: Machine) -> list[str]:
@@ -139,20 +169,20 @@ def _shared_points(reader: RecordingReader, machine: Machine) -> list[str]:
     return shared
 
 
-def _course(reader: RecordingReader, machine: Machine, field: FieldSide) -> Course:
+def _history(reader: RecordingReader, machine: Machine, field: FieldSide) -> OperatingHistory:
     span = field.begin_ns, field.end_ns
     if reader.operating_point is None:
-        return machine_course(machine, *span)
+        return machine_history(machine, *span)
     try:
-        return recorded_course(reader.operating_point, *span)
+        return recorded_history(reader.operating_point, *span)
     except NeverDrivenError as error:
         raise RecordingError(f"{reader.path}: {error}") from error
 
 
-def _machines(path: Path, course: Course, machine: Machine) -> dict[int, Machine]:
-    """Give the machine at each level."""
+def _machines(path: Path, history: OperatingHistory, machine: Machine) -> dict[int, Machine]:
+    """Machine at each level."""
     try:
-        return {number: level.apply(machine) for number, level in enumerate(course.levels)}
+        return {number: level.apply(machine) for number, level in enumerate(history.levels)}
     except MachineError as error:
         raise RecordingError(f"{path}: operating point: {error}") from error
 
@@ -163,33 +193,71 @@ def _model_side(
     settings: Settings,
     run: tuple[float, int],
     progress: Progress,
-) -> dict[int, dict[str, ReducedSignal]]:
-    """Run the model at every level that a window belongs to, for (duration, seed)."""
+) -> dict[str, ReducedSignal]:
+    """Signals of the model at every level that a window belongs to, for (duration, seed), by test point."""
     seen = {int(level) for signal in field.values() for level in signal.level}
-    predicted = {}
+    runs = []
     for level in sorted(seen & set(machines)):
         reducers = {
-            point: SignalReducer(MODEL_RATE_HZ, signal.band, "rotating" if "yz" in signal.axes else "fixed", settings)
+            point: SignalReducer(MODEL_RATE_HZ, signal.band, signal.frame, settings, one_level(level))
             for point, signal in field.items()
         }
         name = "model" if len(machines) == 1 else f"model, level {level + 1} of {len(machines)}"
-        predicted[level] = run_model(machines[level], *run, reducers, partial(progress, name))
-    return predicted
+        runs.append(run_model(machines[level], *run, reducers, partial(progress, name)))
+    return {point: ReducedSignal.joined([signals[point] for signals in runs]) for point in field} if runs else {}
 
 
 def _compare_each(
-    reader: RecordingReader, field: FieldSide, predicted: Mapping[int, Mapping[str, ReducedSignal]], settings: Settings
-) -> tuple[Comparison, dict[str, str]]:
-    """Compare point by point, so that one dead sensor does not take the others with it; the failed with the reason."""
+    reader: RecordingReader, field: FieldSide, predicted: Mapping[str, ReducedSignal], settings: Settings
+) -> tuple[dict[str, PointComparison], dict[str, str]]:
+    """Comparison of each point by itself, for a dead sensor must not end that of the others; reasons of the failed."""
     compared: dict[str, PointComparison] = {}
     failed = {**field.failed, **reader.problems}
     for point, signal in field.signals.items():
         try:
-            runs = {level: signals[point] for level, signals in predicted.items()}
-            compared[point] = compare_signals(signal, runs, settings)
+            if point not in predicted:
+                raise InputError("no window at a level of operation")
+            compared[point] = compare_signals(signal, predicted[point], settings)
         except InputError as error:
             failed[point] = str(error)
     if not compared:
         reasons = (f"test point {point}: {reason}" for point, reason in failed.items())
         raise RecordingError(f"{reader.path}: {listed(reasons, separator='; ')}")
-    return Comparison(compared, settings.window_s), failed
+    return compared, failed
+
+
+def _levels(history: OperatingHistory, points: Mapping[str, PointComparison]) -> tuple[LevelResult, ...]:
+    return tuple(
+        LevelResult(**dict(level), points={name: dict(point.levels.get(number, {})) for name, point in points.items()})
+        for number, level in enumerate(history.levels)
+    )
+
+
+def _dwells(history: OperatingHistory, origin_ns: int) -> tuple[DwellResult, ...]:
+    return tuple(
+        DwellResult(
+            begin=(segment.begin_ns - origin_ns) * 1e-9,
+            end=(segment.end_ns - origin_ns) * 1e-9,
+            kind=segment.kind,
+            level=segment.level,
+        )
+        for segment in history.segments
+    )
+
+
+def _recording(reader: RecordingReader, field: FieldSide) -> RecordingResult:
+    return RecordingResult(
+        path=str(reader.path),
+        messages=reader.messages,
+        lost=reader.lost,
+        truncated=reader.truncated,
+        damaged=reader.damaged,
+        sha256=reader.sha256,
+        duration=(field.end_ns - field.begin_ns) * 1e-9,
+        points={name: _recorded(health) for name, health in field.health.items()},
+    )
+
+
+def _recorded(health: PointHealth) -> RecordedPoint:
+    names = RecordedPoint.model_fields.keys() - health.counts().keys()
+    return RecordedPoint.model_validate({**{name: getattr(health, name) for name in names}, **health.counts()})

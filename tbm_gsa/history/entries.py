@@ -3,12 +3,12 @@
 import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
-from typing import Any, Final, Literal, get_args
+from typing import Final, Literal, get_args
 
 import numpy as np
 from numpy.typing import NDArray
 
-from tbm_gsa.comparison import DEAD_SHARE, WindowResult
+from tbm_gsa.comparison import DEAD_SHARE, ComparisonResult, WindowResult
 from tbm_msgs_py.base.arrays import Array
 
 Kind = Literal["live", "replay", "offline", "synthetic"]
@@ -131,48 +131,41 @@ def live_entries(result: WindowResult, rotating: bool) -> Iterator[Entry]:
         )
 
 
-def recording_entries(document: Mapping[str, Any], starts_ns: Mapping[str, int]) -> Iterator[Entry]:
+def recording_entries(result: ComparisonResult, starts_ns: Mapping[str, int]) -> Iterator[Entry]:
     """Entries of a comparison of a recording, also of windows at no level; those without a sample are left out.
 
     Parameters
     ----------
-    document : mapping
-        As `comparison_document` gives it.
+    result : ComparisonResult
     starts_ns : mapping of str to int
         Header time of the first sample of each point.
     """
-    length_ns = round(document["window_s"] * 1e9)
-    for point, axes in document["points"].items():
+    length_ns = round(result.window_s * 1e9)
+    for point, axes in result.points.items():
         for axis, values in axes.items():
-            windows = values["windows"]
-            for place, start in enumerate(windows["start"]):
-                if windows["field_rms"][place] is None:
+            seen = values.windows
+            columns = (seen.start, seen.level, seen.field_rms, seen.relative_error, seen.coverage)
+            signal = (seen.field_peak, seen.field_kurtosis)
+            for start, level, field_rms, error, coverage, peak, kurtosis in zip(*columns, *signal, strict=True):
+                if field_rms is None:
                     continue
-                model_rms = _model_rms(document, windows["level"][place], point, axis)
+                model_rms = result.model_rms(level, point, axis)
+                start_ns = starts_ns[point] + round(start * 1e9)
+                # JSON has no infinity: nothing was measured, but something computed.
+                known_error = math.inf if error is None and model_rms > 0.0 else _known(error)
                 yield Entry(
                     point,
                     axis,
-                    starts_ns[point] + round(start * 1e9),
+                    start_ns,
                     length_ns,
-                    windows["field_rms"][place],
+                    field_rms,
                     model_rms,
-                    _error(windows["relative_error"][place], model_rms),
-                    windows["coverage"][place],
-                    _known(windows["field_peak"][place]),
-                    _known(windows["field_kurtosis"][place]),
+                    known_error,
+                    coverage,
+                    _known(peak),
+                    _known(kurtosis),
                 )
 
 
-def _model_rms(document: Mapping[str, Any], level: int | None, point: str, axis: str) -> float:
-    """RMS of the model's run at a level; NaN at none, or at one that was too short at this point to be compared."""
-    axes = {} if level is None else document["levels"][level]["points"].get(point, {})
-    return float(axes[axis]["model_rms"]) if axis in axes else math.nan
-
-
-def _error(written: float | None, model_rms: float) -> float:
-    """Give the error as it was before JSON, which has no infinity: nothing was measured but something computed."""
-    return math.inf if written is None and model_rms > 0.0 else _known(written)
-
-
-def _known(written: float | None) -> float:
-    return math.nan if written is None else written
+def _known(value: float | None) -> float:
+    return math.nan if value is None else value

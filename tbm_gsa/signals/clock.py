@@ -54,7 +54,7 @@ class UniformClock:
         self._begun = False
 
     def feed(self, time: Array, values: Array) -> Iterator[Run]:
-        """Take the next samples, time (n,) s strictly increasing, values (n, 3) finite."""
+        """Return the runs that the next samples complete: time (n,) s strictly increasing, values (n, 3) finite."""
         self._check_rate(time)
         cuts = np.flatnonzero(np.diff(time) > GAP_PERIODS * self._period) + 1
         for stamps, rows in zip(np.split(time, cuts), np.split(values, cuts), strict=True):

@@ -4,14 +4,12 @@ Detrended, high-passed at 0.5 Hz and low-passed to the band that both signals ca
 and backwards (zero phase), piece by piece; live it runs twice forwards, which has the same magnitude response.
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
-from functools import cached_property
-from typing import Literal
+from typing import Literal, Self
 
 import numpy as np
 import scipy  # its parts load on first use
-from numpy.typing import ArrayLike
 
 from tbm_gsa.signals.clock import Run, UniformClock
 from tbm_msgs_py.base.arrays import Array
@@ -38,7 +36,7 @@ class Band:
 
 
 @dataclass(frozen=True, eq=False)
-class Stretch:
+class Segment:
     """Conditioned samples without a gap.
 
     Attributes
@@ -50,7 +48,7 @@ class Stretch:
     velocity : ndarray, shape (n, 3), or None
         m/s, from the acceleration from 10 Hz on; None of a band that ends below.
     joined : bool
-        It goes on where the last stretch ended.
+        It goes on where the last segment ended.
     """
 
     time: Array
@@ -58,62 +56,26 @@ class Stretch:
     velocity: Array | None
     joined: bool
 
-
-@dataclass(frozen=True, eq=False)
-class Segment:
-    """Uniform samples without a gap.
-
-    Attributes
-    ----------
-    start : float
-        Time of the first sample, s.
-    values : ndarray, shape (n, 3)
-        m/s².
-    """
-
-    start: float
-    values: Array
-
-
-@dataclass(frozen=True, eq=False)
-class Conditioned:
-    """A conditioned signal; what lies between the segments was not recorded.
-
-    Attributes
-    ----------
-    rate_hz : float
-        Sampling rate of every segment.
-    origin : float
-        Time of the first recorded sample, s, whether it is in a segment or not.
-    duration : float
-        From the first to the end of the last recorded sample, s.
-    segments : tuple of Segment
-        In the order of time.
-    """
-
-    rate_hz: float
-    origin: float
-    duration: float
-    segments: tuple[Segment, ...]
-
-    @cached_property
-    def time(self) -> Array:
-        """Times of all samples, (n,), s."""
-        return np.concatenate([s.start + np.arange(len(s.values)) / self.rate_hz for s in self.segments])
-
-    @cached_property
-    def values(self) -> Array:
-        """All samples, (n, 3), m/s²."""
-        return np.concatenate([segment.values for segment in self.segments])
+    def cut(self, begin: int, end: int) -> Self:
+        """Part of the segment, from one sample number to another."""
+        velocity = None if self.velocity is None else self.velocity[begin:end]
+        joined = self.joined or begin > 0
+        return type(self)(self.time[begin:end], self.acceleration[begin:end], velocity, joined)
 
 
 def compared_axes(frame: Frame) -> dict[str, tuple[int, ...]]:
-    """Give the columns behind each compared axis.
+    """Columns behind each compared axis.
 
     A sensor that turns with the head mixes y and z, so these are compared as √(y² + z²), which the turning does not
     change. The root is taken after the conditioning, sample by sample: its RMS is √(RMS_y² + RMS_z²).
     """
     return {"x": (0,), "yz": (1, 2)} if frame == "rotating" else {"x": (0,), "y": (1,), "z": (2,)}
+
+
+def along(values: Array, axes: Iterable[tuple[int, ...]]) -> Array:
+    """Values (n, 3) along axes, (a, n): of an axis with two columns behind it the length of their vector."""
+    columns = values.T
+    return np.array([columns[axis[0]] if len(axis) == 1 else np.hypot(*columns[list(axis)]) for axis in axes])
 
 
 def common_band(*rates_hz: float) -> Band:
@@ -153,36 +115,36 @@ class ZeroPhaseConditioner:
         self._times: list[Array] = []
         self._values: list[Array] = []
         self._count = 0
-        self._given = 0  # samples at the front that were given already and are kept as context
+        self._done = 0  # samples at the front that are conditioned already and are kept as context
 
-    def feed(self, time: Array, values: Array) -> Iterator[Stretch]:
-        """Take the next samples, time (n,) s strictly increasing, values (n, 3) m/s², all finite."""
-        return self._take(self._clock.feed(time, values))
+    def feed(self, time: Array, values: Array) -> Iterator[Segment]:
+        """Segments that the next samples complete: time (n,) s strictly increasing, values (n, 3) m/s², all finite."""
+        return self._add(self._clock.feed(time, values))
 
-    def finish(self) -> Iterator[Stretch]:
-        """End the signal."""
-        yield from self._take(self._clock.finish())
+    def finish(self) -> Iterator[Segment]:
+        """Segments that the end of the signal completes."""
+        yield from self._add(self._clock.finish())
         yield from self._end_run()
 
-    def _take(self, runs: Iterator[Run]) -> Iterator[Stretch]:
+    def _add(self, runs: Iterator[Run]) -> Iterator[Segment]:
         for run in runs:
             if not run.joined:
                 yield from self._end_run()
             self._times.append(run.time)
             self._values.append(run.values)
             self._count += len(run.time)
-            if self._count - self._given >= self._block + self._context:
+            if self._count - self._done >= self._block + self._context:
                 yield self._condition(self._count - self._context)
 
-    def _end_run(self) -> Iterator[Stretch]:
-        if self._given or self._count >= SHORTEST_S * self._rate:
+    def _end_run(self) -> Iterator[Segment]:
+        if self._done or self._count >= SHORTEST_S * self._rate:
             yield self._condition(self._count)
         self._forget()
 
-    def _condition(self, stop: int) -> Stretch:
-        """Condition what was not given yet up to a sample number; what comes after it, if anything, is context."""
+    def _condition(self, stop: int) -> Segment:
+        """Condition what is not done yet up to a sample number; what comes after it, if anything, is context."""
         time, values = np.concatenate(self._times), np.concatenate(self._values)
-        first, context = self._given, self._context
+        first, context = self._done, self._context
         parts = [values]
         if first == 0:
             parts.insert(0, _mirrored(values, context))
@@ -191,9 +153,9 @@ class ZeroPhaseConditioner:
         core = slice(context, context + stop - first)  # behind a context, mirrored or real
         acceleration, velocity = self._filter(np.concatenate(parts), core)
         keep = max(0, stop - context)
-        self._times, self._values, self._given = [time[keep:]], [values[keep:]], stop - keep
+        self._times, self._values, self._done = [time[keep:]], [values[keep:]], stop - keep
         self._count = len(time) - keep
-        return Stretch(time[first:stop], acceleration, velocity, joined=first > 0)
+        return Segment(time[first:stop], acceleration, velocity, joined=first > 0)
 
     def _filter(self, values: Array, core: slice) -> tuple[Array, Array | None]:
         # The straight line is nothing to the high-pass, but its start and end would be.
@@ -206,45 +168,6 @@ class ZeroPhaseConditioner:
         gain = _velocity_gain(np.arange(size // 2 + 1, dtype=np.float64) * (self._rate / size))
         velocity = scipy.fft.irfft(scipy.fft.rfft(filtered, size, axis=0) * gain[:, None], size, axis=0)
         return filtered[core], velocity[core]
-
-
-def condition(time: ArrayLike, values: ArrayLike, rate_hz: float, band: Band) -> Conditioned:
-    """Condition a recorded signal with zero phase, the whole in one; gaps are not bridged.
-
-    Parameters
-    ----------
-    time : array_like, shape (n,)
-        Stamps in s; need not be in order, may jitter, may have gaps.
-    values : array_like, shape (n, 3)
-        m/s². Rows that are not finite count as not recorded.
-    rate_hz : float
-        Nominal sampling rate.
-    band : Band
-        What to keep.
-
-    Returns
-    -------
-    Conditioned
-        Segments of at least one second.
-    """
-    conditioner = ZeroPhaseConditioner(rate_hz, band, block=np.inf)
-    stamps, rows = ordered(time, values)
-    origin = float(stamps[0]) if stamps.size else 0.0
-    stretches = [*conditioner.feed(stamps - origin, rows), *conditioner.finish()]
-    if not stretches:
-        raise InputError(f"no stretch of {SHORTEST_S:g} s without a gap at {rate_hz:g} Hz")
-    segments = tuple(Segment(origin + float(part.time[0]), part.acceleration) for part in stretches)
-    return Conditioned(rate_hz, origin, float(stamps[-1] - origin) + 1.0 / rate_hz, segments)
-
-
-def ordered(time: ArrayLike, values: ArrayLike) -> tuple[Array, Array]:
-    """Finite samples (n,) and (n, 3) in the order of time, each time once."""
-    times, rows = np.asarray(time, dtype=np.float64), np.asarray(values, dtype=np.float64)
-    if times.ndim != 1 or rows.shape != (times.size, 3):
-        raise InputError(f"time and values must have shapes (n,) and (n, 3), not {times.shape} and {rows.shape}")
-    finite = np.isfinite(times) & np.isfinite(rows).all(axis=1)
-    times, first = np.unique(times[finite], return_index=True)
-    return times, rows[finite][first]
 
 
 class CausalConditioner:

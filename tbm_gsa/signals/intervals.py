@@ -31,7 +31,7 @@ UNKNOWN: Interval = (math.nan, math.nan)
 
 
 def group_windows(level: Integers) -> Integers:
-    """Give the group that each window (w,) belongs to: neighbours of one level, 30 groups a level at most."""
+    """Group that each window (w,) belongs to: neighbours of one level, 30 groups a level at most."""
     groups, first = np.empty(len(level), dtype=np.int64), 0
     for one in np.unique(level):
         chosen = np.flatnonzero(level == one)

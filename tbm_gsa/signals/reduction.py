@@ -1,7 +1,8 @@
 """One signal of one test point, reduced piece by piece: conditioned, then windows, spectra and an excerpt."""
 
-from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Self
 
 import numpy as np
 
@@ -9,7 +10,7 @@ from tbm_gsa.signals.conditioning import (
     SHORTEST_S,
     Band,
     Frame,
-    Stretch,
+    Segment,
     ZeroPhaseConditioner,
     compared_axes,
 )
@@ -25,7 +26,7 @@ EXCERPT_SAMPLES = 5  # a period of the highest frequency; more cannot be seen
 
 @dataclass(frozen=True, eq=False)
 class Series:
-    """A stretch of one signal: time (n,) in s from its own start, values (n,) in m/s²."""
+    """A part of one signal: time (n,) in s from its own start, values (n,) in m/s²."""
 
     time: Array
     values: Array
@@ -40,8 +41,8 @@ class ReducedSignal:
     rate_hz : float
     band : Band
         It was conditioned to.
-    axes : mapping of str to tuple of int
-        Columns behind each compared axis.
+    frame : {"fixed", "rotating"}
+        Whether the sensor turns with the head.
     duration : float
         From the first to the end of the last sample, s.
     windows : WindowTable
@@ -55,21 +56,37 @@ class ReducedSignal:
 
     rate_hz: float
     band: Band
-    axes: Mapping[str, tuple[int, ...]]
+    frame: Frame
     duration: float
     windows: WindowTable
     level: Integers
     spectra: Mapping[int, SpectrumSum]
     excerpt: Series
 
+    @property
+    def axes(self) -> dict[str, tuple[int, ...]]:
+        """Columns behind each compared axis."""
+        return compared_axes(self.frame)
 
-def one_level(begin: Array, _end: Array) -> Integers:
-    """Level of any stretch of a signal that has but one."""
-    return np.zeros(len(begin), dtype=np.int64)
+    @classmethod
+    def joined(cls, signals: Sequence[Self]) -> Self:
+        """One signal of several at different levels, the excerpt of the first."""
+        return replace(
+            signals[0],
+            duration=sum(signal.duration for signal in signals),
+            windows=WindowTable.joined([signal.windows for signal in signals]),
+            level=np.concatenate([signal.level for signal in signals]),
+            spectra={level: total for signal in signals for level, total in signal.spectra.items()},
+        )
+
+
+def one_level(number: int = 0) -> LevelOf:
+    """Level of every part of a signal, the same."""
+    return lambda begin, _: np.full(len(begin), number, dtype=np.int64)
 
 
 class SignalReducer:
-    """Takes a signal in pieces; what it keeps grows by a row a window.
+    """Reduces a signal that comes in pieces; what it keeps grows by a row a window.
 
     Parameters
     ----------
@@ -81,35 +98,36 @@ class SignalReducer:
     settings : Settings
         Windows, bands, resolution.
     level_of : callable
-        Level of operation of stretches of time.
+        Level of operation of parts of it; by default it is all at level 0.
     """
 
     def __init__(
-        self, rate_hz: float, band: Band, frame: Frame, settings: Settings, level_of: LevelOf = one_level
+        self, rate_hz: float, band: Band, frame: Frame, settings: Settings, level_of: LevelOf | None = None
     ) -> None:
-        self._rate, self._band, self._level_of, self._window_s = rate_hz, band, level_of, settings.window_s
-        self._axes = compared_axes(frame)
+        self._rate, self._band, self._window_s = rate_hz, band, settings.window_s
+        self._level_of = level_of or one_level()
+        self._frame = frame
         self._conditioner = ZeroPhaseConditioner(rate_hz, band)
-        self._windows = WindowCollector(rate_hz, settings.window_s, list(self._axes.values()), settings.bands)
-        self._spectra = WelchCollector(rate_hz, settings.resolution_hz, level_of)
+        self._windows = WindowCollector(rate_hz, settings.window_s, list(compared_axes(frame).values()), settings.bands)
+        self._spectra = WelchCollector(rate_hz, settings.resolution_hz, self._level_of)
         self._excerpt = Series(np.empty(0), np.empty(0))
         self._end = 0.0
 
     def feed(self, time: Array, values: Array) -> None:
-        """Take the next samples, time (n,) s after the signal's first, values (n, 3) m/s²."""
+        """Add the next samples, time (n,) s after the signal's first, values (n, 3) m/s²."""
         if len(time):
             self._end = float(time[-1])
-        self._take(self._conditioner.feed(time, values))
+        self._add(self._conditioner.feed(time, values))
 
     def finish(self) -> ReducedSignal:
-        """Give what is left of the signal.
+        """Return what is left of the signal.
 
         Raises
         ------
         InputError
-            No stretch was long enough to condition.
+            No segment was long enough to condition.
         """
-        self._take(self._conditioner.finish())
+        self._add(self._conditioner.finish())
         table = self._windows.finish()
         if not len(table):
             raise InputError(f"no stretch of {SHORTEST_S:g} s without a gap at {self._rate:g} Hz")
@@ -117,7 +135,7 @@ class SignalReducer:
         return ReducedSignal(
             self._rate,
             self._band,
-            self._axes,
+            self._frame,
             self._end + 1.0 / self._rate,
             table,
             self._level_of(begin, begin + self._window_s),
@@ -125,14 +143,14 @@ class SignalReducer:
             self._excerpt,
         )
 
-    def _take(self, stretches: Iterable[Stretch]) -> None:
-        for stretch in stretches:
-            self._windows.feed(stretch)
-            self._spectra.feed(stretch)
-            self._keep_excerpt(stretch.acceleration[:, 0])
+    def _add(self, segments: Iterable[Segment]) -> None:
+        for segment in segments:
+            self._windows.add(segment)
+            self._spectra.add(segment)
+            self._keep_excerpt(segment.acceleration[:, 0])
 
     def _keep_excerpt(self, values: Array) -> None:
-        """Keep a second from the middle of the first stretch that has one, else of the longest."""
+        """Keep a second from the middle of the first segment that has one, else of the longest."""
         stride = max(1, int(self._rate / (EXCERPT_SAMPLES * self._band.high)))
         wanted = round(EXCERPT_S * self._rate)
         if len(values) // stride <= len(self._excerpt.values) or len(self._excerpt.values) * stride >= wanted:

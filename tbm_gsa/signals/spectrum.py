@@ -5,12 +5,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from tbm_gsa.signals.conditioning import SHORTEST_S, Stretch
+from tbm_gsa.signals.conditioning import SHORTEST_S, Segment
 from tbm_gsa.signals.statistics import Spectrum, periodograms
 from tbm_msgs_py.base.arrays import Array, Integers
 
 LevelOf = Callable[[Array, Array], Integers]
-"""Level of stretches of time from begin (n,) to end (n,), s; negative ones belong to none."""
+"""Levels of times from begin (n,) to end (n,), s; negative where they belong to none."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -32,64 +32,47 @@ class SpectrumSum:
 
 
 class WelchCollector:
-    """Adds up periodograms (Hann, half overlap) of every run of stretches, as scipy's Welch does of each alone.
+    """Adds up periodograms (Hann, half overlap) of every run of joined segments, as scipy's Welch does of each alone.
 
     Parameters
     ----------
     rate_hz : float
     resolution_hz : float
-        Distance of the frequencies. Segments of a second are added up too, for a level that has no longer stretch.
+        Distance of the frequencies. Segments of a second are added up too, for a level that has no longer one.
     level_of : callable
         Level of a segment.
     """
 
     def __init__(self, rate_hz: float, resolution_hz: float, level_of: LevelOf) -> None:
         size = round(rate_hz / resolution_hz)
-        sizes = {size, min(size, int(rate_hz * SHORTEST_S))}
-        self._sums = [_Segments(rate_hz, size, level_of) for size in sorted(sizes, reverse=True)]
+        sizes = (size, min(size, int(rate_hz * SHORTEST_S)))
+        self._rate, self._level_of = rate_hz, level_of
+        self._rest = {size: (np.empty(0), np.empty((0, 3))) for size in sizes}  # what the next periodogram begins with
+        self._sums: dict[tuple[int, int], SpectrumSum] = {}  # by size and level
 
-    def feed(self, stretch: Stretch) -> None:
-        """Take the next stretch."""
-        for total in self._sums:
-            total.feed(stretch)
+    def add(self, segment: Segment) -> None:
+        """Add the next segment."""
+        for size, (time_before, before) in self._rest.items():
+            time, values, step = segment.time, segment.acceleration, size - size // 2
+            if segment.joined:
+                time, values = np.concatenate([time_before, time]), np.concatenate([before, values])
+            count = max(0, (len(time) - size) // step + 1)
+            if count:
+                begin = time[: count * step : step]
+                levels = self._level_of(begin, begin + size / self._rate)
+                self._sum(size, periodograms(values, self._rate, size), levels)
+            self._rest[size] = time[count * step :], values[count * step :]
 
     def finish(self) -> Mapping[int, SpectrumSum]:
         """Finest sum of each level that has any."""
-        found: dict[int, SpectrumSum] = {}
-        for total in self._sums:
-            found = {**total.sums, **found}
-        return found
+        return {level: self._sums[size, level] for size, level in sorted(self._sums)}
 
-
-class _Segments:
-    """Segments of one size."""
-
-    def __init__(self, rate_hz: float, size: int, level_of: LevelOf) -> None:
-        self.sums: dict[int, SpectrumSum] = {}
-        self._rate, self._size, self._level_of = rate_hz, size, level_of
-        self._step = size - size // 2
-        self._time, self._values = np.empty(0), np.empty((0, 3))  # what the next segment begins with
-
-    def feed(self, stretch: Stretch) -> None:
-        time, values = stretch.time, stretch.acceleration
-        if stretch.joined:
-            time, values = np.concatenate([self._time, time]), np.concatenate([self._values, values])
-        count = max(0, (len(time) - self._size) // self._step + 1)
-        if count:
-            begin = time[: count * self._step : self._step]
-            levels = self._level_of(begin, begin + self._size / self._rate)
-            self._add(periodograms(values, self._rate, self._size), levels)
-        self._time, self._values = time[count * self._step :], values[count * self._step :]
-
-    def _add(self, densities: Array, levels: Integers) -> None:
+    def _sum(self, size: int, densities: Array, levels: Integers) -> None:
         for level in np.unique(levels[levels >= 0]).tolist():
             chosen = densities[levels == level]
-            total = chosen.sum(axis=0)
-            before = self.sums.get(level)
-            if before is not None:
-                total += before.density
-            segments = len(chosen) + (before.segments if before else 0)
-            self.sums[level] = SpectrumSum(total, segments, self._size)
+            before = self._sums.get((size, level))
+            density, segments = (before.density, before.segments) if before else (0.0, 0)
+            self._sums[size, level] = SpectrumSum(chosen.sum(axis=0) + density, segments + len(chosen), size)
 
 
 def mixed_spectrum(sums: Sequence[tuple[SpectrumSum, float]], axis: Sequence[int], rate_hz: float) -> Spectrum:

@@ -1,7 +1,7 @@
 """Statistics of vibration signals: pure functions on arrays and on sums of powers."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 
 import numpy as np
@@ -33,7 +33,7 @@ class Spectrum:
 
 
 @dataclass(frozen=True)
-class Line:
+class SpectralLine:
     """A peak of a spectrum.
 
     Attributes
@@ -104,7 +104,7 @@ def _hann(size: int) -> Array:
     return window
 
 
-def strongest_lines(spectrum: Spectrum, count: int, separation_hz: float = 1.0) -> tuple[Line, ...]:
+def strongest_lines(spectrum: Spectrum, count: int, separation_hz: float = 1.0) -> tuple[SpectralLine, ...]:
     """Find the highest peaks of a spectrum, highest first, at least `separation_hz` apart."""
     step = spectrum.frequency[1] - spectrum.frequency[0]
     peaks, _ = scipy.signal.find_peaks(spectrum.density, distance=max(1.0, separation_hz / step))
@@ -112,18 +112,20 @@ def strongest_lines(spectrum: Spectrum, count: int, separation_hz: float = 1.0) 
     return tuple(_line(spectrum, index, step) for index in highest)
 
 
-def match_lines(lines: Sequence[Line], expected: Mapping[str, float], tolerance_hz: float = 0.5) -> tuple[Line, ...]:
-    """Name the lines that are expected.
+def match_lines(
+    lines: Sequence[SpectralLine], expected: Mapping[str, float], tolerance_hz: float = 0.5
+) -> tuple[SpectralLine, ...]:
+    """Lines with the names of those that are expected.
 
     Parameters
     ----------
-    lines : sequence of Line
+    lines : sequence of SpectralLine
     expected : mapping of str to float
         Frequencies in Hz by name.
     tolerance_hz : float
         Farther away is no match; the nearest expected line wins.
     """
-    return tuple(Line(line.frequency, line.rms, _nearest(line.frequency, expected, tolerance_hz)) for line in lines)
+    return tuple(replace(line, match=_nearest(line.frequency, expected, tolerance_hz)) for line in lines)
 
 
 def relative_error(measured: ArrayLike, computed: ArrayLike) -> Array:
@@ -155,9 +157,9 @@ def _means(count: ArrayLike, moments: ArrayLike) -> Array:
     return ratio(moments, np.asarray(count, dtype=np.float64)[..., None, None])
 
 
-def _line(spectrum: Spectrum, index: int, step: float) -> Line:
+def _line(spectrum: Spectrum, index: int, step: float) -> SpectralLine:
     lobe = spectrum.density[max(0, index - LINE_BINS) : index + LINE_BINS + 1]
-    return Line(float(spectrum.frequency[index]), float(np.sqrt(lobe.sum() * step)))
+    return SpectralLine(float(spectrum.frequency[index]), float(np.sqrt(lobe.sum() * step)))
 
 
 def _nearest(frequency: float, expected: Mapping[str, float], tolerance_hz: float) -> str:

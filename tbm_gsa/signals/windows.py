@@ -1,14 +1,14 @@
 """Window by window: what is kept of a conditioned signal, as sums from which every statistic follows."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, fields
 from itertools import pairwise
 from typing import Self
 
 import numpy as np
 from numpy.typing import NDArray
 
-from tbm_gsa.signals.conditioning import Stretch
+from tbm_gsa.signals.conditioning import Segment, along
 from tbm_gsa.signals.statistics import periodograms
 from tbm_msgs_py.base.arrays import Array, Integers
 
@@ -49,7 +49,7 @@ class WindowTable:
     def __len__(self) -> int:
         return len(self.index)
 
-    def take(self, chosen: NDArray[np.bool_]) -> Self:
+    def where(self, chosen: NDArray[np.bool_]) -> Self:
         """Windows chosen by a mask (w,)."""
         return type(self)(**{item.name: getattr(self, item.name)[chosen] for item in fields(self)})
 
@@ -59,17 +59,33 @@ class WindowTable:
         return cls(**{f.name: np.concatenate([getattr(table, f.name) for table in tables]) for f in fields(cls)})
 
 
-@dataclass
-class _Window:
-    """Samples of a window that may get more."""
+class WindowSums:
+    """Sums of a window along its compared axes (a of them), from which RMS and kurtosis follow.
 
-    index: int
-    acceleration: list[Array] = field(default_factory=list)  # each without a gap
-    velocity: list[Array] = field(default_factory=list)
+    Attributes
+    ----------
+    count : int
+        Samples.
+    moments : ndarray, shape (4, a)
+        Sums of the first to fourth power, (m/s²)^k.
+    peak : ndarray, shape (a,)
+        Largest magnitude, m/s².
+    """
+
+    def __init__(self, axes: int) -> None:
+        self.count, self.moments, self.peak = 0, np.zeros((4, axes)), np.zeros(axes)
+
+    def add(self, values: Array) -> None:
+        """Add conditioned samples along the axes, (a, n)."""
+        squares = np.square(values)
+        powers = (values, squares, squares * values, np.square(squares))
+        self.count += values.shape[1]
+        self.moments = self.moments + [part.sum(axis=1) for part in powers]
+        self.peak = np.maximum(self.peak, np.abs(values).max(axis=1))
 
 
 class WindowCollector:
-    """Reduces stretches in the order of time to a `WindowTable`.
+    """Reduces segments in the order of time to a `WindowTable`.
 
     Parameters
     ----------
@@ -91,21 +107,23 @@ class WindowCollector:
     ) -> None:
         self._rate, self._length, self._axes, self._bands = rate_hz, window_s, axes, bands
         self._segment = round(min(SEGMENT_S, window_s) * rate_hz)
-        self._open: _Window | None = None
+        self._index: int | None = None  # of the window that may get more samples
+        self._parts: list[Segment] = []  # of it
         self._rows: list[tuple[Array | float, ...]] = []
 
-    def feed(self, stretch: Stretch) -> None:
-        """Take the next stretch."""
+    def add(self, segment: Segment) -> None:
+        """Add the next segment."""
         # A sensor clock that drifts puts the first sample of a window a little before its border.
-        index = np.floor(stretch.time / self._length + 1e-6).astype(np.int64)
-        cuts = np.flatnonzero(np.diff(index)) + 1
-        joined = stretch.joined
-        for begin, end in pairwise([0, *cuts.tolist(), len(index)]):
-            part = slice(begin, end)
-            self._add(int(index[begin]), stretch.acceleration[part], _velocity(stretch, part), joined and begin == 0)
+        index = np.floor(segment.time / self._length + 1e-6).astype(np.int64)
+        cuts = [0, *(np.flatnonzero(np.diff(index)) + 1).tolist(), len(index)]
+        for begin, end in pairwise(cuts):
+            if index[begin] != self._index:
+                self._close()
+                self._index = int(index[begin])
+            self._parts.append(segment.cut(begin, end))
 
     def finish(self) -> WindowTable:
-        """Give the windows, the last one with what there is of it."""
+        """All windows, the last one with what there is of it."""
         self._close()
         b, a = len(self._bands), len(self._axes)
         shapes: tuple[tuple[int, ...], ...] = ((), (), (4, a), (a,), (a,), (b, a), (a,))
@@ -116,47 +134,25 @@ class WindowCollector:
         ]
         return WindowTable(arrays[0].astype(np.int64), *arrays[1:])
 
-    def _add(self, index: int, acceleration: Array, velocity: Array, joined: bool) -> None:
-        if self._open is None or self._open.index != index:
-            self._close()
-            self._open = _Window(index)
-        kept = self._open
-        if joined and kept.acceleration:
-            acceleration = np.concatenate([kept.acceleration.pop(), acceleration])
-            velocity = np.concatenate([kept.velocity.pop(), velocity])
-        kept.acceleration.append(acceleration)
-        kept.velocity.append(velocity)
-
     def _close(self) -> None:
-        if self._open is None:
+        if self._index is None:
             return
-        window, self._open = self._open, None
-        values = self._along(window.acceleration)
-        squares = np.square(values)
-        speed = np.square(self._along(window.velocity)).sum(axis=1)
-        powers = (values, squares, squares * values, np.square(squares))
-        moments = np.array([part.sum(axis=1) for part in powers])
-        bands, line = self._in_frequency(window.acceleration)
-        self._rows.append(
-            (
-                window.index,
-                values.shape[1],
-                moments,
-                np.sqrt(squares.max(axis=1)),
-                speed,
-                bands * moments[1],
-                line,
-            )
-        )
+        sums = WindowSums(len(self._axes))
+        sums.add(along(np.concatenate([part.acceleration for part in self._parts]), self._axes))
+        speed = np.full(len(self._axes), np.nan)
+        velocities = [part.velocity for part in self._parts if part.velocity is not None]
+        if velocities:
+            speed = np.square(along(np.concatenate(velocities), self._axes)).sum(axis=1)
+        shares, line = self._in_frequency()
+        self._rows.append((self._index, sums.count, sums.moments, sums.peak, speed, shares * sums.moments[1], line))
+        self._index, self._parts = None, []
 
-    def _along(self, parts: list[Array]) -> Array:
-        """Values along the compared axes, (a, n)."""
-        columns = np.concatenate(parts).T
-        return np.array([columns[axis[0]] if len(axis) == 1 else np.hypot(*columns[list(axis)]) for axis in self._axes])
-
-    def _in_frequency(self, parts: list[Array]) -> tuple[Array, Array]:
+    def _in_frequency(self) -> tuple[Array, Array]:
         """Share of each band in the power, (b, a), and frequency of the highest line, (a,)."""
-        long = [part for part in parts if len(part) >= self._segment]
+        gaps = [place for place, part in enumerate(self._parts) if place and not part.joined]
+        parts = [part.acceleration for part in self._parts]
+        runs = [np.concatenate(parts[begin:end]) for begin, end in pairwise([0, *gaps, len(parts)])]
+        long = [run for run in runs if len(run) >= self._segment]
         if not long:
             return np.full((len(self._bands), len(self._axes)), np.nan), np.full(len(self._axes), np.nan)
         density = sum(periodograms(part, self._rate, self._segment).sum(axis=0) for part in long)
@@ -170,9 +166,3 @@ class WindowCollector:
             inside.reshape(-1, len(frequency)) @ power, total, out=np.zeros((len(inside), len(total))), where=total > 0
         )
         return shares, np.where(total > 0.0, frequency[power.argmax(axis=0)], np.nan)
-
-
-def _velocity(stretch: Stretch, part: slice) -> Array:
-    if stretch.velocity is None:
-        return np.full((part.stop - part.start, 3), np.nan)
-    return stretch.velocity[part]

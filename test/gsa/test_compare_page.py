@@ -14,7 +14,7 @@ from tbm_dynamics import MachineError
 from tbm_gsa.app.cli.compare import compare
 from tbm_gsa.app.report import compare_page as module
 from tbm_gsa.app.report.compare_page import compare_page, write_page
-from tbm_gsa.comparison import Settings
+from tbm_gsa.comparison import ComparisonResult, Settings
 from tbm_gsa.comparison.workflow import compare_recording
 from tbm_gsa.sensitivity.study.evaluate import MachineEvaluation
 from tbm_msgs_py import RecordingError
@@ -32,13 +32,18 @@ def bag(tmp_path_factory):
 
 
 @pytest.fixture(scope="module")
-def result(bag):
+def compared(bag):
     return compare_recording(bag, model_duration=2.0)
 
 
 @pytest.fixture(scope="module")
-def text(result):
-    return compare_page(result)
+def result(compared):
+    return compared.result
+
+
+@pytest.fixture(scope="module")
+def text(compared):
+    return compare_page(compared)
 
 
 def run(*arguments):
@@ -66,11 +71,11 @@ def test_the_page_holds_everything_itself(text):
 
 
 def test_the_page_says_what_the_document_says(result, text):
-    head = result.document["points"]["cutterhead"]["x"]
-    assert f"<td>{head['model_rms_g']:.3f}</td>" in text
-    assert f"<td>{head['field_rms_g']:.3f}</td>" in text
-    assert f"{head['relative_error']:.0%}".replace("%", " %") in text
-    assert result.document["recording"]["sha256"] in text
+    head = result.points["cutterhead"]["x"]
+    assert f"<td>{head.model_rms_g:.3f}</td>" in text
+    assert f"<td>{head.field_rms_g:.3f}</td>" in text
+    assert f"{head.relative_error:.0%}".replace("%", " %") in text
+    assert result.recording.sha256 in text
     assert MachineEvaluation.of("dz101", 1.0, 0).settings["machine_sha256"] in text  # as a study names the machine
     assert "Test point belt was not compared: machine dz101 has no such test point." in text
     assert "synthetic" not in text
@@ -89,9 +94,9 @@ def test_names_of_others_are_escaped(tmp_path):
         "topics:\n" + "".join(f'  /tbm/field/{a}/block: {{point: "{p}", {sensor}}}\n' for a, p in names.items())
     )
     path = write_bag(tmp_path / "<u>bag", {"a": noise(3.0), "b": noise(3.0)})
-    result = compare_recording(path, machine, mapping, model_duration=2.0)
-    text = compare_page(result)
-    assert list(result.document["points"]) == [HOSTILE]
+    compared = compare_recording(path, machine, mapping, model_duration=2.0)
+    text = compare_page(compared)
+    assert list(compared.result.points) == [HOSTILE]
     assert not {"b", "i", "u"} & set(_Page(text).tags)
     for name in (HOSTILE, "<i>unknown", "<u>bag"):
         assert name not in text
@@ -113,17 +118,17 @@ def test_a_turning_sensor_and_a_synthetic_recording(tmp_path):
 
 def test_a_silent_sensor_and_a_window_that_does_not_fit(tmp_path):
     path = write_bag(tmp_path / "bag", {"shield": noise(3.0, 0.0)})
-    result = compare_recording(path, model_duration=2.0, settings=Settings(window_s=60.0))
-    assert result.document["points"]["shield"]["x"]["relative_error"] is None
-    assert "No window of 60 s fits into the recording." in compare_page(result)
+    compared = compare_recording(path, model_duration=2.0, settings=Settings(window_s=60.0))
+    assert compared.result.points["shield"]["x"].relative_error is None
+    assert "No window of 60 s fits into the recording." in compare_page(compared)
 
 
-def test_a_page_that_fails_leaves_the_old_one(result, tmp_path, monkeypatch):
+def test_a_page_that_fails_leaves_the_old_one(compared, tmp_path, monkeypatch):
     target = tmp_path / "page.html"
     target.write_text("the old one")
     monkeypatch.setattr(module, "compare_page", lambda *_: "\ud800")  # cannot be written as UTF-8
     with pytest.raises(UnicodeEncodeError):
-        write_page(result, target)
+        write_page(compared, target)
     assert target.read_text() == "the old one"
     assert list(tmp_path.iterdir()) == [target]
 
@@ -132,8 +137,7 @@ def test_the_command_prints_one_document_and_draws_the_same_page(bag, result, te
     page = tmp_path / "out.html"
     done = run(bag, "--json", "--html", page)
     assert done.exit_code == 0, done.exception
-    document = json.loads(done.stdout)
-    assert document["points"] == json.loads(json.dumps(result.document["points"]))
+    assert ComparisonResult.model_validate_json(done.stdout).points == result.points
     assert page.read_text(encoding="utf-8") == text  # drawn anew: equal results give equal pages
     assert "test point 'belt' not compared" in done.stderr
 
@@ -141,11 +145,11 @@ def test_the_command_prints_one_document_and_draws_the_same_page(bag, result, te
 def test_the_command_prints_the_table(bag, result):
     done = run(bag)
     assert done.exit_code == 0, done.exception
-    head = result.document["points"]["cutterhead"]["x"]
+    head = result.points["cutterhead"]["x"]
     row = next(line for line in done.stdout.splitlines() if "cutterhead" in line)
-    assert f"{head['model_rms_g']:.3f}" in row
-    assert f"{head['field_rms_g']:.3f}" in row
-    assert f"{head['relative_error']:.0%}" in row
+    assert f"{head.model_rms_g:.3f}" in row
+    assert f"{head.field_rms_g:.3f}" in row
+    assert f"{head.relative_error:.0%}" in row
     assert "0 lost" in done.stdout
 
 

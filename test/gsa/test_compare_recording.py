@@ -1,6 +1,7 @@
 """From a recording on disk to the document, with a bag made of the model's own accelerations."""
 
 import json
+from functools import reduce
 
 import numpy as np
 import pytest
@@ -8,12 +9,14 @@ from compare_bags import RATE, START_NS, G, model_values, noise, write_bag
 
 from tbm_dynamics import MachineError, load_machine
 from tbm_gsa.app.cli.bag.info import info
-from tbm_gsa.comparison import Settings
-from tbm_gsa.comparison.document import axial_rows
+from tbm_gsa.comparison import ComparisonResult, Settings
 from tbm_gsa.comparison.workflow import compare_recording
+from tbm_gsa.reading import validated
 from tbm_msgs_py import ACCELERATION, OperatingPoint, RecordingError
 from tbm_msgs_py.bags.metadata import SYNTHETIC
 from tbm_msgs_py.bags.writing import BagWriter
+from tbm_msgs_py.base.errors import InputError
+from tbm_msgs_py.base.files import json_text
 from tbm_msgs_py.recordings.recording_health import COUNTS
 
 SHORT = {"model_duration": 2.0}
@@ -25,11 +28,11 @@ def own(tmp_path_factory):
     same, other = model_values(seed=0), model_values(seed=7)
     points = {"cutterhead": same["cutterhead"], "shield": 0.5 * same["shield"], "gripper": other["gripper"]}
     path = write_bag(tmp_path_factory.mktemp("own") / "bag", points, rate=10_000, custom_data=SYNTHETIC)
-    return compare_recording(path, model_duration=10.0, seed=0)
+    return compare_recording(path, model_duration=10.0, seed=0).result
 
 
 def errors(result, point):
-    return [axis["relative_error"] for axis in result.document["points"][point].values()]
+    return [axis.relative_error for axis in result.points[point].values()]
 
 
 def test_the_models_own_recording_has_no_error(own):
@@ -41,9 +44,9 @@ def test_half_the_model_errs_by_one(own):
 
 
 def test_every_window_is_held_against_the_whole_model_run(own):
-    axis = own.document["points"]["shield"]["y"]
-    expected = [abs(field - axis["model_rms"]) / field for field in axis["windows"]["field_rms"]]
-    assert axis["windows"]["relative_error"] == pytest.approx(expected)
+    axis = own.points["shield"]["y"]
+    expected = [abs(field - axis.model_rms) / field for field in axis.windows.field_rms]
+    assert axis.windows.relative_error == pytest.approx(expected)
     assert len(expected) == 5
 
 
@@ -54,7 +57,7 @@ def test_other_loads_err_by_the_ratio_of_their_levels(own):
 
 
 def test_the_document_follows_the_contract(own):
-    document = json.loads(json.dumps(own.document, allow_nan=False))
+    document = json.loads(own.model_dump_json())
     assert list(document["points"]) == ["cutterhead", "shield", "gripper"]
     assert {"field_rms", "model_rms", "relative_error", "coverage", "windows"} <= set(
         document["points"]["gripper"]["x"]
@@ -71,21 +74,46 @@ def test_the_document_follows_the_contract(own):
     assert {"python", "numpy"} <= set(document["versions"])
 
 
+def test_a_result_is_read_back_as_it_was_written(own):
+    assert ComparisonResult.model_validate_json(own.model_dump_json()) == own
+    assert ComparisonResult.model_validate_json(json_text(own.model_dump(), indent=2)) == own
+
+
+@pytest.mark.parametrize(
+    ("path", "value", "message"),
+    [
+        ("confidence", 2.0, "confidence: Input should be less than 1, given: 2.0"),
+        ("machine", None, "machine: Input should be a valid string, given: None"),
+        ("points.shield.x.field_rms", 1e31, "points.shield.x.field_rms: Input should be less than or equal to 10"),
+        ("points.shield.x.model_band_rms", {}, "points.shield.x: other bands of the field than of the model"),
+        ("bands", {}, "bands: Dictionary should have at least 1 item"),
+        ("spectra", {}, "spectra: other test points than in points"),
+    ],
+)
+def test_what_is_no_result_is_one_line(own, path, value, message):
+    document = json.loads(own.model_dump_json())
+    *parents, key = path.split(".")
+    reduce(dict.get, parents, document)[key] = value
+    with pytest.raises(InputError, match=message) as caught:
+        validated(json.dumps(document), ComparisonResult, InputError)
+    assert "\n" not in str(caught.value)
+
+
 def test_the_rows_of_table_2(own):
-    head, shield, _ = axial_rows(own.document)
+    head, shield, _ = own.axial_rows
     assert (head.point, head.node) == ("cutterhead", 3)
-    assert head.predicted_g == pytest.approx(own.document["points"]["cutterhead"]["x"]["model_rms"] / G)
+    assert head.predicted_g == pytest.approx(own.points["cutterhead"]["x"].model_rms / G)
     assert shield.measured_g == pytest.approx(shield.predicted_g / 2.0, rel=1e-3)
 
 
 def test_expected_lines_are_the_machines(own):
-    lines = {line["name"]: line["frequency_hz"] for line in own.document["expected_lines"]}
+    lines = {line.name: line.frequency_hz for line in own.expected_lines}
     assert lines["load line 130.3 Hz"] == 130.3
     assert lines["mesh frequency"] == pytest.approx(152 * 5.6 / 60)
     assert lines["2 × mesh frequency"] == pytest.approx(2 * 152 * 5.6 / 60)
     axial = lines["axial natural frequency A1"]
     assert np.abs(load_machine("dz101").assemble().natural_frequencies() - axial).min() < 1e-9
-    assert own.document["points"]["cutterhead"]["x"]["field_lines"][0]["match"] == "load line 130.3 Hz"
+    assert own.points["cutterhead"]["x"].field_lines[0].match == "load line 130.3 Hz"
 
 
 def test_a_known_sine_has_its_rms(tmp_path):
@@ -93,28 +121,26 @@ def test_a_known_sine_has_its_rms(tmp_path):
     sine = np.sin(2 * np.pi * 130.3 * time)[:, None] * [2.0, 1.0, 4.0]
     path = write_bag(tmp_path / "bag", {"girder": sine})
     (path / "README.md").write_text("Not a synthetic recording.\n")
-    result = compare_recording(path, **SHORT)
-    axes = result.document["points"]["girder"]
-    assert [axes[axis]["field_rms"] for axis in "xyz"] == pytest.approx(
-        np.array([2.0, 1.0, 4.0]) / np.sqrt(2), rel=5e-3
-    )
-    assert "synthetic" not in result.document
+    result = compare_recording(path, **SHORT).result
+    axes = result.points["girder"]
+    assert [axes[axis].field_rms for axis in "xyz"] == pytest.approx(np.array([2.0, 1.0, 4.0]) / np.sqrt(2), rel=5e-3)
+    assert "synthetic" not in result.model_dump()
 
 
 def test_the_recorded_operating_point_is_used(tmp_path):
     def level(name, *entries):
         points = [(at, OperatingPoint(speed, torque, 1.0e7)) for at, speed, torque in entries]
         path = write_bag(tmp_path / name, {"shield": noise(4.0)}, operating=points)
-        return compare_recording(path, **SHORT).document["operating_point"]
+        return compare_recording(path, **SHORT).result.operating_point
 
     one = level("one", (0.0, 0.5, 2.0e6))
-    assert one["source"] == "recording"
-    assert one["speed_r_min"] == pytest.approx(0.5 * 30 / np.pi)
-    assert (one["torque_kn_m"], one["thrust_kn"]) == pytest.approx((2000.0, 10000.0))
+    assert one.source == "recording"
+    assert one.speed_r_min == pytest.approx(0.5 * 30 / np.pi)
+    assert (one.torque_kn_m, one.thrust_kn) == pytest.approx((2000.0, 10000.0))
     # The first entry is older than the recording and holds for 1 s of it, the second for 1 s, the third to the end.
     several = level("several", (-100.0, 0.5, 2.0e6), (1.0, 0.5, 4.0e6), (2.0, 0.0, 0.0), (3.0, 0.5, 6.0e6))
-    assert several["torque_kn_m"] == pytest.approx(4000.0, rel=1e-3)
-    assert several["note"] == "never steady for 10 s: time-weighted mean of 3 stretches"
+    assert several.torque_kn_m == pytest.approx(4000.0, rel=1e-3)
+    assert several.note == "never steady for 10 s: time-weighted mean of 3 stretches"
 
 
 def test_a_machine_that_never_turned_is_an_error(tmp_path):
@@ -128,19 +154,19 @@ def test_a_level_scales_the_model(tmp_path):
         tmp_path / "bag", {"cutterhead": noise(4.0)}, operating=[(0.0, OperatingPoint(0.586, 3.04e6, 1.8e7))]
     )
     bare = write_bag(tmp_path / "bare", {"cutterhead": noise(4.0)})
-    more, own = (compare_recording(bag, **SHORT).document["points"]["cutterhead"]["x"] for bag in (path, bare))
-    assert more["model_rms"] == pytest.approx(1.5 * own["model_rms"], rel=0.02)
+    more, own = (compare_recording(bag, **SHORT).result.points["cutterhead"]["x"] for bag in (path, bare))
+    assert more.model_rms == pytest.approx(1.5 * own.model_rms, rel=0.02)
 
 
 def test_points_that_cannot_be_compared_are_named(tmp_path):
     path = write_bag(tmp_path / "bag", {"shield": noise(4.0), "belt": noise(4.0), "gripper": noise(0.5)})
-    document = compare_recording(path, **SHORT).document
-    assert list(document["points"]) == ["shield"]
-    assert document["skipped"] == {
+    result = compare_recording(path, **SHORT).result
+    assert list(result.points) == ["shield"]
+    assert result.skipped == {
         "belt": "machine dz101 has no such test point",
         "gripper": "no stretch of 1 s without a gap at 2000 Hz",
     }
-    assert set(document["recording"]["points"]) == {"shield", "belt", "gripper"}
+    assert set(result.recording.points) == {"shield", "belt", "gripper"}
 
 
 def test_a_turning_sensor_compares_across(tmp_path):
@@ -148,7 +174,7 @@ def test_a_turning_sensor_compares_across(tmp_path):
     mapping = tmp_path / "turning.yaml"
     sensor = "{point: cutterhead, units: m/s2, gravity: removed, frame: rotating}"
     mapping.write_text(f"topics:\n  /tbm/field/cutterhead/block: {sensor}\n")
-    assert list(compare_recording(path, mapping=mapping, **SHORT).document["points"]["cutterhead"]) == ["x", "yz"]
+    assert list(compare_recording(path, mapping=mapping, **SHORT).result.points["cutterhead"]) == ["x", "yz"]
 
 
 def test_what_cannot_be_compared_is_one_line(tmp_path):
@@ -203,9 +229,9 @@ def test_it_says_of_the_sensors_what_bag_info_says(tmp_path, monkeypatch, capsys
             stamp += 100 * step
     info(tmp_path / "bag", scan=True, mapping=None, json=True)
     said = json.loads(capsys.readouterr().out)["points"]
-    recorded = compare_recording(tmp_path / "bag", **SHORT).document["recording"]["points"]
+    recorded = compare_recording(tmp_path / "bag", **SHORT).result.recording.points
     shared = {"topic", "samples", "rate_hz", "clock_offset", "clock_drift", *COUNTS}
     for point in ("girder", "shield"):
-        assert {key: said[point][key] for key in shared} == {key: recorded[point][key] for key in shared}
-        assert said[point]["gaps"] == len(recorded[point]["gaps"])
+        assert {key: said[point][key] for key in shared} == recorded[point].model_dump(include=shared)
+        assert said[point]["gaps"] == len(recorded[point].gaps)
     assert said["shield"]["invalid"] == 6300

@@ -11,8 +11,8 @@ import numpy as np
 import pytest
 import scipy.signal
 
-from tbm_gsa.signals.conditioning import Band, Stretch
-from tbm_gsa.signals.estimates import Sample, estimate
+from tbm_gsa.signals.conditioning import Band, Segment
+from tbm_gsa.signals.estimates import estimate
 from tbm_gsa.signals.intervals import (
     UNKNOWN,
     around,
@@ -54,12 +54,13 @@ def statistics(values):
     """Statistics of a signal as if it came conditioned."""
     windows = WindowCollector(RATE, SETTINGS.window_s, [(0,), (1,), (2,)], SETTINGS.bands)
     spectra = WelchCollector(RATE, SETTINGS.resolution_hz, lambda begin, _: np.zeros(len(begin), dtype=np.int64))
-    part = Stretch(np.arange(len(values)) / RATE, values, 0.1 * values, False)
-    windows.feed(part)
-    spectra.feed(part)
+    part = Segment(np.arange(len(values)) / RATE, values, 0.1 * values, False)
+    windows.add(part)
+    spectra.add(part)
     table = windows.finish()
-    sample = Sample(table, np.ones(len(table)), np.zeros(len(table), dtype=np.int64), ((spectra.finish()[0], 1.0),))
-    return estimate(sample, carrier(), SETTINGS)
+    level = np.zeros(len(table), dtype=np.int64)
+    signal = replace(carrier(), windows=table, level=level, spectra=spectra.finish())
+    return estimate(signal, {0: 1.0}, SETTINGS)
 
 
 @pytest.fixture(scope="module")
@@ -98,15 +99,15 @@ def test_a_band_holds_its_share_of_the_density(draws):
     bins = np.fft.rfftfreq(100, 1.0 / RATE)
     inside = smeared[(bins >= 5.0) & (bins < 15.0)].sum() / (smeared.sum() - 0.5 * (smeared[0] + smeared[-1]))
     truth = np.sqrt(inside) * draws[1]
-    assert share([one.band_intervals["5-15_hz"] for one in found], truth) == pytest.approx(0.95, abs=0.04)
+    assert share([one.intervals["5-15_hz"] for one in found], truth) == pytest.approx(0.95, abs=0.04)
 
 
 def test_the_peak_of_another_recording_lies_in_the_range(draws):
     found, _ = draws
-    peaks = np.array([one.peak for one in found])
+    peaks = np.array([one.values["peak"] for one in found])
     held = [np.mean((one.intervals["peak"][0] <= peaks) & (peaks <= one.intervals["peak"][1])) for one in found]
     assert 0.92 <= np.mean(held) <= 0.995  # with the doubt about its parameters a little wide on average
-    crests = np.array([one.crest_factor for one in found])
+    crests = np.array([one.values["crest_factor"] for one in found])
     ranges = np.array([one.intervals["crest_factor"] for one in found])
     held = [np.mean((low <= crests) & (crests <= high)) for low, high in ranges]
     assert 0.92 <= np.mean(held) <= 0.999
@@ -125,7 +126,7 @@ def test_densities_hold_the_truth_at_their_frequencies():
 def test_the_error_interval_holds_the_true_error(draws):
     found, _ = draws
     half = len(found) // 2
-    model = [replace(one, rms=0.6 * one.rms) for one in found[half:]]
+    model = [replace(one, values={"rms": 0.6 * one.rms}) for one in found[half:]]
     held = [
         interval[0] <= 0.4 <= interval[1]
         for field, other in zip(found[:half], model, strict=True)
@@ -142,7 +143,7 @@ def test_the_error_interval_holds_the_true_error(draws):
 def test_a_level_that_wanders_over_a_minute_is_not_taken_for_many_independent_windows():
     rng, held = np.random.default_rng(9), []
     for _ in range(DRAWS):
-        # An hour in stretches of 20 s, each with a level of its own; the true mean square is 1 + 0.25.
+        # An hour in segments of 20 s, each with a level of its own; the true mean square is 1 + 0.25.
         level = np.repeat(1.0 + 0.5 * rng.choice([-1.0, 1.0], size=180), 10)
         sums = np.column_stack([np.full(1800, 200.0), level**2 * rng.chisquare(200, 1800)])
         held.append(_interval(sums, group_windows(np.zeros(1800, dtype=np.int64))))

@@ -5,7 +5,7 @@ import pytest
 from compare_bags import START_NS, model_values, noise, write_bag
 
 from tbm_dynamics import load_machine
-from tbm_gsa.comparison.levels import MOST_LEVELS, NeverDrivenError, machine_course, recorded_course
+from tbm_gsa.comparison.levels import MOST_LEVELS, NeverDrivenError, machine_history, recorded_history
 from tbm_gsa.comparison.workflow import compare_recording
 from tbm_msgs_py import OperatingPoint
 from tbm_msgs_py.base.units import R_MIN
@@ -21,29 +21,29 @@ def record(*entries, start=0.0):
     return OperatingRecord(START_NS + round((start + time[0]) * SECOND), time - time[0], points)
 
 
-def course(entries, end=100.0):
-    return recorded_course(record(*entries), START_NS, START_NS + round(end * SECOND))
+def history(entries, end=100.0):
+    return recorded_history(record(*entries), START_NS, START_NS + round(end * SECOND))
 
 
 def values(level):
     return level.speed_r_min, level.torque_kn_m, level.thrust_kn
 
 
-def dwells(found):
-    return [((d.begin_ns - START_NS) / SECOND, (d.end_ns - START_NS) / SECOND, d.kind, d.level) for d in found.dwells]
+def segments(found):
+    return [((d.begin_ns - START_NS) / SECOND, (d.end_ns - START_NS) / SECOND, d.kind, d.level) for d in found.segments]
 
 
 def test_two_levels_and_the_ramp_between_them():
     ramp = [(40.0 + i, 5.0 + 0.4 * i, 2000.0, 9000.0) for i in range(1, 5)]
-    found = course([(0.0, 5.0, 2000.0, 9000.0), *ramp, (45.0, 7.0, 2000.0, 9000.0)])
+    found = history([(0.0, 5.0, 2000.0, 9000.0), *ramp, (45.0, 7.0, 2000.0, 9000.0)])
     assert [values(level) for level in found.levels] == [
         pytest.approx((7.0, 2000.0, 9000.0)),
         pytest.approx((5.0, 2000.0, 9000.0)),
     ]
     assert [level.seconds for level in found.levels] == pytest.approx([55.0, 41.0])
-    assert dwells(found)[0] == (0.0, 41.0, "steady", 1)
-    assert dwells(found)[-1] == (45.0, 100.0, "steady", 0)
-    assert all(kind == "transient" and level is None for _, _, kind, level in dwells(found)[1:-1])
+    assert segments(found)[0] == (0.0, 41.0, "steady", 1)
+    assert segments(found)[-1] == (45.0, 100.0, "steady", 0)
+    assert all(kind == "transient" and level is None for _, _, kind, level in segments(found)[1:-1])
     level_of = found.level_of(START_NS + 2 * SECOND)  # of a point whose first sample comes 2 s later
     begin = np.array([0.0, 36.0, 38.0, 40.0, 42.0, 43.0, 96.0])
     assert level_of(begin, begin + 2.0).tolist() == [1, 1, -1, -1, -1, 0, 0]
@@ -52,16 +52,16 @@ def test_two_levels_and_the_ramp_between_them():
 def test_noise_within_the_tolerance_is_one_level_at_its_mean():
     rng = np.random.default_rng(0)
     entries = [(float(i), 5.6, 3000.0 * (1.0 + rng.uniform(-0.04, 0.04)), 12000.0) for i in range(100)]
-    found = course(entries)
-    assert len(found.levels) == len(found.dwells) == 1
+    found = history(entries)
+    assert len(found.levels) == len(found.segments) == 1
     assert found.levels[0].torque_kn_m == pytest.approx(np.mean([entry[2] for entry in entries]))
 
 
 def test_a_level_that_comes_back_is_the_same_and_standstills_belong_to_none():
     up, down = (5.6, 3000.0, 12000.0), (4.0, 2500.0, 8000.0)
-    found = course([(0.0, *up), (20.0, *down), (40.0, 0.0, 0.0, 0.0), (60.0, *up)])
+    found = history([(0.0, *up), (20.0, *down), (40.0, 0.0, 0.0, 0.0), (60.0, *up)])
     assert [level.seconds for level in found.levels] == pytest.approx([60.0, 20.0])
-    assert [(kind, level) for *_, kind, level in dwells(found)] == [
+    assert [(kind, level) for *_, kind, level in segments(found)] == [
         ("steady", 0),
         ("steady", 1),
         ("standstill", None),
@@ -70,21 +70,21 @@ def test_a_level_that_comes_back_is_the_same_and_standstills_belong_to_none():
 
 
 def test_the_first_entry_holds_before_itself_and_older_ones_count_from_the_beginning():
-    assert course([(30.0, 5.6, 3000.0, 12000.0)]).levels[0].seconds == pytest.approx(100.0)
-    found = course([(-50.0, 9.0, 1000.0, 1000.0), (-10.0, 4.0, 2000.0, 9000.0), (50.0, 5.6, 3000.0, 12000.0)])
+    assert history([(30.0, 5.6, 3000.0, 12000.0)]).levels[0].seconds == pytest.approx(100.0)
+    found = history([(-50.0, 9.0, 1000.0, 1000.0), (-10.0, 4.0, 2000.0, 9000.0), (50.0, 5.6, 3000.0, 12000.0)])
     assert sorted(level.seconds for level in found.levels) == pytest.approx([50.0, 50.0])
 
 
 def test_only_so_many_levels_are_compared():
     entries = [(12.0 * i, 2.0 + i, 3000.0, 12000.0) for i in range(7)]
-    found = course(entries, 84.0)
+    found = history(entries, 84.0)
     assert len(found.levels) == MOST_LEVELS
     assert "3 more levels, 36 s in all, are left out" in found.levels[0].note
-    assert [kind for *_, kind, level in dwells(found) if level is None] == ["transient"] * 3
+    assert [kind for *_, kind, level in segments(found) if level is None] == ["transient"] * 3
 
 
 def test_what_was_never_steady_is_taken_at_its_mean():
-    found = course([(0.0, 4.0, 2000.0, 9000.0), (5.0, 8.0, 2000.0, 9000.0)], 10.0)
+    found = history([(0.0, 4.0, 2000.0, 9000.0), (5.0, 8.0, 2000.0, 9000.0)], 10.0)
     assert values(found.levels[0]) == pytest.approx((6.0, 2000.0, 9000.0))
     assert "never steady" in found.levels[0].note
     assert found.level_of(START_NS)(np.array([4.0]), np.array([6.0])).tolist() == [0]
@@ -92,8 +92,8 @@ def test_what_was_never_steady_is_taken_at_its_mean():
 
 def test_a_machine_that_never_turned_is_an_error_and_no_operating_point_is_the_machines_own():
     with pytest.raises(NeverDrivenError, match="never driven"):
-        course([(0.0, 0.0, 0.0, 0.0)])
-    own = machine_course(load_machine("dz101"), START_NS, START_NS + SECOND)
+        history([(0.0, 0.0, 0.0, 0.0)])
+    own = machine_history(load_machine("dz101"), START_NS, START_NS + SECOND)
     assert values(own.levels[0]) == (5.6, 3040.0, 12000.0)
     assert own.levels[0].source == "machine"
 
@@ -111,18 +111,16 @@ def test_every_window_is_held_against_its_level(tmp_path):
         operating=[(0.0, low), (12.0, OperatingPoint(0.5, 3.04e6, 9.0e6)), (13.0, high)],
         rate=10_000,
     )
-    document = compare_recording(path, model_duration=12.0).document
-    assert [level["thrust_kn"] for level in document["levels"]] == pytest.approx([6000.0, 12000.0], rel=1e-9)
-    windows = document["points"]["girder"]["x"]["windows"]
-    assert windows["level"] == [0, 0, 0, 0, 0, 0, None, 1, 1, 1, 1, 1]
-    assert windows["relative_error"][6] is None
-    for place, level in enumerate(document["levels"]):
-        assert level["points"]["girder"]["x"]["relative_error"] < 0.1, place  # but for the windows at the change
-    axis = document["points"]["girder"]["x"]
-    field = np.array(
-        [one for one, level in zip(windows["field_rms"], windows["level"], strict=True) if level is not None]
-    )
-    assert axis["field_rms"] == pytest.approx(np.sqrt(np.mean(field**2)), rel=1e-6)
-    rms = np.array([level["points"]["girder"]["x"]["model_rms"] for level in document["levels"]])
-    assert axis["model_rms"] == pytest.approx(np.sqrt((6 * rms[0] ** 2 + 5 * rms[1] ** 2) / 11), rel=1e-6)
-    assert list(document["levels"][1]["points"]["shield"]) == []  # its recording ended before
+    result = compare_recording(path, model_duration=12.0).result
+    assert [level.thrust_kn for level in result.levels] == pytest.approx([6000.0, 12000.0], rel=1e-9)
+    axis = result.points["girder"]["x"]
+    assert axis.windows.level == (0, 0, 0, 0, 0, 0, None, 1, 1, 1, 1, 1)
+    assert axis.windows.relative_error[6] is None
+    for place, level in enumerate(result.levels):
+        assert level.points["girder"]["x"].relative_error < 0.1, place  # but for the windows at the change
+    inside = [level is not None for level in axis.windows.level]
+    field = np.array(axis.windows.field_rms)[inside].astype(float)
+    assert axis.field_rms == pytest.approx(np.sqrt(np.mean(field**2)), rel=1e-6)
+    rms = np.array([level.points["girder"]["x"].model_rms for level in result.levels])
+    assert axis.model_rms == pytest.approx(np.sqrt((6 * rms[0] ** 2 + 5 * rms[1] ** 2) / 11), rel=1e-6)
+    assert list(result.levels[1].points["shield"]) == []  # its recording ended before

@@ -1,10 +1,10 @@
 from collections.abc import Iterator
 from dataclasses import replace
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
 import scipy.stats
+from compared_signals import compared, conditioned
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -13,11 +13,11 @@ from tbm_gsa.comparison import (
     UsualError,
     WindowedComparison,
     WindowResult,
-    compare_records,
     dead_axes,
 )
-from tbm_gsa.comparison.streams import WindowSum
-from tbm_gsa.signals.conditioning import common_band, condition
+from tbm_gsa.signals.conditioning import common_band
+from tbm_gsa.signals.statistics import kurtosis, rms
+from tbm_gsa.signals.windows import WindowSums
 
 SECOND = 1_000_000_000
 EPOCH = 1_700_000_000 * SECOND  # a multiple of the window
@@ -56,8 +56,8 @@ def starts(results: list[WindowResult]) -> list[float]:
 
 def offline_rms(source: str, duration: float, window: float, edge: float) -> np.ndarray:
     values, rate = noise(source, duration), RATES[source]
-    conditioned = condition(np.arange(len(values)) / rate, values, rate, common_band(*RATES.values())).values
-    inside = conditioned[round(edge * rate) : round((edge + window) * rate)]
+    whole = conditioned(np.arange(len(values)) / rate, values, rate, common_band(*RATES.values()))
+    inside = whole[round(edge * rate) : round((edge + window) * rate)]
     return np.sqrt(np.mean(inside**2, axis=0))
 
 
@@ -88,9 +88,7 @@ def test_peak_crest_factor_and_kurtosis_agree_with_the_offline_ones(frame):
             part = slice(k * RATES[source] // 20, (k + 1) * RATES[source] // 20)
             offsets = times[source][part] - k * 0.05
             results += comparison.feed("shield", source, EPOCH + k * step, offsets, values[part])
-    record = SimpleNamespace(time=times["field"], values=signals["field"], rate_hz=RATES["field"])
-    model = {"shield": (times["model"], signals["model"])}
-    axes = compare_records({"shield": record}, model, frames={"shield": frame}).points["shield"].axes
+    axes = compared(*((times[source], signals[source]) for source in ("field", "model")), frame=frame).axes
     assert len(results) == 5
     for column, axis in enumerate(axes):
         for name in ("field_peak", "field_crest_factor", "field_kurtosis"):
@@ -101,14 +99,15 @@ def test_peak_crest_factor_and_kurtosis_agree_with_the_offline_ones(frame):
 
 def test_a_window_sum_in_pieces_is_what_numpy_and_scipy_say_of_the_whole():
     values = np.random.default_rng(1).gamma(2.0, size=(1000, 3)) * [1.0, -3.0, 0.2]
-    total = WindowSum()
+    total, empty = WindowSums(3), WindowSums(3)
     for part in np.split(values, [1, 300, 301, 800]):
-        total.add(part)
-    np.testing.assert_allclose(total.rms(), np.sqrt(np.mean(values**2, axis=0)))
-    np.testing.assert_array_equal(total.peak(), np.abs(values).max(axis=0))
-    np.testing.assert_allclose(total.kurtosis(), scipy.stats.kurtosis(values, axis=0, fisher=False))
-    for unknown in (WindowSum().rms(), WindowSum().peak(), WindowSum().kurtosis()):
-        assert np.isnan(unknown).all()
+        total.add(part.T)
+    np.testing.assert_allclose(rms(total.count, total.moments), np.sqrt(np.mean(values**2, axis=0)))
+    np.testing.assert_array_equal(total.peak, np.abs(values).max(axis=0))
+    expected = scipy.stats.kurtosis(values, axis=0, fisher=False)
+    np.testing.assert_allclose(kurtosis(total.count, total.moments), expected)
+    for statistic in (rms, kurtosis):
+        assert np.isnan(statistic(empty.count, empty.moments)).all()
 
 
 @settings(max_examples=15)
@@ -270,9 +269,9 @@ def test_points_do_not_touch_each_other():
 def test_memory_is_bounded_when_one_signal_is_missing():
     comparison = WindowedComparison(0.5)
     run(comparison, list(blocks("model", 20.0)))
-    stream = comparison._points["shield"]["model"]
+    stream = comparison._points["shield"].streams["model"]
     assert len(stream.sums) < 5
-    assert sum(map(len, stream._pending_times)) <= 0.6 * RATES["model"]
+    assert len(stream.queue) <= 0.6 * RATES["model"]
 
 
 def test_a_chosen_band_needs_no_partner():

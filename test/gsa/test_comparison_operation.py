@@ -5,18 +5,16 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tbm_gsa.comparison import Operation
-from tbm_gsa.comparison.levels import TOLERANCE
-from tbm_gsa.comparison.operation import KEPT_NS
+from tbm_gsa.comparison.levels import KEPT_NS, TOLERANCE, LiveOperation
 
 SECOND = 1_000_000_000
 DRIVEN, STILL = (0.59, 3.0e6, 1.2e7), (0.0, 0.0, 1.2e7)
 
 
 def driven(*entries):
-    operation = Operation()
+    operation = LiveOperation()
     for at, point in entries:
-        operation.take(round(at * SECOND), point)
+        operation.add(round(at * SECOND), point)
     return lambda begin, end: operation.kind(round(begin * SECOND), round(end * SECOND))
 
 
@@ -57,8 +55,8 @@ def test_stamps_that_jump_back_begin_anew():
 
 
 def test_memory_is_bounded():
-    operation = Operation()
+    operation = LiveOperation()
     for second in range(20_000):
-        operation.take(second * SECOND, DRIVEN)
+        operation.add(second * SECOND, DRIVEN)
     assert len(operation._stamps) == pytest.approx(KEPT_NS / SECOND, abs=2)
     assert operation.kind(19_000 * SECOND, 19_002 * SECOND) == "steady"

@@ -1,6 +1,7 @@
 import numpy as np
 import pytest
 import scipy.signal
+from compared_signals import conditioned, segments
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
@@ -8,11 +9,9 @@ from tbm_gsa.signals.clock import sampling_rate
 from tbm_gsa.signals.conditioning import (
     Band,
     CausalConditioner,
-    Stretch,
     ZeroPhaseConditioner,
     common_band,
     compared_axes,
-    condition,
 )
 
 RATE = 1000.0
@@ -37,78 +36,50 @@ def test_common_band():
 
 def test_passes_the_band_with_zero_phase_and_stops_the_rest():
     signal = waves(TIME, 50.0, 0.05, 490.0)
-    conditioned = condition(TIME, signal, RATE, BAND).values
-    np.testing.assert_allclose(inner(conditioned)[:, 0], inner(signal)[:, 0], atol=1e-3)
-    assert np.abs(inner(conditioned)[:, 1:]).max() < 0.01
+    found = inner(conditioned(TIME, signal, RATE, BAND))
+    np.testing.assert_allclose(found[:, 0], inner(signal)[:, 0], atol=1e-3)
+    assert np.abs(found[:, 1:]).max() < 0.01
 
 
 def test_gravity_and_drift_go():
     signal = waves(TIME, 50.0, 50.0, 50.0)
     tilted = signal + [9.81, -3.0, 0.0] + TIME[:, None] * [0.0, 0.0, 2.0]
-    np.testing.assert_allclose(
-        condition(TIME, tilted, RATE, BAND).values, condition(TIME, signal, RATE, BAND).values, atol=1e-8
-    )
+    expected = conditioned(TIME, signal, RATE, BAND)
+    np.testing.assert_allclose(conditioned(TIME, tilted, RATE, BAND), expected, atol=1e-8)
 
 
-def test_gaps_are_not_bridged_and_short_stretches_are_left_out():
+def test_gaps_are_not_bridged_and_short_parts_are_left_out():
     kept = (TIME < 3.0) | ((TIME >= 3.5) & (TIME < 4.0)) | (TIME >= 4.2)
-    conditioned = condition(TIME[kept], waves(TIME[kept], 50.0, 60.0, 70.0), RATE, BAND)
-    assert [(segment.start, len(segment.values)) for segment in conditioned.segments] == [(0.0, 3000), (4.2, 5800)]
-    assert conditioned.time.shape == (8800,)
-    assert conditioned.duration == pytest.approx(10.0)
-    alone = condition(TIME[:3000], waves(TIME[:3000], 50.0, 60.0, 70.0), RATE, BAND)
-    np.testing.assert_array_equal(conditioned.segments[0].values, alone.values)
-
-
-def test_rows_that_are_not_finite_are_gaps():
-    signal = waves(TIME, 50.0, 60.0, 70.0)
-    signal[5000, 1] = np.nan
-    assert [len(segment.values) for segment in condition(TIME, signal, RATE, BAND).segments] == [5000, 4999]
-
-
-def test_order_and_repeats_of_the_stamps_do_not_matter():
-    signal = waves(TIME, 50.0, 60.0, 70.0)
-    order = np.random.default_rng(0).permutation(np.concatenate([np.arange(TIME.size), np.arange(50)]))
-    shuffled = condition(TIME[order], signal[order], RATE, BAND)
-    np.testing.assert_array_equal(shuffled.values, condition(TIME, signal, RATE, BAND).values)
+    first, second = segments(TIME[kept], waves(TIME[kept], 50.0, 60.0, 70.0), RATE, BAND)
+    assert [(part.time[0], len(part.acceleration)) for part in (first, second)] == [(0.0, 3000), (4.2, 5800)]
+    alone = conditioned(TIME[:3000], waves(TIME[:3000], 50.0, 60.0, 70.0), RATE, BAND)
+    np.testing.assert_array_equal(first.acceleration, alone)
 
 
 @settings(max_examples=10)
 @given(seed=st.integers(0, 100), jitter=st.floats(0.15, 0.4))
 def test_jittered_stamps_are_put_on_a_uniform_clock(seed, jitter):
     stamps = TIME + np.random.default_rng(seed).uniform(-jitter, jitter, TIME.size) / RATE
-    conditioned = condition(stamps, waves(stamps, 20.0, 50.0, 100.0), RATE, BAND)
-    assert len(conditioned.segments) == 1
-    expected = waves(conditioned.time, 20.0, 50.0, 100.0)
-    np.testing.assert_allclose(inner(conditioned.values), inner(expected), atol=0.01)
+    parts = segments(stamps, waves(stamps, 20.0, 50.0, 100.0), RATE, BAND)
+    assert [part.joined for part in parts] == [False]
+    expected = waves(parts[0].time, 20.0, 50.0, 100.0)
+    np.testing.assert_allclose(inner(parts[0].acceleration), inner(expected), atol=0.01)
 
 
 def test_a_drifting_clock_is_taken_as_it_is():
     signal = waves(TIME, 50.0, 380.0, 70.0)
-    drifting = condition(TIME * (1.0 + 50e-6), signal, RATE, BAND)
-    np.testing.assert_array_equal(drifting.values, condition(TIME, signal, RATE, BAND).values)
+    drifting = conditioned(TIME * (1.0 + 50e-6), signal, RATE, BAND)
+    np.testing.assert_array_equal(drifting, conditioned(TIME, signal, RATE, BAND))
 
 
-def test_epoch_stamps_work():
-    signal = waves(TIME, 50.0, 60.0, 70.0)
-    late = condition(TIME + 1.7e9, signal, RATE, BAND)
-    np.testing.assert_allclose(late.values, condition(TIME, signal, RATE, BAND).values, atol=1e-9)
+@pytest.mark.parametrize("rate", [500.0, 700.0])
+def test_another_rate_than_the_stamps_say_is_an_error(rate):
+    with pytest.raises(ValueError, match="does not fit the stamps, which say 1000 Hz"):
+        segments(TIME, np.zeros((TIME.size, 3)), rate, Band(0.5, 200.0))
 
 
-@pytest.mark.parametrize(
-    ("time", "values", "rate", "message"),
-    [
-        (TIME, np.zeros((5, 3)), RATE, "shapes"),
-        (TIME, np.zeros((TIME.size, 3)), 500.0, "does not fit"),
-        (TIME, np.zeros((TIME.size, 3)), 700.0, "does not fit"),
-        (TIME[:500], np.zeros((500, 3)), RATE, "no stretch of 1 s"),
-        (TIME, np.full((TIME.size, 3), np.nan), RATE, "no stretch of 1 s"),
-    ],
-)
-def test_bad_input_is_one_clear_line(time, values, rate, message):
-    with pytest.raises(ValueError, match=message) as caught:
-        condition(time, values, rate, BAND)
-    assert "\n" not in str(caught.value)
+def test_less_than_a_second_makes_no_segment():
+    assert segments(TIME[:999], np.zeros((999, 3)), RATE, BAND) == []
 
 
 def test_sampling_rate_ignores_gaps():
@@ -134,7 +105,7 @@ def test_live_and_offline_have_the_same_magnitude(frequency):
     time = np.arange(40_000) / RATE
     signal = waves(time, frequency, frequency, frequency)
     live = CausalConditioner(RATE, BAND).process(signal)[20_000:-5000]
-    offline = condition(time, signal, RATE, BAND).values[20_000:-5000]
+    offline = conditioned(time, signal, RATE, BAND)[20_000:-5000]
     np.testing.assert_allclose(live.std(axis=0), offline.std(axis=0), rtol=2e-3, atol=1e-9)
 
 
@@ -152,8 +123,8 @@ def test_rotating_sensors_compare_a_length_that_turning_keeps():
 
 def test_no_transient_at_the_ends():
     time = TIME[:3127]  # ends near a crest
-    conditioned = condition(time, 5.0 + waves(time, 130.3, 60.0, 7.0), RATE, BAND).values
-    assert np.abs(conditioned).max() < 1.15
+    found = conditioned(time, 5.0 + waves(time, 130.3, 60.0, 7.0), RATE, BAND)
+    assert np.abs(found).max() < 1.15
 
 
 def test_the_filter_is_scipys():
@@ -168,16 +139,9 @@ def test_the_filter_is_scipys():
     )
     expected = scipy.signal.sosfiltfilt(once, scipy.signal.detrend(signal, axis=0), axis=0, padtype="even", padlen=2000)
     inside = slice(15_000, -15_000)
-    found = condition(time, signal, RATE, BAND).values
+    found = conditioned(time, signal, RATE, BAND)
     np.testing.assert_allclose(found[inside], expected[inside], atol=1e-8)
     np.testing.assert_allclose(found, expected, atol=0.05)
-
-
-def pieced(time: np.ndarray, signal: np.ndarray, cuts: list[int]) -> list[Stretch]:
-    """Conditioned in pieces that end at `cuts`."""
-    conditioner = ZeroPhaseConditioner(RATE, BAND)
-    parts = zip(np.split(time, cuts), np.split(signal, cuts), strict=True)
-    return [*(stretch for part in parts for stretch in conditioner.feed(*part)), *conditioner.finish()]
 
 
 @settings(max_examples=10)
@@ -194,21 +158,23 @@ def test_pieces_give_what_one_filter_gives(cuts, jitter, gap):
     signal = rng.standard_normal((150_000, 3)) + 1e-2 * rng.standard_normal((150_000, 3)).cumsum(axis=0)
     signal[:, 2] += 9.81 + 0.01 * time
     kept = (np.arange(150_000) < gap) | (np.arange(150_000) >= gap + 100)
-    stretches = pieced(time[kept], signal[kept], [cut for cut in cuts if cut < kept.sum()])
-    whole = condition(time[kept], signal[kept], RATE, BAND)
-    found = np.concatenate([stretch.acceleration for stretch in stretches])
-    assert found.shape == whole.values.shape
-    np.testing.assert_allclose(found, whole.values, atol=1e-6)  # of a signal of RMS 1
-    assert sum(not stretch.joined for stretch in stretches) == len(whole.segments)
-    np.testing.assert_allclose(np.concatenate([s.time for s in stretches]), whole.time, atol=1e-3)
+    inside = [cut for cut in cuts if cut < kept.sum()]
+    pieced = segments(time[kept], signal[kept], RATE, BAND, inside, block=None)
+    whole = segments(time[kept], signal[kept], RATE, BAND)
+    found, expected = (np.concatenate([part.acceleration for part in parts]) for parts in (pieced, whole))
+    assert found.shape == expected.shape
+    np.testing.assert_allclose(found, expected, atol=1e-6)  # of a signal of RMS 1
+    assert sum(not part.joined for part in pieced) == len(whole)
+    stamps = [np.concatenate([part.time for part in parts]) for parts in (pieced, whole)]
+    np.testing.assert_allclose(*stamps, atol=1e-3)
 
 
 def test_blocks_bound_the_memory():
     conditioner = ZeroPhaseConditioner(RATE, BAND)
     for first in range(0, 300_000, 1000):
         time = (first + np.arange(1000)) / RATE
-        for stretch in conditioner.feed(time, waves(time, 50.0, 60.0, 70.0)):
-            assert len(stretch.time) <= 31 * RATE
+        for segment in conditioner.feed(time, waves(time, 50.0, 60.0, 70.0)):
+            assert len(segment.time) <= 31 * RATE
         assert conditioner._count <= (30 + 2 * 10 + 1) * RATE
 
 
@@ -216,18 +182,18 @@ def test_blocks_bound_the_memory():
 def test_velocity_is_the_integral(frequency, share):
     time = np.arange(30_000) / RATE
     signal = 9.81 + waves(time, frequency, frequency, frequency)
-    (stretch,) = pieced(time, signal, [])
+    (segment,) = segments(time, signal, RATE, BAND)
     expected = share / (2 * np.pi * frequency) * -np.cos(2 * np.pi * frequency * time)
     np.testing.assert_allclose(
-        stretch.velocity[2000:-2000, 0], expected[2000:-2000], atol=0.004 * np.abs(expected).max()
+        segment.velocity[2000:-2000, 0], expected[2000:-2000], atol=0.004 * np.abs(expected).max()
     )
 
 
 def test_a_slow_sensor_has_no_velocity():
     conditioner = ZeroPhaseConditioner(20.0, common_band(20.0))
     assert list(conditioner.feed(np.arange(2000) / 20.0, np.ones((2000, 3)))) == []
-    (stretch,) = conditioner.finish()
-    assert stretch.velocity is None
+    (segment,) = conditioner.finish()
+    assert segment.velocity is None
 
 
 def test_a_sampling_rate_that_changes_is_an_error():

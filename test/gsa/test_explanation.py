@@ -111,7 +111,9 @@ def compared(tmp_path_factory):
     machine = load_machine("dz101").with_inputs(x16=0.5)
     values = {"cutterhead": model_values(77, 10.0, machine)["cutterhead"]}
     bag = write_bag(tmp_path_factory.mktemp("planted") / "bag", values, rate=10_000)
-    return compare_recording(bag, "dz101", model_duration=10.0, settings=Settings(bands=((0.5, 20.0),))).document
+    return compare_recording(
+        bag, "dz101", model_duration=10.0, settings=Settings(bands=((0.5, 20.0),))
+    ).result.model_dump()
 
 
 def test_the_statistics_of_a_comparison(compared):
@@ -307,7 +309,7 @@ def test_a_halved_stiffness_is_found(tmp_path_factory, planted):
     folder.mkdir(exist_ok=True)
     machine = load_machine("dz101").with_inputs(**{planted: 0.5})
     bag = write_bag(folder / f"{planted}.bag", model_values(77, 60.0, machine), rate=10_000)
-    document = explain(compare_recording(bag, "dz101").document, folder, ExplainOptions(samples=250))
+    document = explain(compare_recording(bag, "dz101").result.model_dump(), folder, ExplainOptions(samples=250))
     first = document["causes"][0]
     assert first["input"] == planted
     assert first["interval"][0] <= 0.5 <= first["interval"][1]

@@ -12,6 +12,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from tbm_gsa.comparison import AlarmRule, WindowResult
+from tbm_gsa.comparison.results import AxisResult, ComparisonResult, LevelAxis, LevelResult, WindowColumns
 from tbm_gsa.history import (
     BY_ORIGIN,
     KINDS,
@@ -364,19 +365,21 @@ def test_live_windows_give_an_entry_an_axis():
 
 
 def test_windows_of_a_recording_also_at_no_level_without_those_without_samples():
-    windows = {
-        "start": [0.0, 2.0, 4.0, 6.0, 8.0],
-        "level": [0, None, 0, 1, 2],
-        "field_rms": [1.0, 1.0, None, 0.0, 1.0],
-        "relative_error": [0.5, None, None, None, None],
-        "coverage": [1.0, 1.0, 0.0, 0.5, 1.0],
-        "field_peak": [4.0, 5.0, None, 0.0, 6.0],
-        "field_kurtosis": [3.0, 3.5, None, None, 4.0],
-    }
+    windows = WindowColumns.model_construct(
+        start=(0.0, 2.0, 4.0, 6.0, 8.0),
+        level=(0, None, 0, 1, 2),
+        field_rms=(1.0, 1.0, None, 0.0, 1.0),
+        relative_error=(0.5, None, None, None, None),
+        coverage=(1.0, 1.0, 0.0, 0.5, 1.0),
+        field_peak=(4.0, 5.0, None, 0.0, 6.0),
+        field_kurtosis=(3.0, 3.5, None, None, 4.0),
+    )
+    at_level = {"shield": {"x": LevelAxis.model_construct(model_rms=1.5)}}
     # The third level is too short for a spectrum at this point: nothing was compared there.
-    levels = [*[{"points": {"shield": {"x": {"model_rms": 1.5}}}}] * 2, {"points": {}}]
-    document = {"window_s": 2.0, "points": {"shield": {"x": {"windows": windows}}}, "levels": levels}
-    first, moving, dead, short = recording_entries(document, {"shield": START})
+    levels = [LevelResult.model_construct(points=points) for points in (at_level, at_level, {})]
+    points = {"shield": {"x": AxisResult.model_construct(windows=windows)}}
+    result = ComparisonResult.model_construct(window_s=2.0, points=points, levels=levels)
+    first, moving, dead, short = recording_entries(result, {"shield": START})
     nan = math.nan
     assert first == Entry("shield", "x", START, LENGTH, 1.0, 1.5, 0.5, 1.0, 4.0, 3.0)
     assert repr(moving) == repr(Entry("shield", "x", START + LENGTH, LENGTH, 1.0, nan, nan, 1.0, 5.0, 3.5))

@@ -1,10 +1,10 @@
 """Outputs of a study by name: against a comparison of the same run, and unknown names."""
 
 import pytest
+from compared_signals import compared as compare
 
 from tbm_dynamics import load_machine, simulate
 from tbm_dynamics.indicators import INDICATORS
-from tbm_gsa.comparison.offline import compare_records
 from tbm_gsa.sensitivity.study.errors import StudyError
 from tbm_gsa.sensitivity.study.evaluate import MachineEvaluation
 from tbm_gsa.sensitivity.study.outputs import parse_outputs
@@ -12,11 +12,6 @@ from tbm_gsa.signals.settings import Settings
 
 DURATION, HIGH_HZ = 1.5, 600.0
 SAMPLE = {"x2": 1800.0, "x16": 1.4}
-
-
-class _Record:
-    def __init__(self, time, values):
-        self.time, self.values, self.rate_hz = time, values, 1e4
 
 
 @pytest.fixture(scope="module")
@@ -27,14 +22,13 @@ def response():
 @pytest.fixture(scope="module")
 def compared(response):
     """A comparison's own statistics of the run, at a sensor that is fixed and one that turns."""
-    records = {
-        point: _Record(response.time, response.acceleration(node)[:, :3])
+    signals = {
+        point: (response.time, response.acceleration(node)[:, :3])
         for point, node in load_machine("dz101").description.test_points.items()
     }
-    computed = {point: (record.time, record.values) for point, record in records.items()}
     settings = Settings(high_hz=HIGH_HZ)
     return {
-        frame: compare_records(records, computed, frames=dict.fromkeys(records, frame), settings=settings).points
+        frame: {point: compare(signal, signal, frame, settings) for point, signal in signals.items()}
         for frame in ("fixed", "rotating")
     }
 
@@ -45,9 +39,10 @@ def test_statistics_are_those_of_a_comparison(compared):
     for frame, axes in (("fixed", "xyz"), ("rotating", ("x", "yz"))):
         for point in points:
             for axis in axes:
-                model = compared[frame][point].axes[axis].model
-                names |= {f"{name}_{point}_{axis}": getattr(model, name) for name in ("rms", "peak", "kurtosis")}
-                names |= {f"rms_{band}_{point}_{axis}": value for band, value in model.band_rms.items()}
+                found = compared[frame][point].axes[axis]
+                statistics = ("rms", "peak", "kurtosis")
+                names |= {f"{name}_{point}_{axis}": getattr(found, f"model_{name}") for name in statistics}
+                names |= {f"rms_{band}_{point}_{axis}": value for band, value in found.model_band_rms.items()}
     assert len(names) == 2 * (3 + 1) * (3 + 4)
     evaluate = MachineEvaluation.of("dz101", DURATION, 3, tuple(names), HIGH_HZ)
     found = evaluate(SAMPLE)

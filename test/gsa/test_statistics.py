@@ -10,11 +10,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from tbm_gsa.signals.conditioning import Stretch
+from tbm_gsa.signals.conditioning import Segment
 from tbm_gsa.signals.reduction import one_level
 from tbm_gsa.signals.spectrum import WelchCollector, mixed_spectrum
 from tbm_gsa.signals.statistics import (
-    Line,
+    SpectralLine,
     Spectrum,
     coverage,
     kurtosis,
@@ -33,21 +33,21 @@ NOISE = np.random.default_rng(7).standard_normal((20_000, 3))
 XYZ = [(0,), (1,), (2,)]
 
 
-def stretch(values, start=0.0, joined=False, rate=RATE):
-    return Stretch(start + np.arange(len(values)) / rate, values, 0.1 * values, joined)
+def segment(values, start=0.0, joined=False, rate=RATE):
+    return Segment(start + np.arange(len(values)) / rate, values, 0.1 * values, joined)
 
 
-def windows(*stretches, axes=XYZ, bands=((0.0, 100.0),), length=2.0):
+def windows(*segments, axes=XYZ, bands=((0.0, 100.0),), length=2.0):
     collector = WindowCollector(RATE, length, axes, bands)
-    for part in stretches:
-        collector.feed(part)
+    for part in segments:
+        collector.add(part)
     return collector.finish()
 
 
-def spectrum(*stretches, resolution=0.25, axis=(0,)):
-    collector = WelchCollector(RATE, resolution, one_level)
-    for part in stretches:
-        collector.feed(part)
+def spectrum(*segments, resolution=0.25, axis=(0,)):
+    collector = WelchCollector(RATE, resolution, one_level())
+    for part in segments:
+        collector.add(part)
     return mixed_spectrum([(collector.finish()[0], 1.0)], axis, RATE)
 
 
@@ -56,7 +56,7 @@ def totals(table):
 
 
 def test_a_sine():
-    table = windows(stretch(np.column_stack([SINE, SINE, 0.0 * SINE])))
+    table = windows(segment(np.column_stack([SINE, SINE, 0.0 * SINE])))
     assert len(table) == 10
     np.testing.assert_allclose(rms(table.count, table.moments)[:, 0], 3.0 / np.sqrt(2.0))
     np.testing.assert_allclose(kurtosis(table.count, table.moments)[:, 0], 1.5)
@@ -67,7 +67,7 @@ def test_a_sine():
 
 
 def test_a_signal_that_is_zero_has_no_kurtosis_and_no_line():
-    table = windows(stretch(np.zeros((2000, 3))))
+    table = windows(segment(np.zeros((2000, 3))))
     assert np.isnan(kurtosis(table.count, table.moments)).all()
     assert np.isnan(table.line).all()
     assert not table.bands.any()
@@ -75,13 +75,13 @@ def test_a_signal_that_is_zero_has_no_kurtosis_and_no_line():
 
 def test_moments_are_scipys():
     skewed = NOISE**2 + [0.0, 1.0, -3.0]
-    count, moments = totals(windows(stretch(skewed)))
+    count, moments = totals(windows(segment(skewed)))
     np.testing.assert_allclose(rms(count, moments), np.sqrt(np.mean(skewed**2, axis=0)))
     np.testing.assert_allclose(kurtosis(count, moments), scipy.stats.kurtosis(skewed, fisher=False))
 
 
 def test_two_columns_are_taken_as_the_length_of_their_vector():
-    table = windows(stretch(NOISE), axes=[(0,), (1, 2)])
+    table = windows(segment(NOISE), axes=[(0,), (1, 2)])
     length = np.hypot(NOISE[:, 1], NOISE[:, 2]).reshape(10, -1)
     np.testing.assert_allclose(rms(table.count, table.moments)[:, 1], np.sqrt(np.mean(length**2, axis=1)))
     np.testing.assert_allclose(table.peak[:, 1], length.max(axis=1))
@@ -93,7 +93,7 @@ def test_two_columns_are_taken_as_the_length_of_their_vector():
 )
 def test_parseval_bands_that_cover_everything_add_up_to_the_mean_square(values, cuts):
     limits = [0.0, *cuts, 502.0]
-    table = windows(stretch(values), bands=list(pairwise(limits)), length=1.0)
+    table = windows(segment(values), bands=list(pairwise(limits)), length=1.0)
     power = np.square(values).reshape(2, 1000, 3).sum(axis=1)
     np.testing.assert_allclose(table.moments[:, 1], power, rtol=1e-9, atol=1e-9)
     heard = np.isfinite(table.line)  # what a Hann window leaves of a single sample at its edge is nothing
@@ -112,17 +112,17 @@ def test_parseval_of_a_periodogram(values):
 @given(cuts=st.lists(st.integers(1, 19_999), max_size=6, unique=True).map(sorted))
 def test_windows_and_spectra_do_not_depend_on_the_pieces(cuts):
     pieces = [
-        stretch(part, first / RATE, first > 0) for part, first in zip(np.split(NOISE, cuts), [0, *cuts], strict=True)
+        segment(part, first / RATE, first > 0) for part, first in zip(np.split(NOISE, cuts), [0, *cuts], strict=True)
     ]
-    whole, cut = windows(stretch(NOISE)), windows(*pieces)
+    whole, cut = windows(segment(NOISE)), windows(*pieces)
     for name in ("index", "count", "moments", "peak", "bands", "line"):
         np.testing.assert_allclose(getattr(cut, name), getattr(whole, name), rtol=1e-12, err_msg=name)
-    np.testing.assert_allclose(spectrum(*pieces).density, spectrum(stretch(NOISE)).density, rtol=1e-12)
+    np.testing.assert_allclose(spectrum(*pieces).density, spectrum(segment(NOISE)).density, rtol=1e-12)
 
 
 @pytest.mark.parametrize("size", [1000, 4000, 777])
 def test_welch_is_scipys(size):
-    found = spectrum(stretch(NOISE), resolution=RATE / size, axis=(1, 2))
+    found = spectrum(segment(NOISE), resolution=RATE / size, axis=(1, 2))
     frequency, density = scipy.signal.welch(NOISE, RATE, nperseg=size, detrend=False, axis=0, noverlap=size // 2)
     np.testing.assert_allclose(found.frequency, frequency)
     np.testing.assert_allclose(found.density, density[:, 1:].sum(axis=1))
@@ -130,7 +130,7 @@ def test_welch_is_scipys(size):
 
 
 def test_welch_averages_all_segments_and_falls_back_on_seconds():
-    parts = [stretch(NOISE[:9000]), stretch(NOISE[9000:13000], 20.0), stretch(NOISE[13000:15000], 30.0)]
+    parts = [segment(NOISE[:9000]), segment(NOISE[9000:13000], 20.0), segment(NOISE[13000:15000], 30.0)]
     three, one = (spectrum(part).density for part in parts[:2])
     np.testing.assert_allclose(spectrum(*parts).density, (3 * three + one) / 4)
     short = spectrum(parts[2])
@@ -142,7 +142,7 @@ def test_welch_averages_all_segments_and_falls_back_on_seconds():
 def test_levels_have_spectra_of_their_own():
     signal = NOISE * np.where(TIME < 10.0, 1.0, 5.0)[:, None]
     collector = WelchCollector(RATE, 1.0, lambda begin, end: np.where(end <= 10.0, 0, np.where(begin >= 10.0, 1, -1)))
-    collector.feed(stretch(signal))
+    collector.add(segment(signal))
     sums = collector.finish()
     assert [sums[level].segments for level in (0, 1)] == [19, 19]  # the one across the change belongs to none
     mixed = mixed_spectrum([(sums[0], 0.25), (sums[1], 0.75)], (0,), RATE)
@@ -155,7 +155,7 @@ def test_levels_have_spectra_of_their_own():
 
 def test_strongest_lines_with_their_rms():
     signal = SINE + np.sin(2 * np.pi * 130.3 * TIME) + 0.01 * NOISE[:, 0]
-    lines = strongest_lines(spectrum(stretch(np.column_stack([signal] * 3))), 2)
+    lines = strongest_lines(spectrum(segment(np.column_stack([signal] * 3))), 2)
     assert [line.frequency for line in lines] == [50.0, 130.25]
     assert [line.rms for line in lines] == pytest.approx([3.0 / np.sqrt(2), 1.0 / np.sqrt(2)], rel=0.02)
 
@@ -165,7 +165,7 @@ def test_a_flat_spectrum_has_no_lines():
 
 
 def test_lines_match_the_nearest_expected_one():
-    lines = [Line(130.0, 1.0), Line(14.5, 1.0), Line(50.0, 1.0)]
+    lines = [SpectralLine(130.0, 1.0), SpectralLine(14.5, 1.0), SpectralLine(50.0, 1.0)]
     matched = match_lines(lines, {"load": 130.3, "other": 129.6, "mesh": 14.19})
     assert [line.match for line in matched] == ["load", "mesh", ""]
 
@@ -187,15 +187,15 @@ def test_coverage():
 
 
 def test_gaps_leave_windows_out_and_the_rest_as_it_is():
-    table = windows(stretch(NOISE[:3000]), stretch(NOISE[9000:], 9.0))
+    table = windows(segment(NOISE[:3000]), segment(NOISE[9000:], 9.0))
     assert table.index.tolist() == [0, 1, 4, 5, 6, 7, 8, 9]
     assert table.count.tolist() == [2000, 1000, 1000, *[2000] * 5]
-    whole = windows(stretch(NOISE))
+    whole = windows(segment(NOISE))
     np.testing.assert_allclose(table.moments[[0, 3]], whole.moments[[0, 5]])
 
 
 def test_a_part_too_short_for_a_transform_has_no_bands():
-    table = windows(stretch(NOISE[:2500]))
+    table = windows(segment(NOISE[:2500]))
     assert np.isfinite(table.bands[0]).all()
     assert np.isnan(table.bands[1]).all()
     assert np.isfinite(table.moments[1]).all()

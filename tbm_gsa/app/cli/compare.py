@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import sqlite3
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
 import typer
 from rich.table import Table
@@ -23,8 +23,8 @@ from tbm_gsa.app.cli.output import (
 )
 from tbm_gsa.app.cli.selection import HISTORY_HELP
 from tbm_gsa.app.cli.shipped import RECORDING_ARGUMENT, recording_path
-from tbm_gsa.comparison.document import axial_rows, stuck_texts
-from tbm_gsa.comparison.workflow import ComparisonResult, compare_recording
+from tbm_gsa.comparison.results import ComparisonResult
+from tbm_gsa.comparison.workflow import RecordingComparison, compare_recording
 from tbm_gsa.history import History, HistoryError, Kind, Source, check_history, default_history, recording_entries
 from tbm_gsa.signals.settings import Settings
 from tbm_msgs_py.bags.metadata import is_synthetic
@@ -58,7 +58,7 @@ def compare(
         check_history(history)  # a bad one is refused before the work
     with progress_bar("comparing") as bar:
         task = bar.add_task("", total=None)
-        result = compare_recording(
+        compared = compare_recording(
             bag,
             machine,
             mapping,
@@ -72,100 +72,91 @@ def compare(
     if html is not None:
         from tbm_gsa.app.report.compare_page import write_page  # noqa: PLC0415 - matplotlib takes its time
 
-        write_page(result, html)
+        write_page(compared, html)
     if kept:
-        _keep(result, "synthetic" if synthetic else "offline", history)
+        _keep(compared, "synthetic" if synthetic else "offline", history)
     elif keep is None:
         notes.print("not put into the history: the recording is synthetic, --keep puts it there", highlight=False)
+    result = compared.result
     if json:
-        print_json(result.document)
+        print_json(result.model_dump())
     else:
-        print_tables(result.document)
-    for point, reason in result.document["skipped"].items():
+        print_tables(result)
+    for point, reason in result.skipped.items():
         notes.print(f"test point {point!r} not compared: {reason}", highlight=False)
     if html is not None:
         notes.print(f"page: {html}", highlight=False)
 
 
-def _keep(result: ComparisonResult, kind: Kind, path: Path | None) -> None:
+def _keep(compared: RecordingComparison, kind: Kind, path: Path | None) -> None:
     """Put the windows into the history; a default one that cannot be used spoils no comparison."""
-    document = result.document
-    source = Source(
-        kind,
-        document["recording"]["path"],
-        document["recording"]["sha256"],
-        document["machine"],
-        document["machine_file"]["sha256"],
-    )
+    result, recording = compared.result, compared.result.recording
+    source = Source(kind, recording.path, recording.sha256, result.machine, result.machine_file.sha256)
     try:
         with History(path or default_history()) as history:
-            history.add(source, recording_entries(document, result.starts_ns))
+            history.add(source, recording_entries(result, compared.starts_ns))
     except (HistoryError, sqlite3.Error) as error:
         if path is not None:
             raise
         notes.print(f"not put into the history: {error}", highlight=False)
 
 
-def print_tables(document: dict[str, Any]) -> None:
+def print_tables(result: ComparisonResult) -> None:
     """Print the axial accelerations as the paper's Table 2 has them, the levels, and the state of the recording."""
-    results.print(_axial_table(document))
-    if len(document["dwells"]) > 1:
-        results.print(_level_table(document))
-    faulty = _fault_table(document)
+    results.print(_axial_table(result))
+    if len(result.dwells) > 1:
+        results.print(_level_table(result))
+    faulty = _fault_table(result)
     if faulty.row_count:
         results.print(faulty)
     results.print()
-    recording = document["recording"]
-    truncated = ", truncated" if recording["truncated"] else ""
+    recording = result.recording
+    truncated = ", truncated" if recording.truncated else ""
     results.print(
-        f"{recording['messages']} messages over {recording['duration']:.1f} s, {recording['lost']} lost{truncated}; "
-        f"model {document['model_duration']:g} s a level, seed {document['seed']}",
+        f"{recording.messages} messages over {recording.duration:.1f} s, {recording.lost} lost{truncated}; "
+        f"model {result.model_duration:g} s a level, seed {result.seed}",
         highlight=False,
     )
 
 
-def _axial_table(document: dict[str, Any]) -> Table:
-    synthetic = " (synthetic)" if document.get("synthetic") else ""
-    path = document["recording"]["path"]
-    title = f"axial acceleration, RMS: {path}{synthetic} against {document['machine']}"
+def _axial_table(result: ComparisonResult) -> Table:
+    synthetic = " (synthetic)" if result.synthetic else ""
+    title = f"axial acceleration, RMS: {result.recording.path}{synthetic} against {result.machine}"
     headings = ("test point", ">node", ">predicted, g", ">measured, g", ">error", ">95 %", ">coverage")
     table = narrow_table(title, *headings)
-    for row in axial_rows(document):
-        axis = document["points"][row.point]["x"]
-        error = "–" if row.relative_error is None else f"{row.relative_error:.0%}"
-        interval = axis["intervals"]["relative_error"]
+    for row in result.axial_rows:
+        axis = result.points[row.point]["x"]
+        interval = axis.intervals.relative_error
         reach = "–" if interval is None else f"{interval[0]:.0%}–{interval[1]:.0%}"
-        cells = (
-            str(row.node),
-            f"{row.predicted_g:.3f}",
-            f"{row.measured_g:.3f}",
-            error,
-            reach,
-            f"{axis['coverage']:.1%}",
-        )
+        levels = (_text(row.predicted_g, ".3f"), _text(row.measured_g, ".3f"))
+        cells = (str(row.node), *levels, _text(row.relative_error, ".0%"), reach, f"{axis.coverage:.1%}")
         add_row(table, row.point, *cells)
     return table
 
 
-def _level_table(document: dict[str, Any]) -> Table:
+def _text(value: float | None, form: str) -> str:
+    return "–" if value is None else format(value, form)
+
+
+def _level_table(result: ComparisonResult) -> Table:
     table = narrow_table("\nlevels of operation", ">level", ">r/min", ">kN·m", ">kN", ">held, s", "found")
-    for number, level in enumerate(document["levels"], start=1):
-        values = (level["speed_r_min"], level["torque_kn_m"], level["thrust_kn"], level["seconds"])
-        add_row(table, number, *(f"{value:.5g}" for value in values), level["note"])
-    left_out = [dwell["end"] - dwell["begin"] for dwell in document["dwells"] if dwell["level"] is None]
+    for number, level in enumerate(result.levels, start=1):
+        values = (level.speed_r_min, level.torque_kn_m, level.thrust_kn, level.seconds)
+        add_row(table, number, *(f"{value:.5g}" for value in values), level.note)
+    left_out = [dwell.end - dwell.begin for dwell in result.dwells if dwell.level is None]
     if left_out:
         add_row(table, "–", "", "", "", f"{sum(left_out):.5g}", "between levels or at a standstill: left out")
     return table
 
 
-def _fault_table(document: dict[str, Any]) -> Table:
+def _fault_table(result: ComparisonResult) -> Table:
     """Points whose data have a fault, and which."""
     table = narrow_table("\nfaults of the data", "test point", "faults")
-    for point, record in document["recording"]["points"].items():
-        gaps = [end - begin for begin, end in record["gaps"]]
-        texts = [f"gaps: {len(gaps)}, longest {max(gaps):.3g} s"] if gaps else []
-        texts += [f"stuck along {text}" for text in stuck_texts(record)]
-        texts += [f"{record[name]} {name.replace('_', ' ')}" for name in COUNTS if record[name]]
+    for name, point in result.recording.points.items():
+        texts = [f"gaps: {len(point.gaps)}, longest {point.longest_gap:.3g} s"] if point.gaps else []
+        texts += [f"stuck along {text}" for text in point.stuck_texts]
+        counts = {fault.replace("_", " "): getattr(point, fault) for fault in COUNTS}
+        texts += [f"{count} {fault}" for fault, count in counts.items() if count]
         if texts:
-            add_row(table, point, ", ".join(texts))
+            add_row(table, name, ", ".join(texts))
     return table

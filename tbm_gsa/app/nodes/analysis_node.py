@@ -31,8 +31,8 @@ from tbm_gsa.app.nodes.statuses import (
     history_status,
     surrogate_quality,
 )
-from tbm_gsa.comparison import AlarmRule, Operation, WindowedComparison, WindowResult
-from tbm_gsa.comparison.levels import Kind
+from tbm_gsa.comparison import AlarmRule, LiveOperation, WindowedComparison, WindowResult
+from tbm_gsa.comparison.results import Kind
 from tbm_gsa.history import Source
 from tbm_gsa.provenance import machine_sha256
 from tbm_msgs_py import blocks, topics
@@ -69,7 +69,7 @@ class AnalysisNode(ManagedNode):
         self._gsa = GsaProcess(self._gsa_options())
         self._gsa_shown: GsaStatus | None = None
         self._gsa_quality: dict[str, Any] = {}
-        self._operation = {name: Operation() for name in (topics.OPERATING_POINT, topics.LOADS_OPERATING_POINT)}
+        self._operation = {name: LiveOperation() for name in (topics.OPERATING_POINT, topics.LOADS_OPERATING_POINT)}
         self._create_publishers()
         self._subscribe_model()
         self._field_topics = FieldTopics(
@@ -204,7 +204,7 @@ class AnalysisNode(ManagedNode):
         except OperatingPointError:  # the load node says so
             return
         stamp = messages.stamp_to_ns(message.header.stamp) or self.get_clock().now().nanoseconds
-        self._operation[name].take(stamp, (point.speed, point.torque, point.thrust))
+        self._operation[name].add(stamp, (point.speed, point.torque, point.thrust))
 
     def _feed(self, sensor: SensorMapping, source: Any, stamp: int, offsets: np.ndarray, values: np.ndarray) -> None:
         self._health.arrived(sensor.point, source, len(offsets))

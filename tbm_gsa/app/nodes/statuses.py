@@ -12,7 +12,7 @@ from tbm_gsa.app.nodes.gsa_process import GsaStatus
 from tbm_gsa.app.nodes.health import Condition
 from tbm_gsa.app.nodes.history_writer import HistoryWriter
 from tbm_gsa.comparison import StreamCounters, WindowResult, dead_axes
-from tbm_gsa.comparison.levels import Kind
+from tbm_gsa.comparison.results import Kind
 from tbm_msgs_py.base.units import STANDARD_GRAVITY
 from tbm_msgs_py.nodes import messages
 

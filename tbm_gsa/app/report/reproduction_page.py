@@ -127,14 +127,14 @@ def _response(result: Reproduction) -> Iterator[tuple[str, Figure, str]]:
             list(evidence.mesh_lines_hz),
         )
         yield "Figure 5", lines, f"Dampings: {evidence.reading.title}."
-    comparison = result.responses[0].comparison.comparison
-    point = comparison.points.get("cutterhead", next(iter(comparison.points.values())))
+    compared = result.responses[0].comparison
+    excerpt = compared.excerpts.get("cutterhead", next(iter(compared.excerpts.values())))
     yield (
         "Figure 7",
-        compare_figures.time_series(point),
+        compare_figures.time_series(*excerpt),
         "A second of the axial acceleration; the recording is synthetic.",
     )
-    flow = compare_figures.power_flow(comparison)
+    flow = compare_figures.power_flow(compared.result)
     yield "Figure 7", flow, "RMS at the test points in each direction, with 95 % intervals."
 
 

@@ -29,7 +29,7 @@ def reproduction_document(
         ``machine_file``, ``recording``, ``seed``, ``sizes``, ``versions``, ``seconds``.
     """
     own = [row for row in rows if row.reading in (None, both[0].name)]
-    recording = responses[0].comparison.document
+    compared = responses[0].comparison.result
     return {
         "rows": [row.to_dict() for row in rows],
         "verdicts": count_verdicts(own),
@@ -38,9 +38,9 @@ def reproduction_document(
         "machine": machine.name,
         "machine_file": {"origin": machine.origin, "sha256": machine_sha256(machine)},
         "recording": {
-            "path": recording["recording"]["path"],
-            "sha256": recording["recording"]["sha256"],
-            "synthetic": recording.get("synthetic", False),
+            "path": compared.recording.path,
+            "sha256": compared.recording.sha256,
+            "synthetic": compared.synthetic,
         },
         "seed": seed,
         "sizes": dict(sizes),

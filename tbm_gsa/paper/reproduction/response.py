@@ -12,7 +12,7 @@ from tbm_dynamics import Response, simulate
 from tbm_dynamics.calibration.targets import AXIAL_BAND_HZ
 from tbm_dynamics.structure.system import System
 from tbm_gsa.comparison.expected import expected_lines
-from tbm_gsa.comparison.workflow import ComparisonResult, compare_recording
+from tbm_gsa.comparison.workflow import RecordingComparison, compare_recording
 from tbm_gsa.paper.load_summary import found_line
 from tbm_gsa.paper.reproduction.readings import Reading
 from tbm_gsa.paper.vibration import ACCELERATION_LINE_HZ, MESH_LINES_HZ
@@ -72,7 +72,7 @@ class ResponseEvidence:
         The same of the mesh force.
     indicators : mapping of str to float
         SI.
-    comparison : ComparisonResult
+    comparison : RecordingComparison
         With the recording.
     """
 
@@ -87,7 +87,7 @@ class ResponseEvidence:
     lines_hz: Mapping[float, float | None]
     mesh_lines_hz: Mapping[float, float | None]
     indicators: Mapping[str, float]
-    comparison: ComparisonResult
+    comparison: RecordingComparison
 
 
 def gather_response(reading: Reading, bag: Path, seed: int, seconds: float, model_s: float) -> ResponseEvidence:
@@ -118,7 +118,7 @@ def gather_response(reading: Reading, bag: Path, seed: int, seconds: float, mode
         peak_g=float(np.abs(head).max()),
         acceleration=_excerpt(response.time, head),
         mesh_force=_excerpt(response.time, force),
-        axial_hz=tuple(line.frequency for line in expected_lines(machine) if line.kind == "axial"),
+        axial_hz=tuple(line.frequency_hz for line in expected_lines(machine) if line.kind == "axial"),
         resonance_hz=_resonance(machine.assemble(), points["cutterhead"], machine.description.load_node),
         lines_hz=_found(response, head, [ACCELERATION_LINE_HZ]),
         mesh_lines_hz=_found(response, force, [*wanted, *MESH_LINES_HZ]),

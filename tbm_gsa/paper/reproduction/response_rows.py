@@ -5,7 +5,7 @@ from typing import Final
 
 from tbm_dynamics.calibration.targets import AXIAL_BAND_HZ, POWER_FLOW
 from tbm_dynamics.indicators import UNITS
-from tbm_gsa.comparison.document import AxialRow, axial_rows
+from tbm_gsa.comparison.results import AxialRow
 from tbm_gsa.paper.reproduction import verdict
 from tbm_gsa.paper.reproduction.response import MULTIPLES, ResponseEvidence
 from tbm_gsa.paper.reproduction.row import Row, Value
@@ -62,7 +62,7 @@ class _Rows:
 
     def table_2(self) -> Iterator[Row]:
         """Predicted and measured RMS, and the relative error."""
-        compared = {row.point: row for row in axial_rows(self._found.comparison.document)}
+        compared = {row.point: row for row in self._found.comparison.result.axial_rows}
         for point, paper in TABLE_2.items():
             yield from self._point(point, paper, compared.get(point))
 
@@ -93,7 +93,7 @@ class _Rows:
         )
 
     def _measured(self, stem: str, point: str, paper: PointRow, ours: AxialRow | None) -> Row:
-        synthetic = self._found.comparison.document.get("synthetic", False)
+        synthetic = self._found.comparison.result.synthetic
         measured = None if ours is None else ours.measured_g
         judged: Verdict = "given"
         if not synthetic:

@@ -8,7 +8,7 @@ from tbm_dynamics.response import Response
 from tbm_gsa.sensitivity.study.outputs import Vibration
 from tbm_gsa.signals.clock import sampling_rate
 from tbm_gsa.signals.conditioning import Band, Frame, common_band, compared_axes
-from tbm_gsa.signals.estimates import SignalStatistics, estimate, model_sample
+from tbm_gsa.signals.estimates import SignalStatistics, estimate
 from tbm_gsa.signals.reduction import SignalReducer
 from tbm_gsa.signals.settings import Settings, band_name
 
@@ -36,7 +36,12 @@ def vibration_statistics(
     settings = Settings(high_hz=high_hz, bands=bands)
     sides = dict.fromkeys((output.point, _frame(output.axis)) for output in wanted)
     found = {(point, frame): _statistics(response, nodes[point], frame, settings) for point, frame in sides}
-    return {output.name: _value(output, found[output.point, _frame(output.axis)][output.axis]) for output in wanted}
+    return {
+        output.name: found[output.point, _frame(output.axis)][output.axis].values[
+            output.statistic if output.band is None else band_name(*output.band)
+        ]
+        for output in wanted
+    }
 
 
 def _frame(axis: str) -> Frame:
@@ -51,10 +56,4 @@ def _statistics(response: Response, node: int, frame: Frame, settings: Settings)
     reducer = SignalReducer(rate, band, frame, settings)
     reducer.feed(response.time, np.ascontiguousarray(response.acceleration(node)[:, :3]))
     signal = reducer.finish()
-    return estimate(model_sample({0: signal}, {0: 1.0}), signal, settings)
-
-
-def _value(output: Vibration, statistics: SignalStatistics) -> float:
-    if output.band is not None:
-        return statistics.band_rms[band_name(*output.band)]
-    return float(getattr(statistics, output.statistic))
+    return estimate(signal, {0: 1.0}, settings)

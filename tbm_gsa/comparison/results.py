@@ -1,0 +1,318 @@
+"""The result of a comparison: what `compare --json` prints, pages draw, and an explanation reads back.
+
+m/s², m/s, Hz and s, unless a name ends in ``_g``; None, null in JSON, where a number is not defined. The keys are a
+contract; docs/comparison.md says what each holds.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
+from dataclasses import dataclass
+from typing import Annotated, Literal
+
+from pydantic import Field, SerializerFunctionWrapHandler, Strict, model_serializer, model_validator
+
+from tbm_dynamics import Machine
+from tbm_gsa.reading import LARGEST_NUMBER, Line, Name, Number, Part, Seed, Size
+
+BAND = r"^\d+(\.\d+)?-\d+(\.\d+)?_hz$"
+LONGEST_PATH = 4096
+DIGITS = 8  # significant ones of what is written by the thousand
+
+Kind = Literal["steady", "transient", "standstill"]
+LineKind = Literal["load", "mesh", "axial"]
+Band = Annotated[str, Field(max_length=40, pattern=BAND)]
+Path = Annotated[str, Field(max_length=LONGEST_PATH)]
+# From JSON a tuple comes as a list.
+Limits = Annotated[tuple[Number, Number], Strict(False)]
+Numbers = Annotated[tuple[Number | None, ...], Strict(False)]
+BandValues = dict[Band, Size | None]
+BandLimits = dict[Band, Limits | None]
+
+
+def known(value: float) -> float | None:
+    """Value as JSON has it: None of one that is not finite, or too large to go on with."""
+    return float(value) if abs(value) <= LARGEST_NUMBER else None
+
+
+def limits(interval: tuple[float, float]) -> tuple[float, float] | None:
+    """Interval as JSON has it: None unless both ends are known."""
+    return None if None in map(known, interval) else interval
+
+
+def numbers(values: Iterable[float]) -> tuple[float | None, ...]:
+    """Numbers to eight digits, for there are thousands."""
+    return tuple(known(float(f"{value:.{DIGITS}g}")) for value in values)
+
+
+class SpectralPeak(Part):
+    """One of the strongest lines of a signal; `match` names the expected line it is, if any."""
+
+    frequency_hz: Size
+    rms: Size | None
+    match: str
+    interval: Limits | None
+
+
+class WindowColumns(Part):
+    """Window by window along one axis, None where a window holds no sample; `start` counts from the first sample."""
+
+    start: Numbers
+    coverage: Numbers
+    relative_error: Numbers
+    field_rms: Numbers
+    field_peak: Numbers
+    field_crest_factor: Numbers
+    field_kurtosis: Numbers
+    field_velocity_rms: Numbers
+    field_line_hz: Numbers
+    level: Annotated[tuple[int | None, ...], Strict(False)]
+    field_band_rms: dict[Band, Numbers]
+
+
+class LevelIntervals(Part):
+    """95 % intervals at one level of operation."""
+
+    field_rms: Limits | None
+    model_rms: Limits | None
+    relative_error: Limits | None
+
+
+class AxisIntervals(LevelIntervals):
+    """95 % intervals of the statistics of one axis."""
+
+    field_peak: Limits | None
+    field_crest_factor: Limits | None
+    field_kurtosis: Limits | None
+    field_velocity_rms: Limits | None
+    field_band_rms: BandLimits
+    model_peak: Limits | None
+    model_crest_factor: Limits | None
+    model_kurtosis: Limits | None
+    model_velocity_rms: Limits | None
+    model_band_rms: BandLimits
+
+
+class LevelAxis(Part):
+    """One axis of one test point at one level of operation."""
+
+    field_rms: Size | None
+    model_rms: Size | None
+    relative_error: Size | None
+    intervals: LevelIntervals
+
+
+class AxisResult(Part):
+    """One axis of one test point, over all windows at a level; the model's levels weigh as long as they were held."""
+
+    relative_error: Size | None
+    coverage: Size
+    field_rms: Size | None
+    field_peak: Size | None
+    field_crest_factor: Size | None
+    field_kurtosis: Number | None
+    field_velocity_rms: Size | None
+    field_rms_g: Size | None
+    field_band_rms: BandValues
+    field_lines: Annotated[tuple[SpectralPeak, ...], Strict(False)]
+    model_rms: Size | None
+    model_peak: Size | None
+    model_crest_factor: Size | None
+    model_kurtosis: Number | None
+    model_velocity_rms: Size | None
+    model_rms_g: Size | None
+    model_band_rms: BandValues
+    model_lines: Annotated[tuple[SpectralPeak, ...], Strict(False)]
+    intervals: AxisIntervals
+    windows: WindowColumns
+
+    @model_validator(mode="after")
+    def _same_bands(self) -> AxisResult:
+        bands = self.field_band_rms.keys()
+        others = (self.model_band_rms, self.intervals.field_band_rms, self.intervals.model_band_rms)
+        if any(bands != other.keys() for other in others):
+            raise ValueError("other bands of the field than of the model")
+        return self
+
+
+class SpectrumResult(Part):
+    """Power spectral density from 0 Hz on; `interval_factors` times it are the ends of its 95 % interval."""
+
+    resolution_hz: Size
+    density: Numbers
+    segments: Size
+    interval_factors: Limits
+
+
+class AxisSpectra(Part):
+    """Densities of both signals along one axis."""
+
+    field: SpectrumResult
+    model: SpectrumResult
+
+
+class PointBand(Part):
+    """Band in which a test point was compared, and the sampling rates of both signals."""
+
+    low_hz: Size
+    high_hz: Annotated[float, Field(gt=0.0, le=LARGEST_NUMBER)]
+    field_rate_hz: Size
+    model_rate_hz: Size
+
+
+class OperatingLevel(Part):
+    """Level of operation that the model runs at (inputs x1, x2, x3), how long it was held, and how it was found."""
+
+    speed_r_min: Number
+    torque_kn_m: Number
+    thrust_kn: Number
+    seconds: Size
+    source: Literal["recording", "machine"]
+    note: str
+
+    def apply(self, machine: Machine) -> Machine:
+        """Machine at this level, if it is not the machine's own."""
+        if self.source == "machine":
+            return machine
+        return machine.with_inputs(x1=self.speed_r_min, x2=self.torque_kn_m, x3=self.thrust_kn)
+
+
+class LevelResult(OperatingLevel):
+    """Comparison at one level of operation, by test point and axis."""
+
+    points: dict[Name, dict[Name, LevelAxis]]
+
+
+class DwellResult(Part):
+    """Time in one way of operation, s after the first sample of all, and the number of its level."""
+
+    begin: Number
+    end: Number
+    kind: Kind
+    level: int | None
+
+
+class ExpectedLine(Part):
+    """Line of the loads, mesh frequency or its double, or axial natural frequency."""
+
+    name: Line
+    frequency_hz: Size
+    kind: LineKind
+
+
+class RecordedPoint(Part):
+    """What was recorded at one test point, and what was wrong with it."""
+
+    topic: str
+    samples: int
+    rate_hz: Size
+    duration: Size
+    gaps: Annotated[tuple[Limits, ...], Strict(False)]
+    stuck: Annotated[tuple[Annotated[tuple[str, Number, Number], Strict(False)], ...], Strict(False)]
+    clipped: int
+    undecodable: int
+    astray: int
+    invalid: int
+    duplicates: int
+    late: int
+    disordered: int
+    clock_steps: int
+    clock_offset: Number
+    clock_drift: Number
+    gravity: Literal["included", "removed"]
+    frame: Literal["fixed", "rotating"]
+
+    @property
+    def longest_gap(self) -> float:
+        """Of all gaps, s; zero without one."""
+        return max((end - begin for begin, end in self.gaps), default=0.0)
+
+    @property
+    def stuck_texts(self) -> list[str]:
+        """Sensor axes that held one value, and for how long."""
+        seconds: dict[str, float] = {}
+        for axis, begin, end in self.stuck:
+            seconds[axis] = seconds.get(axis, 0.0) + end - begin
+        return [f"{axis} for {time:.3g} s" for axis, time in seconds.items()]
+
+
+class RecordingResult(Part):
+    """The recording as it was read."""
+
+    path: Path
+    messages: int
+    lost: int
+    truncated: bool
+    damaged: int
+    sha256: Name
+    duration: Size
+    points: dict[str, RecordedPoint]
+
+
+class MachineFile(Part):
+    """Machine file: where it is from, and the digest of what it says."""
+
+    origin: Path
+    sha256: Name
+
+
+@dataclass(frozen=True)
+class AxialRow:
+    """A row of the paper's Table 2: RMS of the axial acceleration in g; None where nothing was measured."""
+
+    point: str
+    node: int
+    predicted_g: float | None
+    measured_g: float | None
+    relative_error: float | None
+
+
+class ComparisonResult(Part):
+    """A recording held against the model; compared points in their order along the power flow."""
+
+    window_s: Size
+    confidence: Annotated[float, Field(gt=0.0, lt=1.0)]
+    points: dict[Name, dict[Name, AxisResult]]
+    spectra: dict[Name, dict[Name, AxisSpectra]]
+    nodes: dict[Name, int]
+    bands: Annotated[dict[Name, PointBand], Field(min_length=1)]
+    skipped: dict[str, str]
+    recording: RecordingResult
+    expected_lines: Annotated[tuple[ExpectedLine, ...], Strict(False)]
+    machine: Name
+    machine_file: MachineFile
+    operating_point: OperatingLevel
+    levels: Annotated[tuple[LevelResult, ...], Strict(False)]
+    dwells: Annotated[tuple[DwellResult, ...], Strict(False)]
+    seed: Seed
+    model_duration: Annotated[float, Field(ge=1.0, le=3600.0)]
+    versions: dict[Name, Line]
+    synthetic: bool = False
+
+    @model_validator(mode="after")
+    def _complete(self) -> ComparisonResult:
+        for key, found in (("bands", self.bands), ("spectra", self.spectra), ("nodes", self.nodes)):
+            if self.points.keys() != found.keys():
+                raise ValueError(f"{key}: other test points than in points")
+        return self
+
+    @model_serializer(mode="wrap")
+    def _written(self, serialise: SerializerFunctionWrapHandler) -> dict[str, object]:
+        """Say of synthetic recordings only that they are."""
+        written: dict[str, object] = serialise(self)
+        return written if self.synthetic else {key: value for key, value in written.items() if key != "synthetic"}
+
+    @property
+    def axial_rows(self) -> list[AxialRow]:
+        """Rows of the paper's Table 2 for every compared point, along the power flow."""
+        return [
+            AxialRow(point, self.nodes[point], axes["x"].model_rms_g, axes["x"].field_rms_g, axes["x"].relative_error)
+            for point, axes in self.points.items()
+        ]
+
+    def model_rms(self, level: int | None, point: str, axis: str) -> float:
+        """RMS of the model's run at a level; NaN at none, or at one that was too short at this point to be compared."""
+        axes = {} if level is None else self.levels[level].points.get(point, {})
+        found = axes[axis].model_rms if axis in axes else None
+        return math.nan if found is None else found
