@@ -14,7 +14,7 @@ from tbm_gsa.sensitivity.study.errors import StudyCancelled, StudyError
 from tbm_gsa.sensitivity.study.inputs import PAPER_INPUTS, InputSet
 from tbm_gsa.sensitivity.study.problem import Problem
 from tbm_gsa.sensitivity.study.store import Counts, PlannedDesign, Store
-from tbm_gsa.sensitivity.study.worker import Outcome
+from tbm_gsa.sensitivity.study.workers import Outcome
 
 THREE = InputSet(tuple(PAPER_INPUTS[code] for code in ("x2", "x4", "x16")))
 PROBLEM = Problem(THREE, OUTPUTS, train=12, test=3, seed=0, settings={"machine": "none", "duration": 3.0})
@@ -28,8 +28,8 @@ def store(tmp_path):
 
 def test_results_are_those_of_direct_calls(store):
     reports = []
-    run_campaign(store, analytic, progress=lambda done, total, failed: reports.append((done, total, failed)))
-    assert reports == [(done, 15, 0) for done in range(16)]
+    run_campaign(store, analytic, progress=lambda *report: reports.append(report))
+    assert reports == [(f"simulations {done} of 15", done / 15) for done in range(16)]
     X, Y = store.results("train")
     assert (X.shape, Y.shape, store.results("test")[0].shape) == ((12, 3), (12, 2), (3, 3))
     for row, outputs in zip(X, Y, strict=True):

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from scipy.spatial.distance import cdist, pdist
 from scipy.stats import qmc
 
-from tbm_gsa.sensitivity.study import hypercube
+from tbm_gsa.sensitivity.study import design as designs
 from tbm_gsa.sensitivity.study.design import KINDS, add_points, make_design
 from tbm_gsa.sensitivity.study.distributions import LogUniform, Normal, Triangular, Uniform
 from tbm_gsa.sensitivity.study.errors import StudyError
@@ -59,7 +59,7 @@ def few_swaps():
 
     def few(function, *arguments):
         with pytest.MonkeyPatch.context() as patch:
-            patch.setattr(hypercube, "SWAPS", hypercube.SWAPS // 10)
+            patch.setattr(designs, "SWAPS", designs.SWAPS // 10)
             return function(*arguments)
 
     return few

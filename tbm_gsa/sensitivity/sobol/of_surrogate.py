@@ -8,7 +8,7 @@ import numpy as np
 from tbm_gsa.sensitivity.sobol.closed_form import sobol_closed_form, with_jackknife
 from tbm_gsa.sensitivity.sobol.indices import Groups, SobolIndices, checked_groups, of_a_constant
 from tbm_gsa.sensitivity.sobol.monte_carlo import point_estimate, sobol_monte_carlo
-from tbm_gsa.sensitivity.sobol.pick_freeze import Design, Values
+from tbm_gsa.sensitivity.sobol.pick_freeze import PickFreezeDesign, Values
 from tbm_gsa.sensitivity.surrogates.base import CrossValidation, Surrogate
 
 STILL: Final = 1e-9
@@ -59,7 +59,7 @@ def sobol_of_surrogate(
     indices = sobol_monte_carlo(model.predict, model.bounds, samples, seed, groups=groups, second=second)
     if validation is None:
         return indices
-    design = Design.draw(model.bounds, FOLD_SAMPLES, seed, groups)
+    design = PickFreezeDesign.draw(model.bounds, FOLD_SAMPLES, seed, groups)
     folds = [
         replace(point_estimate(Values.of(fold.predict, design)), second=indices.second)
         for fold in validation.models

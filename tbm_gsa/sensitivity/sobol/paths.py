@@ -22,7 +22,7 @@ from scipy.stats import norm, qmc
 
 from tbm_gsa.sensitivity.sobol.indices import Groups
 from tbm_gsa.sensitivity.sobol.monte_carlo import CONFIDENCE, resample
-from tbm_gsa.sensitivity.sobol.pick_freeze import Design
+from tbm_gsa.sensitivity.sobol.pick_freeze import PickFreezeDesign
 from tbm_gsa.sensitivity.surrogates.expansion import gaussian_kernel
 from tbm_gsa.sensitivity.surrogates.krg import Kriging
 from tbm_gsa.sensitivity.surrogates.samples import to_unit
@@ -118,7 +118,7 @@ def sobol_of_paths(
         Its intervals contain both parts. They take the rates of the process for known, as they were fitted.
     """
     functions = ConditionalPaths.draw(model, paths, seed)
-    design = Design.draw(model.bounds, samples, seed, groups)
+    design = PickFreezeDesign.draw(model.bounds, samples, seed, groups)
     a, b = functions.evaluate(design.base), functions.evaluate(design.other)
     centre = 0.5 * (a + b).mean(axis=0)
     a, b = a - centre, b - centre

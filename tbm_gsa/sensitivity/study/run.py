@@ -4,40 +4,32 @@ import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
+from tbm_gsa.sensitivity.results import RESULT_NAME, StudyResult
 from tbm_gsa.sensitivity.study.analysis import OutputAnalysis, analyse, check_methods
 from tbm_gsa.sensitivity.study.campaign import Progress, run_campaign
-from tbm_gsa.sensitivity.study.document import study_document
-from tbm_gsa.sensitivity.study.files import REPORT_NAME, RESULT_NAME, STORE_NAME
 from tbm_gsa.sensitivity.study.problem import Problem
-from tbm_gsa.sensitivity.study.store import Store
-from tbm_gsa.sensitivity.study.worker import Evaluate
+from tbm_gsa.sensitivity.study.store import STORE_NAME, Store
+from tbm_gsa.sensitivity.study.workers import Evaluate
 from tbm_gsa.sensitivity.surrogates import SURROGATES
-from tbm_msgs_py.base.results import write_json
 
 
 @dataclass(frozen=True, eq=False)
-class StudyResult:
+class FinishedStudy:
     """A finished study.
 
     Parameters
     ----------
     folder : Path
         Holds ``store.sqlite`` and ``result.json``, and what the report adds: ``report.html`` and ``tables/*.csv``.
-    document : dict
-        What ``result.json`` holds; see `study_document`.
+    result : StudyResult
+        What ``result.json`` holds.
     analyses : mapping of str to OutputAnalysis
     """
 
     folder: Path
-    document: dict[str, Any]
+    result: StudyResult
     analyses: Mapping[str, OutputAnalysis]
-
-    @property
-    def report(self) -> Path:
-        """The HTML page."""
-        return self.folder / REPORT_NAME
 
 
 @dataclass(frozen=True)
@@ -53,9 +45,7 @@ class StudyOptions:
     scheduler : str, optional
         Address of a Dask scheduler whose workers simulate instead.
     progress : callable, optional
-        Of the campaign, see `Progress`.
-    analysis_progress : callable, optional
-        Of the analysis, see `analyse`.
+        Of campaign and analysis, see `Progress`.
     cancelled : callable
         Asked during the campaign; see `run_campaign`.
     report : callable
@@ -66,14 +56,13 @@ class StudyOptions:
     workers: int = 2
     scheduler: str | None = None
     progress: Progress | None = None
-    analysis_progress: Callable[[int, int], None] | None = None
     cancelled: Callable[[], bool] = lambda: False
-    report: Callable[[StudyResult], None] = lambda _: None
+    report: Callable[[FinishedStudy], None] = lambda _: None
 
 
 def run_study(
     problem: Problem, evaluate: Evaluate, folder: str | Path, options: StudyOptions | None = None
-) -> StudyResult:
+) -> FinishedStudy:
     """Run a study, or go on with it where the folder holds one of the same problem.
 
     Parameters
@@ -87,7 +76,7 @@ def run_study(
 
     Returns
     -------
-    StudyResult
+    FinishedStudy
 
     Raises
     ------
@@ -104,7 +93,7 @@ def run_study(
 
 def resume_study(
     folder: str | Path, make_evaluate: Callable[[Problem], Evaluate], options: StudyOptions | None = None
-) -> StudyResult:
+) -> FinishedStudy:
     """Go on with the study of a folder; everything about it but the evaluation is in its store.
 
     Parameters
@@ -123,7 +112,7 @@ def extend_study(
     samples: int,
     make_evaluate: Callable[[Problem], Evaluate],
     options: StudyOptions | None = None,
-) -> StudyResult:
+) -> FinishedStudy:
     """Add training points to the study of a folder, keep every simulation there is, and go on with it.
 
     Parameters
@@ -141,14 +130,14 @@ def extend_study(
         return _finish(store, evaluate, options)
 
 
-def report_study(folder: str | Path, options: StudyOptions | None = None) -> StudyResult:
+def report_study(folder: str | Path, options: StudyOptions | None = None) -> FinishedStudy:
     """Analyse what the store of a folder holds and write its result and report anew, without any simulation."""
     with Store.open(Path(folder) / STORE_NAME) as store:
         start = time.perf_counter()
         return _write(store, options or StudyOptions(), start, campaign_seconds=0.0)
 
 
-def _finish(store: Store, evaluate: Evaluate, options: StudyOptions) -> StudyResult:
+def _finish(store: Store, evaluate: Evaluate, options: StudyOptions) -> FinishedStudy:
     """Run what is missing, analyse, write."""
     check_methods(options.methods)  # before hours of simulation, not after
     start = time.perf_counter()
@@ -163,19 +152,18 @@ def _finish(store: Store, evaluate: Evaluate, options: StudyOptions) -> StudyRes
     return _write(store, options, start, campaign_seconds=time.perf_counter() - start)
 
 
-def _write(store: Store, options: StudyOptions, start: float, *, campaign_seconds: float) -> StudyResult:
+def _write(store: Store, options: StudyOptions, start: float, *, campaign_seconds: float) -> FinishedStudy:
     """Analyse a store and write the result beside it."""
     analyses = analyse(
         store,
         options.methods,
         seed=store.problem.seed,
         workers=options.workers,
-        progress=options.analysis_progress,
+        progress=options.progress,
     )
     seconds = time.perf_counter() - start
-    document = study_document(store, analyses, seconds=seconds, campaign_seconds=campaign_seconds)
-    folder = store.path.parent
-    write_json(folder / RESULT_NAME, document)
-    study = StudyResult(folder, document, analyses)
+    result = StudyResult.of(store, analyses, seconds=seconds, campaign_seconds=campaign_seconds)
+    study = FinishedStudy(store.path.parent, result, analyses)
+    result.write(study.folder / RESULT_NAME)
     options.report(study)
     return study

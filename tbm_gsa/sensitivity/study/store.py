@@ -16,12 +16,13 @@ from tbm_gsa.sensitivity.study.design import add_points, make_design
 from tbm_gsa.sensitivity.study.errors import StudyError
 from tbm_gsa.sensitivity.study.form import numbers
 from tbm_gsa.sensitivity.study.problem import Problem, difference
-from tbm_gsa.sensitivity.study.worker import Outcome
+from tbm_gsa.sensitivity.study.workers import Outcome
 from tbm_msgs_py.base.arrays import Array
 from tbm_msgs_py.base.bounds import shortened
 from tbm_msgs_py.base.files import unfinished
 
-Part = Literal["train", "test"]
+STORE_NAME: Final = "store.sqlite"
+DesignPart = Literal["train", "test"]
 SCHEMA: Final = """
 CREATE TABLE problem (key TEXT PRIMARY KEY, value TEXT NOT NULL) WITHOUT ROWID;
 CREATE TABLE designs (
@@ -72,7 +73,7 @@ class PlannedDesign:
         Rows.
     """
 
-    part: Part
+    part: DesignPart
     kind: str
     seed: int
     first: int
@@ -196,7 +197,7 @@ class Store:
         by_status = dict(self._connection.execute("SELECT status, COUNT(*) FROM simulations GROUP BY status"))
         return Counts(sum(by_status.values()), by_status.get("ok", 0), by_status.get("failed", 0))
 
-    def results(self, part: Part) -> tuple[Array, Array]:
+    def results(self, part: DesignPart) -> tuple[Array, Array]:
         """Read inputs (n, d) and outputs (n, q) of the simulations that ended well, in the order of the design."""
         rows = self._connection.execute(
             "SELECT inputs, outputs FROM planned WHERE part = ? AND status = 'ok' ORDER BY row", (part,)
@@ -245,7 +246,7 @@ def _write_parts(connection: sqlite3.Connection, problem: Problem) -> None:
     connection.executemany("REPLACE INTO problem VALUES (?, ?)", problem.to_json().items())
 
 
-def _plan(connection: sqlite3.Connection, points: Array, part: Part, kind: str, seed: int) -> None:
+def _plan(connection: sqlite3.Connection, points: Array, part: DesignPart, kind: str, seed: int) -> None:
     """Plan the simulations of a design; JSON keeps every bit of a float."""
     design = connection.execute("INSERT INTO designs (part, kind, seed) VALUES (?, ?, ?)", (part, kind, seed)).lastrowid
     connection.executemany(
