@@ -5,20 +5,26 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Final, Self, TypeAlias
+from typing import TYPE_CHECKING, Annotated, Final, TypeAlias
 
-from pydantic import BaseModel, BeforeValidator, ConfigDict, ValidationError, WithJsonSchema, WrapSerializer
+import numpy as np
+from pydantic import (
+    BaseModel,
+    BeforeValidator,
+    ConfigDict,
+    TypeAdapter,
+    ValidationInfo,
+    WithJsonSchema,
+    WrapSerializer,
+)
 
 from tbm_gsa.provenance import package_versions
-from tbm_gsa.sensitivity.study.errors import StudyError
-from tbm_msgs_py.base.arrays import Array
+from tbm_gsa.sensitivity.study.errors import StudyError, validated
 from tbm_msgs_py.base.results import write_json
 
 if TYPE_CHECKING:
-    from tbm_gsa.sensitivity.sobol import PathIndices, SobolIndices
-    from tbm_gsa.sensitivity.sobol.paths import Spread
-    from tbm_gsa.sensitivity.study.analysis import MethodComparison, OutputAnalysis
-    from tbm_gsa.sensitivity.study.candidates import Candidate
+    from tbm_gsa.sensitivity.sobol import SobolIndices
+    from tbm_gsa.sensitivity.study.analysis import OutputAnalysis
     from tbm_gsa.sensitivity.study.store import Store
 
 RESULT_NAME: Final = "result.json"
@@ -31,39 +37,39 @@ INDICES: Final = (
 # Interactions below this share of the variance are left out.
 SMALLEST_INTERACTION: Final = 1e-3
 
+Codes: TypeAlias = tuple[str, ...]
+
+
+def _by_code(given: object, info: ValidationInfo) -> object:
+    """Return the rows of an array by the codes of the context; a mapping as it is, an empty one for None."""
+    if isinstance(given, np.ndarray):
+        return dict(zip(info.context or (), given.tolist(), strict=True))
+    return {} if given is None else given
+
+
 Number = Annotated[
     float,
     BeforeValidator(lambda given: math.nan if given is None else given),  # JSON has null for what is not finite
     WithJsonSchema({"type": ["number", "null"]}),
 ]
 Interval: TypeAlias = tuple[Number, Number]
-Codes: TypeAlias = tuple[str, ...]
+Values = Annotated[dict[str, Number], BeforeValidator(_by_code)]
+Intervals = Annotated[dict[str, Interval], BeforeValidator(_by_code)]
 
 
 class ResultPart(BaseModel):
-    """Base of the parts of a result: frozen, in JSON under the names of its fields."""
+    """Base of the parts of a result, made of the attributes of what was found; arrays by the codes of the context."""
 
-    model_config = ConfigDict(frozen=True, extra="ignore", strict=True)
+    model_config = ConfigDict(frozen=True, extra="ignore", from_attributes=True)
 
 
 class IndexTable(ResultPart):
     """First-order (S1) and total (ST) indices with intervals, by input or group; no intervals where none are known."""
 
-    first: dict[str, Number]
-    total: dict[str, Number]
-    first_interval: dict[str, Interval]
-    total_interval: dict[str, Interval]
-
-    @classmethod
-    def of(cls, indices: SobolIndices, codes: Codes, **others: object) -> Self:
-        """Build the table of the inputs or groups of these codes, with its other fields."""
-        parts = {
-            "first": _values(codes, indices.first),
-            "total": _values(codes, indices.total),
-            "first_interval": _intervals(codes, indices.first_interval),
-            "total_interval": _intervals(codes, indices.total_interval),
-        }
-        return cls.model_validate({**parts, **others})
+    first: Values
+    total: Values
+    first_interval: Intervals
+    total_interval: Intervals
 
 
 class MethodIndices(IndexTable):
@@ -90,19 +96,10 @@ class Interaction(ResultPart):
 class PathSpread(ResultPart):
     """An index over conditional Kriging paths, by input: mean, 95 %, deviations by the surrogate and by sampling."""
 
-    mean: dict[str, Number]
-    interval: dict[str, Interval]
-    metamodel: dict[str, Number]
-    monte_carlo: dict[str, Number]
-
-    @classmethod
-    def of(cls, spread: Spread, codes: Codes) -> Self:
-        """Build the spread over the inputs of these codes."""
-        mean, metamodel, monte_carlo = (
-            _values(codes, values) for values in (spread.mean, spread.metamodel, spread.monte_carlo)
-        )
-        interval = _intervals(codes, spread.interval)
-        return cls(mean=mean, interval=interval, metamodel=metamodel, monte_carlo=monte_carlo)
+    mean: Values
+    interval: Intervals
+    metamodel: Values
+    monte_carlo: Values
 
 
 class PathTable(ResultPart):
@@ -118,10 +115,10 @@ class PathTable(ResultPart):
 class MorrisTable(ResultPart):
     """Elementary effects by input, in the unit of the output per range of the input: μ, μ* with its 95 %, σ."""
 
-    mean: dict[str, Number]
-    mean_absolute: dict[str, Number]
-    mean_absolute_interval: dict[str, Interval]
-    deviation: dict[str, Number]
+    mean: Values
+    mean_absolute: Values
+    mean_absolute_interval: Intervals
+    deviation: Values
 
 
 class SurrogateScores(ResultPart):
@@ -226,52 +223,44 @@ class StudyResult(ResultPart):
     def read(cls, path: Path) -> StudyResult:
         """Read what `write` wrote; a StudyError of one line for any other file."""
         try:
-            return cls.model_validate_json(path.read_bytes())
+            text = path.read_bytes()
         except OSError as error:
             raise StudyError(f"{path}: {error.strerror}, allowed: the result of a study") from None
-        except ValidationError as error:
-            first = error.errors(include_url=False)[0]
-            place = ".".join(map(str, first["loc"]))
-            raise StudyError(f"{path}: not the result of a study ({place}: {first['msg']})") from None
+        return validated(TypeAdapter(cls), text, f"{path}: not the result of a study")
 
 
 def _output(analysis: OutputAnalysis, codes: Codes, groups: Codes) -> OutputResult:
     """Gather the result of one output."""
-    return OutputResult.of(
-        analysis.indices,
-        codes,
-        **dict(_scores(analysis.best)),
+    indices, comparison = analysis.indices, analysis.comparison
+    followed = tuple(codes[k] for k in comparison.places)
+    return OutputResult(
+        **dict(MethodIndices.model_validate(indices, context=codes)),
+        **dict(SurrogateScores.model_validate(analysis.best)),
         surrogate=analysis.chosen,
         r2_nested=analysis.nested_r2,
-        source=_source(analysis.indices),
-        second=_interactions(analysis.indices, codes),
-        groups=None if analysis.groups is None else IndexTable.of(analysis.groups, groups),
-        paths=None if analysis.paths is None else _paths(analysis.paths, codes),
-        **_other_methods(analysis.comparison, codes),
-        scores={method: _scores(candidate) for method, candidate in analysis.candidates.items()},
+        second=_interactions(indices, codes),
+        groups=analysis.groups and IndexTable.model_validate(analysis.groups, context=groups),
+        paths=analysis.paths and PathTable.model_validate(analysis.paths, context=codes),
+        by_surrogate={
+            method: MethodIndices.model_validate(found, context=codes)
+            for method, found in comparison.surrogates.items()
+        },
+        convergence=tuple(
+            ConvergenceIndices(
+                asked=step.asked,
+                samples=step.samples,
+                **dict(IndexTable.model_validate(step.indices, context=followed)),
+            )
+            for step in comparison.convergence
+        ),
+        fast=IndexTable.model_validate(comparison.fast, context=codes),
+        morris=MorrisTable.model_validate(comparison.morris, context=codes),
+        scores={method: SurrogateScores.model_validate(found) for method, found in analysis.candidates.items()},
     )
-
-
-def _scores(candidate: Candidate) -> SurrogateScores:
-    """Gather the scores of a candidate."""
-    return SurrogateScores(
-        transform=candidate.transform,
-        r2_cv=candidate.r2_cv,
-        r2_test=candidate.r2_test,
-        rmse_cv=candidate.validation.rmse,
-        rmse_test=candidate.rmse_test,
-        largest_error_cv=candidate.validation.largest_error,
-        largest_error_test=candidate.largest_error_test,
-    )
-
-
-def _source(indices: SobolIndices) -> str:
-    """How indices were found."""
-    return f"sampling, {indices.evaluations} evaluations" if indices.evaluations else "closed form"
 
 
 def _interactions(indices: SobolIndices, codes: Codes) -> tuple[Interaction, ...]:
-    """Second-order indices with intervals, largest first."""
+    """Gather second-order indices with intervals, largest first."""
     second, interval = indices.second, indices.second_interval
     if second is None or interval is None:
         return ()
@@ -280,41 +269,3 @@ def _interactions(indices: SobolIndices, codes: Codes) -> tuple[Interaction, ...
         Interaction(inputs=(codes[k], codes[j]), index=float(second[j, k]), interval=tuple(interval[j, k].tolist()))
         for j, k in sorted(pairs, key=lambda pair: -second[pair])
     )
-
-
-def _paths(paths: PathIndices, codes: Codes) -> PathTable:
-    """Gather the indices over conditional Kriging paths by input."""
-    first, total = PathSpread.of(paths.first, codes), PathSpread.of(paths.total, codes)
-    return PathTable(samples=paths.samples, paths=paths.paths, resamples=paths.resamples, first=first, total=total)
-
-
-def _other_methods(comparison: MethodComparison, codes: Codes) -> dict[str, object]:
-    """Gather what other methods find, by field of `OutputResult`."""
-    followed, morris = tuple(codes[k] for k in comparison.places), comparison.morris
-    return {
-        "by_surrogate": {
-            method: MethodIndices.of(indices, codes, source=_source(indices))
-            for method, indices in comparison.surrogates.items()
-        },
-        "convergence": tuple(
-            ConvergenceIndices.of(step.indices, followed, asked=step.asked, samples=step.samples)
-            for step in comparison.convergence
-        ),
-        "fast": IndexTable.of(comparison.fast, codes),
-        "morris": MorrisTable(
-            mean=_values(codes, morris.mean),
-            mean_absolute=_values(codes, morris.mean_absolute),
-            mean_absolute_interval=_intervals(codes, morris.mean_absolute_interval),
-            deviation=_values(codes, morris.deviation),
-        ),
-    }
-
-
-def _values(codes: Codes, values: Array) -> dict[str, float]:
-    """Values (d,) by code."""
-    return dict(zip(codes, values.tolist(), strict=True))
-
-
-def _intervals(codes: Codes, ends: Array | None) -> dict[str, Interval]:
-    """Lower and upper ends (d, 2) by code."""
-    return {} if ends is None else {code: (low, high) for code, (low, high) in zip(codes, ends.tolist(), strict=True)}

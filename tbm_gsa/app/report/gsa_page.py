@@ -8,7 +8,7 @@ from tbm_gsa.app.report.gsa_tables import gsa_tables
 from tbm_gsa.app.report.page import embed_figure, render_page
 from tbm_gsa.sensitivity.results import REPORT_NAME, TABLES_NAME, OutputResult, StudyResult
 from tbm_gsa.sensitivity.study.analysis import OutputAnalysis
-from tbm_gsa.sensitivity.study.inputs import InputSet
+from tbm_gsa.sensitivity.study.inputs import Input, InputSet
 from tbm_gsa.sensitivity.study.run import FinishedStudy
 from tbm_msgs_py.base.files import write_whole
 
@@ -40,7 +40,7 @@ def gsa_page(result: StudyResult, analyses: Mapping[str, OutputAnalysis]) -> str
     str
         A page that holds its figures and style.
     """
-    inputs, samples = InputSet.from_list(list(result.inputs.values())), result.samples
+    inputs, samples = InputSet(tuple(map(Input.from_dict, result.inputs.values()))), result.samples
     context = {
         "title": "Global sensitivity of the driving system",
         "subtitle": f"{len(inputs)} inputs, {len(result.outputs)} outputs, "

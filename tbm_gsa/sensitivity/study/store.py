@@ -11,10 +11,11 @@ from pathlib import Path
 from typing import Final, Literal, Self
 
 import numpy as np
+from pydantic import ConfigDict, TypeAdapter
 
+from tbm_gsa.reading import Number
 from tbm_gsa.sensitivity.study.design import add_points, make_design
-from tbm_gsa.sensitivity.study.errors import StudyError
-from tbm_gsa.sensitivity.study.form import numbers
+from tbm_gsa.sensitivity.study.errors import StudyError, validated
 from tbm_gsa.sensitivity.study.problem import Problem, difference
 from tbm_gsa.sensitivity.study.workers import Outcome
 from tbm_msgs_py.base.arrays import Array
@@ -43,6 +44,7 @@ CREATE TABLE simulations (
 CREATE VIEW planned AS SELECT * FROM simulations JOIN designs USING (design);
 """
 TEST_DESIGN: Final = "lhs"
+_NUMBERS: Final = TypeAdapter(list[Number], config=ConfigDict(strict=True))
 
 
 @dataclass(frozen=True)
@@ -209,10 +211,10 @@ class Store:
 
     def _numbers(self, text: str, count: int) -> list[float]:
         """Read the inputs or outputs of a simulation."""
-        try:
-            return numbers(text, count)
-        except StudyError as error:
-            raise StudyError(f"{self.path}: {error}") from None
+        numbers = validated(_NUMBERS, text, f"{self.path}: a simulation is not one of this study")
+        if len(numbers) != count:
+            raise StudyError(f"{self.path}: a simulation of {len(numbers)} numbers, allowed: {count}")
+        return numbers
 
     def failures(self) -> list[tuple[int, str]]:
         """Row and reason of every failed simulation."""
