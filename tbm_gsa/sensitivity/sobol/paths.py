@@ -13,10 +13,10 @@ References
 """
 
 from dataclasses import dataclass
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import DTypeLike
 from scipy.linalg import cho_factor, cho_solve
 from scipy.stats import norm, qmc
 
@@ -193,11 +193,11 @@ class ConditionalPaths:
         return self.model.samples.restore(values + self.offsets)
 
 
-def _fourier(points: Array, frequencies: Array, kind: type[np.floating[Any]] = np.float64) -> NDArray[Any]:
+def _fourier(points: Array, frequencies: Array, kind: DTypeLike = np.float64) -> Array:
     """Cosines and sines (m, 2 L) at points (m, d).
 
     In single precision they take a twentieth of the time; paths are off by some 1e-6 of the output's spread, indices
     by 1e-8.
     """
-    phases = (points @ frequencies).astype(kind)
+    phases: Array = (points @ frequencies).astype(kind)
     return np.concatenate([np.cos(phases), np.sin(phases)], axis=1)
