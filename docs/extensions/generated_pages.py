@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Iterable, Iterator
 from importlib import import_module
 from pathlib import Path
@@ -12,6 +13,7 @@ from sphinx.application import Sphinx
 from sphinx.ext.autodoc.mock import mock
 
 from tbm_gsa.app.cli.main import app as command_line
+from tbm_gsa.sensitivity.results import StudyResult
 
 NODES = (
     "tbm_dynamics.nodes.load_node",
@@ -98,7 +100,23 @@ def parameter_page() -> str:
     return "\n".join(lines)
 
 
-PAGES = {"reference/command_line.md": command_page, "reference/parameters.md": parameter_page}
+RESULTS = {"result.json": StudyResult}
+
+
+def schema_page() -> str:
+    """JSON schema of every file of results that is written from a model."""
+    lines = ["# JSON schemas", "", "Made from the models that write and read the files.", ""]
+    for name, model in RESULTS.items():
+        schema = json.dumps(model.model_json_schema(mode="serialization"), indent=1, ensure_ascii=False)
+        lines += [f"## {name}", "", "```json", schema, "```", ""]
+    return "\n".join(lines)
+
+
+PAGES = {
+    "reference/command_line.md": command_page,
+    "reference/parameters.md": parameter_page,
+    "reference/schemas.md": schema_page,
+}
 
 
 def write_pages(app: Sphinx) -> None:

@@ -208,7 +208,7 @@ def read_back(path):
         with Store.open(path) as store:
             for part in ("train", "test"):
                 store.problem.inputs.to_unit(store.results(part)[0])
-            store.pending(), store.counts(), store.designs(), store.failures(), store.simulation_seconds()
+            store.pending(), store.counts(), store.failures(), store.simulation_seconds()
             MachineEvaluation.from_settings(store.problem.settings, store.problem.outputs)
     except (InputError, MachineError) as error:
         assert len(str(error).splitlines()) == 1

@@ -61,7 +61,7 @@ def test_a_study_grows(tmp_path, typed, definition, small):
     assert {"store.sqlite", "result.json", "report.html"} <= {path.name for path in (tmp_path / "study").iterdir()}
     with Store.open(tmp_path / "study/store.sqlite") as store:
         X, Y = store.results("train")
-        assert store.designs()[0].kind == "lhs-maximin"
+        assert store.problem.design == "lhs-maximin"
 
     before = (tmp_path / "study/store.sqlite").read_bytes()
     code, again, _ = typed("gsa", "resume", *go_on)

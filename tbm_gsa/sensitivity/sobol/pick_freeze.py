@@ -44,11 +44,11 @@ class PickFreezeDesign:
         return cls(points[:, 0], points[:, 1], checked_groups(groups, inputs))
 
     def exchanged(self) -> Iterator[Array]:
-        """Give A with the columns of one group from B, (N, d), group after group."""
+        """Return A with the columns of one group from B, (N, d), group after group."""
         return (_exchange(self.base, self.other, group) for group in self.groups)
 
     def exchanged_back(self) -> Iterator[Array]:
-        """B with the columns of one group from A."""
+        """Return B with the columns of one group from A."""
         return (_exchange(self.other, self.base, group) for group in self.groups)
 
 

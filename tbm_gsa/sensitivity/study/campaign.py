@@ -46,12 +46,12 @@ def run_campaign(
     progress : callable, optional
         Called when the campaign starts and after every simulation, see `Progress`.
     cancelled : callable, optional
-        Asked several times a second; once it answers True no simulation starts anew.
+        Called several times a second; once it returns True no simulation starts.
 
     Raises
     ------
     StudyCancelled
-        After `cancelled` answered True and the running simulations were stored.
+        After `cancelled` returned True and the running simulations were stored.
     StudyError
         No worker can run a simulation; what had finished is in the store.
     """
@@ -66,7 +66,7 @@ def run_campaign(
 
 
 def _outcomes(pool: WorkerPool, store: Store, evaluate: Evaluate, cancelled: Callable[[], bool]) -> Iterator[Outcome]:
-    """Outcomes as they come, with a bounded number of simulations handed out."""
+    """Outcomes as simulations end, with a bounded number of simulations handed out."""
     names = store.problem.outputs
     waiting = deque((row, sample, 0) for row, sample in store.pending())
     running: dict[Future[Outcome], tuple[int, dict[str, float], int]] = {}

@@ -66,7 +66,7 @@ def _check_scheduler(address: str, timeout_s: float) -> None:
 
 
 async def _identity(address: str) -> None:
-    """Ask a scheduler who it is, and close the connection whatever happens."""
+    """Query the identity of a scheduler, and close the connection whatever happens."""
     from distributed.core import rpc  # noqa: PLC0415 - an optional extra
     from distributed.security import Security  # noqa: PLC0415
 

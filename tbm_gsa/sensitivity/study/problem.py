@@ -56,18 +56,8 @@ class Problem:
 
     def to_json(self) -> dict[str, str]:
         """Every part as one JSON text."""
-        parts = {
-            "format": FORMAT,
-            "inputs": [item.to_dict() for item in self.inputs.inputs],
-            "groups": dict(self.inputs.groups),
-            "outputs": self.outputs,
-            "train": self.train,
-            "test": self.test,
-            "seed": self.seed,
-            "settings": dict(self.settings),
-            "design": self.design,
-            "added": self.added,
-        }
+        inputs = [item.to_dict() for item in self.inputs.inputs]
+        parts = {"format": FORMAT, **vars(self), "inputs": inputs, "groups": self.inputs.groups}
         return {key: json.dumps(value, ensure_ascii=False) for key, value in parts.items()}
 
     @staticmethod
@@ -90,7 +80,7 @@ def _object(texts: Mapping[str, str]) -> str:
 
 
 def difference(stored: Problem, wanted: Problem) -> str | None:
-    """Say in words where two problems differ first; None if they are equal or differ in their groups only.
+    """Return the first difference of two problems in words; None if they are equal or differ in their groups only.
 
     Groups say which indices are added up, and nothing about simulations.
     """

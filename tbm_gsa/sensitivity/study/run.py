@@ -47,7 +47,7 @@ class StudyOptions:
     progress : callable, optional
         Of campaign and analysis, see `Progress`.
     cancelled : callable
-        Asked during the campaign; see `run_campaign`.
+        Called during the campaign; see `run_campaign`.
     report : callable
         Called with the finished study, to write pages and tables into its folder.
     """

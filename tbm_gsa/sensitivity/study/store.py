@@ -61,27 +61,6 @@ class Counts:
         return self.ok + self.failed
 
 
-@dataclass(frozen=True)
-class PlannedDesign:
-    """One design of a store and the rows it made: the first, what was added, the test points.
-
-    Parameters
-    ----------
-    part : {"train", "test"}
-    kind : str
-        See `make_design`; ``added to …`` for points of `add_points`.
-    seed : int
-    first, last : int
-        Rows.
-    """
-
-    part: DesignPart
-    kind: str
-    seed: int
-    first: int
-    last: int
-
-
 class Store:
     """An open store. Use `create_or_open` or `open`, and close it or use it as a context manager."""
 
@@ -168,13 +147,6 @@ class Store:
             with self._connection:
                 _write_parts(self._connection, problem)
             self.problem = problem
-
-    def designs(self) -> list[PlannedDesign]:
-        """Tell what made the rows, in order."""
-        rows = self._connection.execute(
-            "SELECT part, kind, seed, MIN(row), MAX(row) FROM planned GROUP BY design ORDER BY design"
-        )
-        return [PlannedDesign(*row) for row in rows]
 
     def pending(self) -> list[tuple[int, dict[str, float]]]:
         """Row and inputs of every simulation that has not ended, in order."""
