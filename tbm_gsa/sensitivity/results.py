@@ -23,7 +23,7 @@ from tbm_gsa.sensitivity.study.errors import StudyError, validated
 from tbm_msgs_py.base.results import write_json
 
 if TYPE_CHECKING:
-    from tbm_gsa.sensitivity.sobol import SobolIndices
+    from tbm_gsa.sensitivity.sobol.indices import SobolIndices
     from tbm_gsa.sensitivity.study.analysis import OutputAnalysis
     from tbm_gsa.sensitivity.study.store import Store
 

@@ -110,10 +110,10 @@ def extend(
     json: Annotated[bool, JSON_OPTION] = False,
 ) -> None:
     """Add training points to a study; its simulations are kept, the new points fill the gaps between them."""
-    from tbm_gsa.sensitivity.study.run import extend_study  # noqa: PLC0415
+    from tbm_gsa.sensitivity.study.run import resume_study  # noqa: PLC0415
 
     with _running(out, method, workers, scheduler) as options:
-        study = extend_study(out, samples, _evaluation, options)
+        study = resume_study(out, _evaluation, options, added=samples)
     show(study, json)
 
 
@@ -127,7 +127,7 @@ def report(
     """Analyse a finished store again and write its report anew."""
     from tbm_gsa.sensitivity.study.run import report_study  # noqa: PLC0415
 
-    with _options(method, workers) as options:
+    with _running(out, method, workers) as options:
         study = report_study(out, options)
     show(study, json)
 
@@ -141,27 +141,15 @@ def _evaluation(problem: Problem) -> MachineEvaluation:
 
 
 @contextmanager
-def _options(method: list[str] | None, workers: int, scheduler: str | None = None) -> Iterator[StudyOptions]:
-    """Options of a study under way, with its progress; surrogates to choose from are those asked for, else all."""
+def _running(out: Path, method: list[str] | None, workers: int, scheduler: str | None = None) -> Iterator[StudyOptions]:
+    """Options of a study under way, with its progress, of all surrogates if none is named; after Ctrl-C, a hint."""
     from tbm_gsa.app.report.gsa_page import write_study_report  # noqa: PLC0415
     from tbm_gsa.sensitivity.study.run import StudyOptions  # noqa: PLC0415
 
-    with progress_bar() as bar, anonymous_main():
-        yield StudyOptions(
-            tuple(method) if method else StudyOptions.methods,
-            workers,
-            scheduler,
-            progress=shown_progress(bar),
-            report=write_study_report,
-        )
-
-
-@contextmanager
-def _running(out: Path, method: list[str] | None, workers: int, scheduler: str | None) -> Iterator[StudyOptions]:
-    """Options of a study with a campaign; after Ctrl-C, say how to go on."""
+    methods = tuple(method) if method else StudyOptions.methods
     try:
-        with _options(method, workers, scheduler) as options:
-            yield options
+        with progress_bar() as bar, anonymous_main():
+            yield StudyOptions(methods, workers, scheduler, progress=shown_progress(bar), report=write_study_report)
     except KeyboardInterrupt:
         notes.print(f"interrupted; what finished is stored: tbm-monitor gsa resume --out {out}", highlight=False)
         raise

@@ -9,17 +9,10 @@ from typing import Final, TypeVar
 import numpy as np
 
 from tbm_gsa.sensitivity.screening import ElementaryEffects, fast_indices, morris_effects
-from tbm_gsa.sensitivity.sobol import (
-    ConvergenceStep,
-    PathIndices,
-    SobolIndices,
-    convergence_sizes,
-    is_constant,
-    of_a_constant,
-    sobol_convergence,
-    sobol_of_paths,
-    sobol_of_surrogate,
-)
+from tbm_gsa.sensitivity.sobol.indices import SobolIndices, of_a_constant
+from tbm_gsa.sensitivity.sobol.monte_carlo import ConvergenceStep, convergence_sizes, sobol_convergence
+from tbm_gsa.sensitivity.sobol.of_surrogate import is_constant, sobol_of_surrogate
+from tbm_gsa.sensitivity.sobol.paths import PathIndices, sobol_of_paths
 from tbm_gsa.sensitivity.study.campaign import Progress
 from tbm_gsa.sensitivity.study.candidates import Candidate, Data, best_by_method, best_of, fit_candidates, nested_r2
 from tbm_gsa.sensitivity.study.curves import Curve, response_curve

@@ -59,6 +59,9 @@ class StudyOptions:
     cancelled: Callable[[], bool] = lambda: False
     report: Callable[[FinishedStudy], None] = lambda _: None
 
+    def __post_init__(self) -> None:
+        check_methods(self.methods)  # before a folder is made, before hours of simulation
+
 
 def run_study(
     problem: Problem, evaluate: Evaluate, folder: str | Path, options: StudyOptions | None = None
@@ -85,14 +88,15 @@ def run_study(
     StudyCancelled
         The campaign was cancelled; calling again goes on with it.
     """
-    options = options or StudyOptions()
-    check_methods(options.methods)  # before a folder is made
     with Store.create_or_open(Path(folder) / STORE_NAME, problem) as store:
         return _finish(store, evaluate, options)
 
 
 def resume_study(
-    folder: str | Path, make_evaluate: Callable[[Problem], Evaluate], options: StudyOptions | None = None
+    folder: str | Path,
+    make_evaluate: Callable[[Problem], Evaluate],
+    options: StudyOptions | None = None,
+    added: int | None = None,
 ) -> FinishedStudy:
     """Go on with the study of a folder; everything about it but the evaluation is in its store.
 
@@ -100,70 +104,42 @@ def resume_study(
     ----------
     folder : str or Path
     make_evaluate : callable
-        Gives the evaluation for the problem of the store.
+        Returns the evaluation for the problem of the store.
     options : StudyOptions, optional
+    added : int, optional
+        Training points to add first, see `add_points`; every simulation there is, is kept.
     """
-    with Store.open(Path(folder) / STORE_NAME) as store:
-        return _finish(store, make_evaluate(store.problem), options or StudyOptions())
-
-
-def extend_study(
-    folder: str | Path,
-    samples: int,
-    make_evaluate: Callable[[Problem], Evaluate],
-    options: StudyOptions | None = None,
-) -> FinishedStudy:
-    """Add training points to the study of a folder, keep every simulation there is, and go on with it.
-
-    Parameters
-    ----------
-    samples : int
-        Points to add, see `add_points`.
-    folder, make_evaluate, options
-        As in `resume_study`.
-    """
-    options = options or StudyOptions()
-    check_methods(options.methods)
     with Store.open(Path(folder) / STORE_NAME) as store:
         evaluate = make_evaluate(store.problem)  # a machine that has changed is refused before anything is planned
-        store.extend(samples)
+        if added is not None:
+            store.extend(added)
         return _finish(store, evaluate, options)
 
 
 def report_study(folder: str | Path, options: StudyOptions | None = None) -> FinishedStudy:
     """Analyse what the store of a folder holds and write its result and report anew, without any simulation."""
     with Store.open(Path(folder) / STORE_NAME) as store:
-        start = time.perf_counter()
-        return _write(store, options or StudyOptions(), start, campaign_seconds=0.0)
+        return _finish(store, None, options)
 
 
-def _finish(store: Store, evaluate: Evaluate, options: StudyOptions) -> FinishedStudy:
-    """Run what is missing, analyse, write."""
-    check_methods(options.methods)  # before hours of simulation, not after
-    start = time.perf_counter()
-    run_campaign(
-        store,
-        evaluate,
-        workers=options.workers,
-        scheduler=options.scheduler,
-        progress=options.progress,
-        cancelled=options.cancelled,
-    )
-    return _write(store, options, start, campaign_seconds=time.perf_counter() - start)
-
-
-def _write(store: Store, options: StudyOptions, start: float, *, campaign_seconds: float) -> FinishedStudy:
-    """Analyse a store and write the result beside it."""
-    analyses = analyse(
-        store,
-        options.methods,
-        seed=store.problem.seed,
-        workers=options.workers,
-        progress=options.progress,
-    )
+def _finish(store: Store, evaluate: Evaluate | None, options: StudyOptions | None) -> FinishedStudy:
+    """Run what is missing if there is an evaluation, analyse, write the result beside the store."""
+    chosen, start, campaign_seconds = options or StudyOptions(), time.perf_counter(), 0.0
+    if evaluate is not None:
+        run_campaign(
+            store,
+            evaluate,
+            workers=chosen.workers,
+            scheduler=chosen.scheduler,
+            progress=chosen.progress,
+            cancelled=chosen.cancelled,
+        )
+        campaign_seconds = time.perf_counter() - start
+    seed = store.problem.seed
+    analyses = analyse(store, chosen.methods, seed=seed, workers=chosen.workers, progress=chosen.progress)
     seconds = time.perf_counter() - start
     result = StudyResult.of(store, analyses, seconds=seconds, campaign_seconds=campaign_seconds)
     study = FinishedStudy(store.path.parent, result, analyses)
     result.write(study.folder / RESULT_NAME)
-    options.report(study)
+    chosen.report(study)
     return study
