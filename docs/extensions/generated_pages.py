@@ -15,6 +15,7 @@ from sphinx.ext.autodoc.mock import mock
 
 from tbm_gsa.app.cli.main import app as command_line
 from tbm_gsa.comparison.results import ComparisonResult
+from tbm_gsa.sensitivity.results import StudyResult
 
 NODES = (
     "tbm_dynamics.nodes.load_node",
@@ -24,7 +25,7 @@ NODES = (
     "tbm_msgs_py.nodes.bag_recorder",
     "tbm_gsa.app.nodes.live_view",
 )
-RESULTS: dict[str, type[BaseModel]] = {"compare": ComparisonResult}
+RESULTS: dict[str, type[BaseModel]] = {"compare": ComparisonResult, "gsa run": StudyResult}
 """Model of the document that a command prints."""
 # The node modules are read without ROS: only their declarations are wanted.
 ROS = (
@@ -107,7 +108,14 @@ def schema_page() -> str:
     """JSON schemas of the results that are read back, as the models say them."""
     lines = ["# JSON schemas", "", "Made from the models that write these documents and read them back.", ""]
     for command, model in RESULTS.items():
-        lines += [f"## {command}", "", "```json", json.dumps(model.model_json_schema(), indent=1), "```", ""]
+        lines += [
+            f"## {command}",
+            "",
+            "```json",
+            json.dumps(model.model_json_schema(mode="serialization"), indent=1),
+            "```",
+            "",
+        ]
     return "\n".join(lines)
 
 

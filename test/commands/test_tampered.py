@@ -19,7 +19,7 @@ from tbm_gsa.sensitivity.study.evaluate import MachineEvaluation
 from tbm_gsa.sensitivity.study.inputs import PAPER_INPUTS, InputSet
 from tbm_gsa.sensitivity.study.problem import Problem
 from tbm_gsa.sensitivity.study.store import Store
-from tbm_gsa.sensitivity.study.worker import Outcome
+from tbm_gsa.sensitivity.study.workers import Outcome
 from tbm_msgs_py.base.errors import InputError
 
 LONGEST = 2500  # characters of a line for a user
@@ -208,7 +208,7 @@ def read_back(path):
         with Store.open(path) as store:
             for part in ("train", "test"):
                 store.problem.inputs.to_unit(store.results(part)[0])
-            store.pending(), store.counts(), store.designs(), store.failures(), store.simulation_seconds()
+            store.pending(), store.counts(), store.failures(), store.simulation_seconds()
             MachineEvaluation.from_settings(store.problem.settings, store.problem.outputs)
     except (InputError, MachineError) as error:
         assert len(str(error).splitlines()) == 1

@@ -7,7 +7,7 @@ from functools import partial
 import pytest
 
 from tbm_gsa.sensitivity.study import analysis, campaign
-from tbm_gsa.sensitivity.study.workers import Workers
+from tbm_gsa.sensitivity.study.workers import WorkerPool
 
 
 class _Here(Executor):
@@ -23,7 +23,7 @@ def simulations_here():
 
     @contextmanager
     def here(count):
-        yield Workers(_Here(), slots=1, died=(), retries=0)
+        yield WorkerPool(_Here(), slots=1, died=(), retries=0)
 
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(campaign, "local_processes", here)

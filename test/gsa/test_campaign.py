@@ -1,6 +1,7 @@
 """Campaigns: resumed, cancelled, with failing samples; and the store they write."""
 
 import sqlite3
+from contextlib import closing
 from dataclasses import replace
 
 import numpy as np
@@ -13,8 +14,8 @@ from tbm_gsa.sensitivity.study.distributions import Uniform
 from tbm_gsa.sensitivity.study.errors import StudyCancelled, StudyError
 from tbm_gsa.sensitivity.study.inputs import PAPER_INPUTS, InputSet
 from tbm_gsa.sensitivity.study.problem import Problem
-from tbm_gsa.sensitivity.study.store import Counts, PlannedDesign, Store
-from tbm_gsa.sensitivity.study.worker import Outcome
+from tbm_gsa.sensitivity.study.store import Counts, Store
+from tbm_gsa.sensitivity.study.workers import Outcome
 
 THREE = InputSet(tuple(PAPER_INPUTS[code] for code in ("x2", "x4", "x16")))
 PROBLEM = Problem(THREE, OUTPUTS, train=12, test=3, seed=0, settings={"machine": "none", "duration": 3.0})
@@ -28,8 +29,8 @@ def store(tmp_path):
 
 def test_results_are_those_of_direct_calls(store):
     reports = []
-    run_campaign(store, analytic, progress=lambda done, total, failed: reports.append((done, total, failed)))
-    assert reports == [(done, 15, 0) for done in range(16)]
+    run_campaign(store, analytic, progress=lambda *report: reports.append(report))
+    assert reports == [(f"simulations {done} of 15", done / 15) for done in range(16)]
     X, Y = store.results("train")
     assert (X.shape, Y.shape, store.results("test")[0].shape) == ((12, 3), (12, 2), (3, 3))
     for row, outputs in zip(X, Y, strict=True):
@@ -155,11 +156,14 @@ def test_a_store_can_be_read_while_it_is_written(store):
 def test_a_store_knows_which_design_made_each_row(store):
     store.extend(6)
     store.extend(2)
-    assert store.designs() == [
-        PlannedDesign("train", "lhs", 0, 1, 12),
-        PlannedDesign("test", "lhs", 0, 13, 15),
-        PlannedDesign("train", "added to lhs", 0, 16, 21),
-        PlannedDesign("train", "added to lhs", 0, 22, 23),
+    columns = "part, kind, seed, MIN(row), MAX(row)"
+    with closing(sqlite3.connect(store.path)) as connection:
+        designs = connection.execute(f"SELECT {columns} FROM planned GROUP BY design ORDER BY design").fetchall()
+    assert designs == [
+        ("train", "lhs", 0, 1, 12),
+        ("test", "lhs", 0, 13, 15),
+        ("train", "added to lhs", 0, 16, 21),
+        ("train", "added to lhs", 0, 22, 23),
     ]
     assert store.problem.added == (6, 2)
     with Store.open(store.path) as reader:

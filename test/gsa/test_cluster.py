@@ -81,8 +81,8 @@ def test_a_scheduler_that_dies_is_one_line_and_what_finished_is_stored(store, tm
     calls.mkdir()
     with dask_cluster(tmp_path) as mortal:
 
-        def progress(done, total, failed):
-            if done == 4:
+        def progress(message, fraction):
+            if message.startswith("simulations 4 of "):
                 mortal.scheduler.kill()
 
         with pytest.raises(StudyError, match="the scheduler is gone; what finished is stored"):

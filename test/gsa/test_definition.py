@@ -5,7 +5,7 @@ import pytest
 from tbm_gsa.sensitivity.study.definition import read_definition
 from tbm_gsa.sensitivity.study.distributions import LogUniform, Normal, Triangular, Uniform
 from tbm_gsa.sensitivity.study.errors import StudyError
-from tbm_gsa.sensitivity.study.inputs import PAPER_INPUTS, InputSet
+from tbm_gsa.sensitivity.study.inputs import PAPER_INPUTS, Input, InputSet
 
 TEXT = """
 inputs:
@@ -41,7 +41,7 @@ def test_a_file_with_everything(tmp_path):
     assert (inputs["x16"].kind, inputs["x16"].symbol) == ("multiplier", "k_r,ct")
     assert inputs.groups == {"meshing": ("x7", "x9")}
     assert definition.outputs == ("MF_M", "rms_cutterhead_x")
-    assert InputSet.from_list(inputs.to_list(), inputs.groups) == inputs
+    assert tuple(Input.from_dict(item.to_dict()) for item in inputs.inputs) == inputs.inputs
 
 
 def test_the_paper_s_ranges_by_their_codes_alone(tmp_path):

@@ -15,7 +15,7 @@ from here import simulations_here, small_samplings
 from rich.console import Console
 
 from tbm_gsa.app.cli.output import progress_bar
-from tbm_gsa.app.cli.workers import analysis_progress, campaign_progress
+from tbm_gsa.app.cli.workers import shown_progress
 from tbm_gsa.sensitivity.study import analysis
 from tbm_gsa.sensitivity.study.store import Store
 
@@ -61,7 +61,7 @@ def test_a_study_grows(tmp_path, typed, definition, small):
     assert {"store.sqlite", "result.json", "report.html"} <= {path.name for path in (tmp_path / "study").iterdir()}
     with Store.open(tmp_path / "study/store.sqlite") as store:
         X, Y = store.results("train")
-        assert store.designs()[0].kind == "lhs-maximin"
+        assert store.problem.design == "lhs-maximin"
 
     before = (tmp_path / "study/store.sqlite").read_bytes()
     code, again, _ = typed("gsa", "resume", *go_on)
@@ -153,12 +153,12 @@ def test_a_store_of_an_earlier_format_is_refused(tmp_path, typed):
 
 def test_campaign_and_analysis_have_a_line_each():
     with progress_bar("study") as bar:
-        campaign, analyses = campaign_progress(bar), analysis_progress(bar)
-        campaign(150, 220, 0)
-        campaign(220, 220, 3)
+        show = shown_progress(bar)
+        show("simulations 150 of 220", 150 / 220)
+        show("simulations 220 of 220, 3 failed", 1.0)
         assert [task.percentage for task in bar.tasks] == [100.0]
-        analyses(0, 8)
-        analyses(2, 8)
+        show("analysis 0 of 8 outputs", 0.0)
+        show("analysis 2 of 8 outputs", 0.25)
         assert [task.percentage for task in bar.tasks] == [100.0, 25.0]
         shown = StringIO()
         Console(file=shown, width=160).print(bar.make_tasks_table(bar.tasks))

@@ -12,8 +12,7 @@ from sklearn.gaussian_process.kernels import RBF, ConstantKernel
 from sobol_functions import FUNCTIONS
 
 from tbm_gsa import fit_surrogate
-from tbm_gsa.sensitivity.sobol import sobol_of_paths
-from tbm_gsa.sensitivity.sobol.paths import ConditionalPaths
+from tbm_gsa.sensitivity.sobol.paths import ConditionalPaths, sobol_of_paths
 
 
 def fit(name, count, seed):

@@ -13,7 +13,8 @@ from SALib.sample import sobol as salib_sampling
 from sobol_functions import FUNCTIONS, G_VARIANCE
 
 from tbm_gsa import fit_surrogate, sobol_closed_form, sobol_monte_carlo
-from tbm_gsa.sensitivity.sobol import sobol_convergence, sobol_of_surrogate
+from tbm_gsa.sensitivity.sobol.monte_carlo import sobol_convergence
+from tbm_gsa.sensitivity.sobol.of_surrogate import sobol_of_surrogate
 
 ISHIGAMI_PAIRS = np.zeros((3, 3))
 ISHIGAMI_PAIRS[0, 2] = ISHIGAMI_PAIRS[2, 0] = 0.243684

@@ -16,8 +16,9 @@ from evaluations import OUTPUTS, analytic, fails_above
 from here import simulations_here, small_samplings
 
 from tbm_gsa import fit_surrogate, sobol_closed_form
+from tbm_gsa.app.report.gsa_page import write_study_report
 from tbm_gsa.app.report.page import render_page
-from tbm_gsa.app.report.study_report import write_study_report
+from tbm_gsa.sensitivity.results import StudyResult
 from tbm_gsa.sensitivity.study import analysis
 from tbm_gsa.sensitivity.study.campaign import run_campaign
 from tbm_gsa.sensitivity.study.errors import StudyCancelled, StudyError
@@ -29,26 +30,27 @@ from tbm_gsa.sensitivity.study.store import Store
 THREE = InputSet(tuple(PAPER_INPUTS[code] for code in ("x2", "x4", "x16")))
 PROBLEM = Problem(THREE, OUTPUTS, train=40, test=8, seed=0, settings={"machine": "<b>analytic & quick</b>"})
 METHODS = ("svr", "krg", "prs")
-ANALYSED = [(done, len(OUTPUTS)) for done in range(len(OUTPUTS) + 1)]
+ANALYSED = [f"analysis {done} of {len(OUTPUTS)} outputs" for done in range(len(OUTPUTS) + 1)]
 
 
 @pytest.fixture(scope="module")
 def study(tmp_path_factory):
     """Finished study, worked on in this process alone."""
-    analysed = []
+    reports = []
     options = StudyOptions(
-        METHODS, workers=1, analysis_progress=lambda *counts: analysed.append(counts), report=write_study_report
+        METHODS, workers=1, progress=lambda message, _: reports.append(message), report=write_study_report
     )
     with simulations_here(), pytest.MonkeyPatch.context() as patch:
         patch.setattr(analysis, "local_processes", pytest.fail)
         finished = run_study(PROBLEM, analytic, tmp_path_factory.mktemp("study"), options)
-    assert analysed == ANALYSED
+    assert reports[-len(ANALYSED) :] == ANALYSED
     return finished
 
 
 def test_the_document_follows_the_contract(study):
     document = json.loads((study.folder / "result.json").read_text(encoding="utf-8"))
-    assert document == json.loads(json.dumps(study.document))
+    assert document == json.loads(json.dumps(study.result.model_dump()))
+    assert StudyResult.read(study.folder / "result.json") == study.result
     assert set(document["outputs"]) == set(OUTPUTS)
     assert document["seconds"] > 0.0
     for output in document["outputs"].values():
@@ -70,11 +72,11 @@ def test_the_document_follows_the_contract(study):
 def test_the_analysis_is_that_of_the_public_functions(study):
     with Store.open(study.folder / "store.sqlite") as store:
         X, Y = store.results("train")
-    chosen = study.document["outputs"]["force"]["surrogate"]
-    model = fit_surrogate(chosen, THREE.to_unit(X), Y[:, 0], bounds=[[0.0, 1.0]] * 3, seed=0)
+    force = study.result.outputs["force"]
+    model = fit_surrogate(force.surrogate, THREE.to_unit(X), Y[:, 0], bounds=[[0.0, 1.0]] * 3, seed=0)
     indices = sobol_closed_form(model)
-    np.testing.assert_array_equal(list(study.document["outputs"]["force"]["first"].values()), indices.first)
-    assert study.document["outputs"]["force"]["r2_cv"] == model.cross_validate(10).r2
+    np.testing.assert_array_equal(list(force.first.values()), indices.first)
+    assert force.r2_cv == model.cross_validate(10).r2
 
 
 def test_curves_follow_the_function(study):
@@ -94,7 +96,7 @@ class _Page(HTMLParser):
 
 
 def test_the_page_holds_everything_itself(study):
-    text = study.report.read_text(encoding="utf-8")
+    text = (study.folder / "report.html").read_text(encoding="utf-8")
     page = _Page()
     page.feed(text)
     assert page.tags.count("img") == 10
@@ -114,7 +116,7 @@ def test_a_page_with_a_gap_is_an_error():
 
 def test_a_cancelled_study_resumes_to_the_same_numbers(study, tmp_path, monkeypatch):
     """In two processes, which share the analysis too."""
-    seen, started, analysed = [], [], []
+    seen, started, reports = [], [], []
     local_processes = analysis.local_processes
 
     def start(count):
@@ -122,17 +124,17 @@ def test_a_cancelled_study_resumes_to_the_same_numbers(study, tmp_path, monkeypa
         return local_processes(count)
 
     options = StudyOptions(
-        progress=lambda done, total, failed: seen.append(done), cancelled=lambda: bool(seen) and seen[-1] >= 5
+        progress=lambda _, fraction: seen.append(fraction), cancelled=lambda: bool(seen) and seen[-1] >= 0.1
     )
     with pytest.raises(StudyCancelled):
         run_study(PROBLEM, analytic, tmp_path, options)
     assert not (tmp_path / "result.json").exists()
     monkeypatch.setattr(analysis, "local_processes", start)
-    options = StudyOptions(METHODS, workers=2, analysis_progress=lambda *counts: analysed.append(counts))
+    options = StudyOptions(METHODS, workers=2, progress=lambda message, _: reports.append(message))
     resumed = resume_study(tmp_path, lambda _: analytic, options)
-    assert resumed.document["outputs"] == study.document["outputs"]
+    assert resumed.result.outputs == study.result.outputs
     assert started == [2]
-    assert analysed == ANALYSED
+    assert reports[-len(ANALYSED) :] == ANALYSED
 
 
 def test_failures_and_no_test_points_are_reported(tmp_path):
@@ -140,12 +142,13 @@ def test_failures_and_no_test_points_are_reported(tmp_path):
     with simulations_here(), Store.create_or_open(tmp_path / "store.sqlite", problem) as store:
         run_campaign(store, fails_above)
     with small_samplings():
-        result = report_study(tmp_path, StudyOptions(("prs",), workers=1, report=write_study_report))
-    failed = result.document["samples"]["failed"]
-    assert failed == len(result.document["failures"]) > 0
-    text = result.report.read_text(encoding="utf-8")
+        study = report_study(tmp_path, StudyOptions(("prs",), workers=1, report=write_study_report))
+    failed = study.result.samples.failed
+    assert failed == len(study.result.failures) > 0
+    text = (tmp_path / "report.html").read_text(encoding="utf-8")
     assert f"{failed} of 40 simulations failed" in text
-    assert result.document["outputs"]["force"]["r2_test"] is None
+    assert study.result.outputs["force"].r2_test is None
+    assert StudyResult.read(tmp_path / "result.json") == study.result
 
 
 def test_too_few_simulations_name_the_output(tmp_path):

@@ -11,6 +11,7 @@ from compare_bags import START_NS, noise, write_bag
 from tbm_gsa.app.cli import demo, explain, gsa, reproduce, run
 from tbm_gsa.app.cli.output import results
 from tbm_gsa.history import Entry, History, Source
+from tbm_gsa.sensitivity.results import OutputResult, StudyResult
 from tbm_gsa.sensitivity.study.inputs import PAPER_INPUTS
 
 LONG_OUTPUT = "rms_120-140_hz_cutterhead_yz"
@@ -67,8 +68,8 @@ def test_what_a_history_prints_fits(typed, tmp_path, monkeypatch):
 
 
 def test_what_a_study_prints_fits(capsys):
-    output = {"surrogate": "krg", "r2_test": -0.123, "r2_cv": 0.997, "first": FIRST}
-    results.print(gsa.strongest_table({"outputs": {"RDef_A": output, LONG_OUTPUT: output}}))
+    output = OutputResult.model_construct(surrogate="krg", r2_test=-0.123, r2_cv=0.997, first=FIRST)
+    results.print(gsa.strongest_table(StudyResult.model_construct(outputs={"RDef_A": output, LONG_OUTPUT: output})))
     pairs = [f"{code}:{share:.2f}" for code, share in FIRST.items()]
     _fits(capsys.readouterr().out, LONG_OUTPUT, "-0.123", "0.997", *pairs)
 

@@ -19,7 +19,7 @@ from tbm_gsa.app.cli.output import (
     progress_bar,
     results,
 )
-from tbm_gsa.app.cli.workers import Scheduler, Workers, anonymous_main, campaign_progress
+from tbm_gsa.app.cli.workers import Scheduler, Workers, anonymous_main, shown_progress
 from tbm_gsa.explanation.forms import COMPARISON, ComparisonForm
 from tbm_gsa.explanation.verdict import verdict
 from tbm_gsa.reading import read_document
@@ -56,7 +56,7 @@ def explain(
             seed=seed,
             workers=workers,
             scheduler=scheduler,
-            progress=campaign_progress(bar),
+            progress=shown_progress(bar),
         )
         found = find(document, out, options)
     page = out / "explanation.html"

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 from rich.table import Table
@@ -28,7 +28,8 @@ from tbm_gsa.app.cli.output import (
     results,
     split_names,
 )
-from tbm_gsa.app.cli.workers import Scheduler, Workers, analysis_progress, anonymous_main, campaign_progress
+from tbm_gsa.app.cli.workers import Scheduler, Workers, anonymous_main, shown_progress
+from tbm_gsa.sensitivity.results import REPORT_NAME, StudyResult
 from tbm_gsa.sensitivity.study.definition import Definition, read_definition
 from tbm_gsa.sensitivity.study.design import KINDS
 from tbm_gsa.sensitivity.study.evaluate import MachineEvaluation
@@ -36,7 +37,7 @@ from tbm_gsa.sensitivity.study.inputs import PAPER_INPUTS
 from tbm_gsa.sensitivity.study.problem import Problem
 
 if TYPE_CHECKING:
-    from tbm_gsa.sensitivity.study.run import StudyOptions, StudyResult
+    from tbm_gsa.sensitivity.study.run import FinishedStudy, StudyOptions
 
 app = typer.Typer(add_completion=False, no_args_is_help=True)
 
@@ -109,10 +110,10 @@ def extend(
     json: Annotated[bool, JSON_OPTION] = False,
 ) -> None:
     """Add training points to a study; its simulations are kept, the new points fill the gaps between them."""
-    from tbm_gsa.sensitivity.study.run import extend_study  # noqa: PLC0415
+    from tbm_gsa.sensitivity.study.run import resume_study  # noqa: PLC0415
 
     with _running(out, method, workers, scheduler) as options:
-        study = extend_study(out, samples, _evaluation, options)
+        study = resume_study(out, _evaluation, options, added=samples)
     show(study, json)
 
 
@@ -126,7 +127,7 @@ def report(
     """Analyse a finished store again and write its report anew."""
     from tbm_gsa.sensitivity.study.run import report_study  # noqa: PLC0415
 
-    with _options(method, workers) as options:
+    with _running(out, method, workers) as options:
         study = report_study(out, options)
     show(study, json)
 
@@ -140,49 +141,35 @@ def _evaluation(problem: Problem) -> MachineEvaluation:
 
 
 @contextmanager
-def _options(method: list[str] | None, workers: int, scheduler: str | None = None) -> Iterator[StudyOptions]:
-    """Options of a study under way, with its progress; surrogates to choose from are those asked for, else all."""
-    from tbm_gsa.app.report.study_report import write_study_report  # noqa: PLC0415
+def _running(out: Path, method: list[str] | None, workers: int, scheduler: str | None = None) -> Iterator[StudyOptions]:
+    """Options of a study under way, with its progress, of all surrogates if none is named; after Ctrl-C, a hint."""
+    from tbm_gsa.app.report.gsa_page import write_study_report  # noqa: PLC0415
     from tbm_gsa.sensitivity.study.run import StudyOptions  # noqa: PLC0415
 
-    with progress_bar() as bar, anonymous_main():
-        yield StudyOptions(
-            tuple(method) if method else StudyOptions.methods,
-            workers,
-            scheduler,
-            progress=campaign_progress(bar),
-            analysis_progress=analysis_progress(bar),
-            report=write_study_report,
-        )
-
-
-@contextmanager
-def _running(out: Path, method: list[str] | None, workers: int, scheduler: str | None) -> Iterator[StudyOptions]:
-    """Options of a study with a campaign; after Ctrl-C, say how to go on."""
+    methods = tuple(method) if method else StudyOptions.methods
     try:
-        with _options(method, workers, scheduler) as options:
-            yield options
+        with progress_bar() as bar, anonymous_main():
+            yield StudyOptions(methods, workers, scheduler, progress=shown_progress(bar), report=write_study_report)
     except KeyboardInterrupt:
         notes.print(f"interrupted; what finished is stored: tbm-monitor gsa resume --out {out}", highlight=False)
         raise
 
 
-def show(study: StudyResult, json: bool) -> None:
+def show(study: FinishedStudy, json: bool) -> None:
     """Print a study as JSON or as a table."""
     if json:
-        print_json(study.document)
+        print_json(study.result.model_dump())
         return
-    results.print(strongest_table(study.document))
-    results.print(f"{study.document['seconds']:.1f} s")
-    notes.print(f"report: {study.report}", highlight=False)
+    results.print(strongest_table(study.result))
+    results.print(f"{study.result.seconds:.1f} s")
+    notes.print(f"report: {study.folder / REPORT_NAME}", highlight=False)
 
 
-def strongest_table(document: dict[str, Any], count: int = 5) -> Table:
+def strongest_table(result: StudyResult, count: int = 5) -> Table:
     """Quality of the surrogate and the strongest inputs of every output."""
     headings = ("=output", "surrogate", ">R² test", ">R² cv", f"strongest {count}")
-    table = narrow_table("Strongest inputs, first Sobol index", *headings)
-    for name, output in document["outputs"].items():
-        ranked = sorted(output["first"].items(), key=lambda item: item[1], reverse=True)[:count]
-        quality = (f"{output['r2_test']:.3f}", f"{output['r2_cv']:.3f}")
-        add_row(table, name, output["surrogate"], *quality, ranked_inputs(ranked))
+    table = narrow_table("Strongest inputs, first-order index S1", *headings)
+    for name, output in result.outputs.items():
+        ranked = sorted(output.first.items(), key=lambda item: item[1], reverse=True)[:count]
+        add_row(table, name, output.surrogate, f"{output.r2_test:.3f}", f"{output.r2_cv:.3f}", ranked_inputs(ranked))
     return table

@@ -38,8 +38,8 @@ def reproduce(
 ) -> None:
     """Give back Tables 1 to 6 and Figures 2 to 15 of the paper, each with a verdict; an interrupted run goes on."""
     # What they import takes a second, and other commands need none of it.
+    from tbm_gsa.app.report.gsa_page import write_study_report  # noqa: PLC0415
     from tbm_gsa.app.report.reproduction_page import write_page  # noqa: PLC0415
-    from tbm_gsa.app.report.study_report import write_study_report  # noqa: PLC0415
     from tbm_gsa.paper.reproduction.workflow import reproduce as find  # noqa: PLC0415
 
     with progress_bar("reproducing") as bar, anonymous_main():

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import Annotated
 
@@ -20,38 +20,19 @@ Scheduler = Annotated[
 ]
 
 
-class _Line:
-    """A line of a progress bar that appears with its first number.
+def shown_progress(bar: ProgressBar) -> Progress:
+    """Progress of a study on a bar: a line for the campaign and one for the analysis.
 
-    What was done before then, by a study that was interrupted, says nothing about the speed of this one.
+    A line appears with its first number: what an interrupted study did before then says nothing about the speed of
+    this one.
     """
+    lines: dict[str, TaskID] = {}
 
-    def __init__(self, bar: ProgressBar) -> None:
-        self._bar = bar
-        self._task: TaskID | None = None
-
-    def show(self, text: str, done: int, total: int) -> None:
-        if self._task is None:
-            self._task = self._bar.add_task(text, total=total, completed=done)
-        self._bar.update(self._task, completed=done, description=text)
-
-
-def campaign_progress(bar: ProgressBar) -> Progress:
-    """Give what shows a campaign as a line of a progress bar."""
-    line = _Line(bar)
-
-    def update(done: int, total: int, failed: int) -> None:
-        line.show(f"simulations {done} of {total}" + (f", {failed} failed" if failed else ""), done, total)
-
-    return update
-
-
-def analysis_progress(bar: ProgressBar) -> Callable[[int, int], None]:
-    """Give what shows the analysis after a campaign as a line of a progress bar."""
-    line = _Line(bar)
-
-    def update(done: int, total: int) -> None:
-        line.show(f"analysis {done} of {total} outputs", done, total)
+    def update(message: str, fraction: float | None) -> None:
+        phase, done = message.partition(" ")[0], round(1000 * (fraction or 0.0))
+        if phase not in lines:
+            lines[phase] = bar.add_task(message, total=1000, completed=done)
+        bar.update(lines[phase], completed=done, description=message)
 
     return update
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import math
 import os
 import signal
@@ -16,9 +15,9 @@ from pathlib import Path
 from typing import Any, Literal
 
 from tbm_gsa.app.nodes.start import WITH_PARENT
+from tbm_gsa.sensitivity.results import REPORT_NAME, RESULT_NAME, StudyResult
 from tbm_gsa.sensitivity.study.errors import StudyError
-from tbm_gsa.sensitivity.study.files import REPORT_NAME, RESULT_NAME, STORE_NAME
-from tbm_gsa.sensitivity.study.store import Store
+from tbm_gsa.sensitivity.study.store import STORE_NAME, Store
 
 State = Literal["idle", "running", "finished", "failed", "cancelled"]
 _LOG_NAME = "gsa.log"
@@ -132,8 +131,7 @@ class GsaProcess:
     def result(self) -> dict[str, Any]:
         """Read the JSON document of a finished analysis."""
         assert self.status.folder is not None  # noqa: S101 - finished has a folder
-        document: dict[str, Any] = json.loads((self.status.folder / RESULT_NAME).read_text(encoding="utf-8"))
-        return document
+        return StudyResult.read(self.status.folder / RESULT_NAME).model_dump()
 
     def cancel(self, reason: str) -> bool:
         """End the running analysis, what it has simulated stays in its store; or take note of one that failed."""

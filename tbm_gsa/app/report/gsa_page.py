@@ -1,146 +1,102 @@
-"""The HTML page of a sensitivity study."""
+"""What people read of a sensitivity study: the HTML page, and it with the tables in the study's folder."""
 
 from collections.abc import Mapping
-from typing import Any, Final
+from typing import Final
 
-import numpy as np
-
-from tbm_gsa.app.report import gsa_comparison, gsa_figures
+from tbm_gsa.app.report import gsa_figures as figures
+from tbm_gsa.app.report.gsa_tables import gsa_tables
 from tbm_gsa.app.report.page import embed_figure, render_page
-from tbm_gsa.sensitivity.study.analysis import OutputAnalysis, strongest
-from tbm_gsa.sensitivity.study.document import source
-from tbm_gsa.sensitivity.study.inputs import InputSet
+from tbm_gsa.sensitivity.results import REPORT_NAME, TABLES_NAME, OutputResult, StudyResult
+from tbm_gsa.sensitivity.study.analysis import OutputAnalysis
+from tbm_gsa.sensitivity.study.inputs import Input, InputSet
+from tbm_gsa.sensitivity.study.run import FinishedStudy
+from tbm_msgs_py.base.files import write_whole
 
 SHOWN: Final = 5
 # Below the lowest R² the paper accepts (its Table 6, PAcc_A) the page says so.
 POOR_R2: Final = 0.7
 
 
-def gsa_page(document: Mapping[str, Any], analyses: Mapping[str, OutputAnalysis]) -> str:
+def write_study_report(study: FinishedStudy) -> None:
+    """Write ``report.html`` and ``tables/*.csv`` of a finished study."""
+    write_whole(study.folder / REPORT_NAME, gsa_page(study.result, study.analyses).encode())
+    tables = study.folder / TABLES_NAME
+    tables.mkdir(exist_ok=True)
+    for name, text in gsa_tables(study.result).items():
+        write_whole(tables / name, text.encode())
+
+
+def gsa_page(result: StudyResult, analyses: Mapping[str, OutputAnalysis]) -> str:
     """Render a study.
 
     Parameters
     ----------
-    document : mapping
-        See `tbm_gsa.sensitivity.study.document.study_document`.
+    result : StudyResult
     analyses : mapping of str to OutputAnalysis
+        What the figures draw.
 
     Returns
     -------
     str
         A page that holds its figures and style.
     """
-    inputs = InputSet.from_list(list(document["inputs"].values()))
-    outputs = list(analyses.values())
-    samples = document["samples"]
-    planned = samples["train"] + samples["test"]
+    inputs, samples = InputSet(tuple(map(Input.from_dict, result.inputs.values()))), result.samples
     context = {
         "title": "Global sensitivity of the driving system",
-        "subtitle": f"{len(inputs)} inputs, {len(outputs)} outputs, "
-        f"{samples['train']} training and {samples['test']} test points",
-        "planned": planned,
-        "failed": samples["failed"],
-        "first_failure": document["failures"][0]["reason"] if document["failures"] else "",
-        "poor": [analysis.name for analysis in outputs if analysis.best.r2_cv < POOR_R2],
+        "subtitle": f"{len(inputs)} inputs, {len(result.outputs)} outputs, "
+        f"{samples.train} training and {samples.test} test points",
+        "result": result,
+        "poor": [name for name, output in result.outputs.items() if output.r2_cv < POOR_R2],
         "poor_limit": POOR_R2,
-        "ranks": range(1, min(SHOWN, len(inputs)) + 1),
-        "rows": [_row(analysis, inputs) for analysis in outputs],
-        "inputs": inputs.inputs,
-        "groups": _groups(document),
-        "group_names": list(document["groups"]),
-        "convergence_rows": _convergence(outputs),
-        "provenance": _provenance(document),
-        **_figures(outputs, inputs),
+        "strongest": {name: _strongest(output) for name, output in result.outputs.items()},
+        "inputs": {item.code: item for item in inputs.inputs},
+        "distances": {name: _distances(output) for name, output in result.outputs.items()},
+        "provenance": _provenance(result),
+        **_figures(list(analyses.values()), inputs),
     }
     return render_page("gsa.html", context)
 
 
-def _row(analysis: OutputAnalysis, inputs: InputSet) -> dict[str, Any]:
-    """One output in the table of strongest parameters."""
-    total = analysis.indices.total
-    places = strongest(analysis.indices, SHOWN)
-    return {
-        "name": analysis.name,
-        "strongest": [
-            {"code": item.code, "symbol": item.symbol, "name": item.name, "total": total[k]}
-            for k, item in ((k, inputs.inputs[k]) for k in places)
-        ],
-        "sum": float(np.sum(analysis.indices.first)),
-        "r2_cv": analysis.best.r2_cv,
-        "r2_nested": analysis.nested_r2,
-        "r2_test": analysis.best.r2_test,
-        "rmse": analysis.best.validation.rmse,
-        "largest": analysis.best.validation.largest_error,
-        "surrogate": analysis.chosen + (" of log" if analysis.best.transform == "log" else ""),
-        "source": source(analysis.indices),
-    }
+def _strongest(output: OutputResult) -> list[str]:
+    """Codes of the inputs with the largest total indices, largest first."""
+    return sorted(output.total, key=output.total.__getitem__, reverse=True)[:SHOWN]
 
 
-def _groups(document: Mapping[str, Any]) -> list[dict[str, Any]]:
-    """First and total index of every group, a row an output."""
+def _distances(output: OutputResult) -> list[tuple[float, float]]:
+    """Largest distance of sampled first-order and total indices from those the study reports, by base size."""
     return [
-        {
-            "name": name,
-            "cells": [
-                {
-                    "first": output["groups"]["first"][group],
-                    "first_interval": output["groups"]["first_interval"][group],
-                    "total": output["groups"]["total"][group],
-                }
-                for group in document["groups"]
-            ],
-        }
-        for name, output in document["outputs"].items()
-        if document["groups"]
+        (
+            max(abs(index - output.first[code]) for code, index in step.first.items()),
+            max(abs(index - output.total[code]) for code, index in step.total.items()),
+        )
+        for step in output.convergence
     ]
-
-
-def _convergence(outputs: list[OutputAnalysis]) -> list[dict[str, Any]]:
-    """Largest distance of sampled first and total indices from those the study reports, a row an output."""
-    rows = []
-    for analysis in outputs:
-        places = list(analysis.comparison.places)
-        cells = []
-        for step in analysis.comparison.convergence:
-            first = np.abs(step.indices.first - analysis.indices.first[places]).max()
-            total = np.abs(step.indices.total - analysis.indices.total[places]).max()
-            asked = ", ".join(f"{number:,}".replace(",", "\u202f") for number in step.asked)
-            cells.append({"asked": asked, "samples": step.samples, "first": first, "total": total})
-        rows.append({"name": analysis.name, "cells": cells})
-    return rows
 
 
 def _figures(outputs: list[OutputAnalysis], inputs: InputSet) -> dict[str, str]:
     """Draw the figures as image elements."""
-    return {
-        "bars": embed_figure(gsa_figures.index_bars(outputs, inputs), "Bars of the Sobol indices of every output"),
-        "curves": embed_figure(gsa_figures.response_curves(outputs, inputs), "Response along the strongest inputs"),
-        "scores": embed_figure(gsa_figures.score_bars(outputs), "Bars of R² by output and surrogate"),
-        "designs": embed_figure(gsa_figures.design_points(outputs, inputs), "Training and test points"),
-        "interactions": embed_figure(gsa_comparison.interaction_bars(outputs, inputs), "Bars of second-order indices"),
-        "convergence": embed_figure(gsa_comparison.convergence(outputs, inputs), "First indices over the base size"),
-        "split": embed_figure(
-            gsa_comparison.uncertainty_split(outputs, inputs), "Bars of metamodel and sampling error"
-        ),
-        "methods": embed_figure(gsa_comparison.method_comparison(outputs, inputs), "First indices by other methods"),
-        "morris": embed_figure(
-            gsa_comparison.morris_scatter(outputs, inputs), "Elementary effects, mean and deviation"
-        ),
-        "predictions": embed_figure(gsa_figures.prediction_scatter(outputs), "Simulated against predicted values"),
+    drawn = {
+        "bars": (figures.index_bars(outputs, inputs), "Bars of the Sobol indices of every output"),
+        "curves": (figures.response_curves(outputs, inputs), "Response along the strongest inputs"),
+        "scores": (figures.score_bars(outputs), "Bars of R² by output and surrogate"),
+        "designs": (figures.design_points(outputs, inputs), "Training and test points"),
+        "interactions": (figures.interaction_bars(outputs, inputs), "Bars of second-order indices"),
+        "convergence": (figures.convergence(outputs, inputs), "First-order indices over the base size"),
+        "split": (figures.uncertainty_split(outputs, inputs), "Bars of metamodel and sampling error"),
+        "methods": (figures.method_comparison(outputs, inputs), "First-order indices by other methods"),
+        "morris": (figures.morris_scatter(outputs, inputs), "Elementary effects, mean and deviation"),
+        "predictions": (figures.prediction_scatter(outputs), "Simulated against predicted values"),
     }
+    return {name: embed_figure(figure, description) for name, (figure, description) in drawn.items()}
 
 
-def _provenance(document: Mapping[str, Any]) -> dict[str, object]:
+def _provenance(result: StudyResult) -> dict[str, object]:
     """Where the numbers come from, as rows of a table."""
-    versions = ", ".join(f"{name} {number}" for name, number in document["versions"].items())
-    times = (
-        f"{document['seconds']:.1f} s in all, {document['campaign_seconds']:.1f} s of it campaign; "
-        f"{document['simulation_seconds']:.1f} s of processor time in simulations"
-    )
     return {
-        **document["settings"],
-        "design": f"{document['design']}, seed {document['seed']}",
-        "indices": document["indices"],
-        "time": times,
-        "versions": versions,
+        **result.settings,
+        "design": f"{result.design}, seed {result.seed}",
+        "indices": result.indices,
+        "time": f"{result.seconds:.1f} s in all, {result.campaign_seconds:.1f} s of it campaign; "
+        f"{result.simulation_seconds:.1f} s of processor time in simulations",
+        "versions": ", ".join(f"{name} {number}" for name, number in result.versions.items()),
     }

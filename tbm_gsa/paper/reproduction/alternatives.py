@@ -23,7 +23,7 @@ from tbm_gsa.paper.reproduction.readings import RATIO_HZ
 from tbm_gsa.paper.reproduction.sensitivity import spearman
 from tbm_gsa.paper.reproduction.verdict import MAIN_COUNT
 from tbm_gsa.paper.sensitivity import MAIN, TRENDS
-from tbm_gsa.sensitivity.sobol import sobol_closed_form
+from tbm_gsa.sensitivity.sobol.closed_form import sobol_closed_form
 from tbm_gsa.sensitivity.study.campaign import run_campaign
 from tbm_gsa.sensitivity.study.curves import response_curve
 from tbm_gsa.sensitivity.study.inputs import PAPER_INPUTS

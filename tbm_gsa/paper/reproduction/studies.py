@@ -13,11 +13,10 @@ from tbm_gsa.sensitivity.study.analysis import OutputAnalysis, OutputFit, fit_ou
 from tbm_gsa.sensitivity.study.campaign import Progress, run_campaign
 from tbm_gsa.sensitivity.study.errors import StudyError
 from tbm_gsa.sensitivity.study.evaluate import MachineEvaluation
-from tbm_gsa.sensitivity.study.files import STORE_NAME
 from tbm_gsa.sensitivity.study.inputs import PAPER_INPUTS
 from tbm_gsa.sensitivity.study.problem import Problem
-from tbm_gsa.sensitivity.study.run import StudyOptions, StudyResult, run_study
-from tbm_gsa.sensitivity.study.store import Store
+from tbm_gsa.sensitivity.study.run import FinishedStudy, StudyOptions, run_study
+from tbm_gsa.sensitivity.study.store import STORE_NAME, Store
 
 
 @dataclass(frozen=True, eq=False)
@@ -82,12 +81,12 @@ class Campaign:
 
 
 def whole_study(
-    campaign: Campaign, folder: Path, workers: int, progress: Progress, report: Callable[[StudyResult], None]
+    campaign: Campaign, folder: Path, workers: int, progress: Progress, report: Callable[[FinishedStudy], None]
 ) -> Study:
     """Run or go on with a study, with its own result.json and report."""
     options = StudyOptions(methods=METHODS, workers=workers, progress=progress, report=report)
     found = run_study(campaign.problem, campaign.evaluation, folder, options)
-    failed = found.document["samples"]["failed"]
+    failed = found.result.samples.failed
     return Study(found.analyses, campaign.train, campaign.test, failed, _sampling_gap(found.analyses))
 
 

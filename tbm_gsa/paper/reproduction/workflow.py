@@ -19,12 +19,9 @@ from tbm_gsa.paper.reproduction.sensitivity import SensitivityEvidence, gather_s
 from tbm_gsa.paper.reproduction.studies import Campaign, fitted_study, whole_study
 from tbm_gsa.paper.reproduction.surrogates import surrogate_rows
 from tbm_gsa.paper.surrogates import TEST, TRAIN
-from tbm_gsa.sensitivity.study.campaign import Progress as CampaignProgress
+from tbm_gsa.sensitivity.study.campaign import Progress
 from tbm_gsa.sensitivity.study.errors import StudyError
-from tbm_gsa.sensitivity.study.run import StudyResult
-
-Progress = Callable[[str, float | None], None]
-"""Called with what is done now and the share of it, 0 to 1; None where the end is not known."""
+from tbm_gsa.sensitivity.study.run import FinishedStudy
 
 
 @dataclass(frozen=True)
@@ -90,7 +87,7 @@ def reproduce(
     workers: int = 2,
     sizes: Sizes | None = None,
     progress: Progress = lambda *_: None,
-    report: Callable[[StudyResult], None] = lambda _: None,
+    report: Callable[[FinishedStudy], None] = lambda _: None,
 ) -> Reproduction:
     """Produce every table and figure of the paper.
 
@@ -154,14 +151,9 @@ def reproduce(
     return Reproduction(document, rows, both, mesh, loads, tuple(responses), tuple(studies))
 
 
-def _simulations(name: str, progress: Progress) -> CampaignProgress:
+def _simulations(name: str, progress: Progress) -> Progress:
     """Progress of the campaign of a reading."""
-
-    def report(done: int, total: int, failed: int) -> None:
-        del failed  # the document says so
-        progress(f"simulations, {name}" if done < total else f"surrogates, {name}", done / total)
-
-    return report
+    return lambda message, fraction: progress(f"{message}, {name}", fraction)
 
 
 def _rows(

@@ -101,7 +101,7 @@ def sobol_closed_form(
 
 
 def with_jackknife(indices: SobolIndices, folds: Sequence[SobolIndices]) -> SobolIndices:
-    """Give indices the intervals of a delete-a-group jackknife over the indices of the folds' surrogates.
+    """Return indices with the intervals of a delete-a-group jackknife over the indices of the folds' surrogates.
 
     Intervals that they have already, of a sampling, are added in squares.
     """

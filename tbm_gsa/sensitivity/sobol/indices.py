@@ -45,15 +45,20 @@ class SobolIndices:
     second_interval: Array | None = None
     evaluations: int = 0
 
+    @property
+    def source(self) -> str:
+        """How they were found."""
+        return f"sampling, {self.evaluations} evaluations" if self.evaluations else "closed form"
+
 
 def of_a_constant(count: int, mean: float) -> SobolIndices:
-    """Give the indices of what does not vary: nothing explains nothing."""
+    """Return the indices of what does not vary: all are zero."""
     zeros, ends = np.zeros(count), np.zeros((count, 2))
     return SobolIndices(zeros, zeros, mean, 0.0, ends, ends, np.zeros((count, count)), np.zeros((count, count, 2)))
 
 
 def checked_groups(groups: Groups | None, inputs: int) -> tuple[tuple[int, ...], ...]:
-    """Give groups as tuples; each input by itself if there are none.
+    """Return groups as tuples; each input by itself if there are none.
 
     Raises
     ------

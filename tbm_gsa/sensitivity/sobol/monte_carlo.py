@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike
 from SALib.analyze.sobol import first_order, second_order, total_order
 
 from tbm_gsa.sensitivity.sobol.indices import Groups, SobolIndices
-from tbm_gsa.sensitivity.sobol.pick_freeze import Design, Values
+from tbm_gsa.sensitivity.sobol.pick_freeze import PickFreezeDesign, Values
 from tbm_msgs_py.base.arrays import Array
 
 SAMPLE_SIZES: Final = (20_000, 40_000, 60_000, 80_000, 100_000)
@@ -62,7 +62,7 @@ def sobol_monte_carlo(
     .. [1] A. Saltelli et al., "Variance based sensitivity analysis of model output", Computer Physics Communications
        181 (2010) 259–270.
     """
-    design = Design.draw(bounds, samples, seed, groups)
+    design = PickFreezeDesign.draw(bounds, samples, seed, groups)
     return estimate(Values.of(function, design, second=second), seed)
 
 
@@ -107,7 +107,7 @@ def sobol_convergence(
         One for each power of two, smallest first.
     """
     sizes = convergence_sizes(samples)
-    values = Values.of(function, Design.draw(bounds, max(sizes), seed, groups))
+    values = Values.of(function, PickFreezeDesign.draw(bounds, max(sizes), seed, groups))
     return tuple(ConvergenceStep(asked, size, estimate(values.prefix(size), seed)) for size, asked in sizes.items())
 
 

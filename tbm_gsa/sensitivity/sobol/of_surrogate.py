@@ -8,7 +8,7 @@ import numpy as np
 from tbm_gsa.sensitivity.sobol.closed_form import sobol_closed_form, with_jackknife
 from tbm_gsa.sensitivity.sobol.indices import Groups, SobolIndices, checked_groups, of_a_constant
 from tbm_gsa.sensitivity.sobol.monte_carlo import point_estimate, sobol_monte_carlo
-from tbm_gsa.sensitivity.sobol.pick_freeze import Design, Values
+from tbm_gsa.sensitivity.sobol.pick_freeze import PickFreezeDesign, Values
 from tbm_gsa.sensitivity.surrogates.base import CrossValidation, Surrogate
 
 STILL: Final = 1e-9
@@ -17,13 +17,8 @@ SAMPLES: Final = 2**13
 FOLD_SAMPLES: Final = 2**10
 
 
-def _has_closed_form(model: Surrogate) -> bool:
-    """Say whether `sobol_closed_form` takes this surrogate."""
-    return model.samples.transform == "none"
-
-
 def is_constant(model: Surrogate) -> bool:
-    """Say whether a surrogate found nothing but noise in its samples."""
+    """Return whether a surrogate found nothing but noise in its samples."""
     predicted = model.predict(model.samples.X)
     return bool(np.ptp(predicted) <= STILL * (np.abs(predicted).max() + np.ptp(model.samples.y)))
 
@@ -52,14 +47,14 @@ def sobol_of_surrogate(
         ``evaluations`` is 0 where they are in closed form. Where they are sampled, the intervals of first and total
         indices hold both the jackknife's deviation and the bootstrap's; those of second-order ones the bootstrap's.
     """
-    if _has_closed_form(model):
+    if model.samples.transform == "none":
         return sobol_closed_form(model, validation, groups=groups, second=second)
     if is_constant(model):
         return of_a_constant(len(checked_groups(groups, len(model.bounds))), float(model.samples.y.mean()))
     indices = sobol_monte_carlo(model.predict, model.bounds, samples, seed, groups=groups, second=second)
     if validation is None:
         return indices
-    design = Design.draw(model.bounds, FOLD_SAMPLES, seed, groups)
+    design = PickFreezeDesign.draw(model.bounds, FOLD_SAMPLES, seed, groups)
     folds = [
         replace(point_estimate(Values.of(fold.predict, design)), second=indices.second)
         for fold in validation.models

@@ -13,16 +13,16 @@ References
 """
 
 from dataclasses import dataclass
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import DTypeLike
 from scipy.linalg import cho_factor, cho_solve
 from scipy.stats import norm, qmc
 
 from tbm_gsa.sensitivity.sobol.indices import Groups
 from tbm_gsa.sensitivity.sobol.monte_carlo import CONFIDENCE, resample
-from tbm_gsa.sensitivity.sobol.pick_freeze import Design
+from tbm_gsa.sensitivity.sobol.pick_freeze import PickFreezeDesign
 from tbm_gsa.sensitivity.surrogates.expansion import gaussian_kernel
 from tbm_gsa.sensitivity.surrogates.krg import Kriging
 from tbm_gsa.sensitivity.surrogates.samples import to_unit
@@ -118,7 +118,7 @@ def sobol_of_paths(
         Its intervals contain both parts. They take the rates of the process for known, as they were fitted.
     """
     functions = ConditionalPaths.draw(model, paths, seed)
-    design = Design.draw(model.bounds, samples, seed, groups)
+    design = PickFreezeDesign.draw(model.bounds, samples, seed, groups)
     a, b = functions.evaluate(design.base), functions.evaluate(design.other)
     centre = 0.5 * (a + b).mean(axis=0)
     a, b = a - centre, b - centre
@@ -193,11 +193,11 @@ class ConditionalPaths:
         return self.model.samples.restore(values + self.offsets)
 
 
-def _fourier(points: Array, frequencies: Array, kind: type[np.floating[Any]] = np.float64) -> NDArray[Any]:
+def _fourier(points: Array, frequencies: Array, kind: DTypeLike = np.float64) -> Array:
     """Cosines and sines (m, 2 L) at points (m, d).
 
     In single precision they take a twentieth of the time; paths are off by some 1e-6 of the output's spread, indices
     by 1e-8.
     """
-    phases = (points @ frequencies).astype(kind)
+    phases: Array = (points @ frequencies).astype(kind)
     return np.concatenate([np.cos(phases), np.sin(phases)], axis=1)

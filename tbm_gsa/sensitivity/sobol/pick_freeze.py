@@ -14,7 +14,7 @@ from tbm_msgs_py.base.errors import InputError
 
 
 @dataclass(frozen=True, eq=False)
-class Design:
+class PickFreezeDesign:
     """Two matrices A, B of points, and the exchanges of columns between them.
 
     The points are those of ``SALib.sample.sobol`` (scrambled Sobol' sequence); they are handed out one block of N at a
@@ -33,7 +33,7 @@ class Design:
     groups: tuple[tuple[int, ...], ...]
 
     @classmethod
-    def draw(cls, bounds: ArrayLike, samples: int, seed: int, groups: Groups | None = None) -> "Design":
+    def draw(cls, bounds: ArrayLike, samples: int, seed: int, groups: Groups | None = None) -> "PickFreezeDesign":
         """Draw a design of base size N, a power of two, inside bounds (d, 2)."""
         box = checked_bounds(bounds)
         if samples < 2 or samples & (samples - 1):
@@ -44,11 +44,11 @@ class Design:
         return cls(points[:, 0], points[:, 1], checked_groups(groups, inputs))
 
     def exchanged(self) -> Iterator[Array]:
-        """Give A with the columns of one group from B, (N, d), group after group."""
+        """Return A with the columns of one group from B, (N, d), group after group."""
         return (_exchange(self.base, self.other, group) for group in self.groups)
 
     def exchanged_back(self) -> Iterator[Array]:
-        """B with the columns of one group from A."""
+        """Return B with the columns of one group from A."""
         return (_exchange(self.other, self.base, group) for group in self.groups)
 
 
@@ -82,7 +82,7 @@ class Values:
     spread: float
 
     @classmethod
-    def of(cls, function: Callable[[Array], Array], design: Design, *, second: bool = False) -> "Values":
+    def of(cls, function: Callable[[Array], Array], design: PickFreezeDesign, *, second: bool = False) -> "Values":
         """Evaluate a function (n, d) → (n,) on a design."""
         a, b = _checked(function, design.base), _checked(function, design.other)
         mixed = np.stack([_checked(function, points) for points in design.exchanged()])

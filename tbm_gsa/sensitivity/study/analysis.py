@@ -9,17 +9,11 @@ from typing import Final, TypeVar
 import numpy as np
 
 from tbm_gsa.sensitivity.screening import ElementaryEffects, fast_indices, morris_effects
-from tbm_gsa.sensitivity.sobol import (
-    ConvergenceStep,
-    PathIndices,
-    SobolIndices,
-    convergence_sizes,
-    is_constant,
-    of_a_constant,
-    sobol_convergence,
-    sobol_of_paths,
-    sobol_of_surrogate,
-)
+from tbm_gsa.sensitivity.sobol.indices import SobolIndices, of_a_constant
+from tbm_gsa.sensitivity.sobol.monte_carlo import ConvergenceStep, convergence_sizes, sobol_convergence
+from tbm_gsa.sensitivity.sobol.of_surrogate import is_constant, sobol_of_surrogate
+from tbm_gsa.sensitivity.sobol.paths import PathIndices, sobol_of_paths
+from tbm_gsa.sensitivity.study.campaign import Progress
 from tbm_gsa.sensitivity.study.candidates import Candidate, Data, best_by_method, best_of, fit_candidates, nested_r2
 from tbm_gsa.sensitivity.study.curves import Curve, response_curve
 from tbm_gsa.sensitivity.study.errors import StudyError
@@ -34,7 +28,7 @@ STRONGEST: Final = 5
 
 
 @dataclass(frozen=True, eq=False)
-class Comparison:
+class MethodComparison:
     """What other ways of asking say about an output.
 
     Parameters
@@ -100,12 +94,12 @@ class OutputAnalysis(OutputFit):
         Of the groups of inputs, in the order of `InputSet.groups`; None where there are none.
     paths : PathIndices or None
         Over conditional paths of the Kriging surrogate; None where it was not asked for.
-    comparison : Comparison
+    comparison : MethodComparison
     """
 
     groups: SobolIndices | None
     paths: PathIndices | None
-    comparison: Comparison
+    comparison: MethodComparison
 
 
 @dataclass(frozen=True, eq=False)
@@ -128,7 +122,7 @@ def analyse(
     *,
     seed: int = 0,
     workers: int = 2,
-    progress: Callable[[int, int], None] | None = None,
+    progress: Progress | None = None,
 ) -> dict[str, OutputAnalysis]:
     """Analyse the simulations of a store that ended well.
 
@@ -142,7 +136,7 @@ def analyse(
     workers : int
         Processes that share the outputs. The result does not depend on it.
     progress : callable, optional
-        Called at the start and after every output, with how many are done and how many there are.
+        Called at the start and after every output, see `Progress`.
 
     Returns
     -------
@@ -170,7 +164,7 @@ def _by_output(
     methods: Sequence[str],
     seed: int,
     workers: int,
-    progress: Callable[[int, int], None] | None = None,
+    progress: Progress | None = None,
 ) -> dict[str, Found]:
     """Do what there is to do for every output of a store."""
     check_methods(methods)
@@ -183,10 +177,10 @@ def _by_output(
     ]
     analyses: dict[str, Found] = {}
     report = progress or (lambda *_: None)
-    report(0, len(names))
+    report(f"analysis 0 of {len(names)} outputs", 0.0)
     for analysis in _run(work, tasks, min(workers, len(tasks))):
         analyses[analysis.name] = analysis
-        report(len(analyses), len(names))
+        report(f"analysis {len(analyses)} of {len(names)} outputs", len(analyses) / len(names))
     return {name: analyses[name] for name in names}
 
 
@@ -250,7 +244,7 @@ def _analyse_output(task: _Task) -> OutputAnalysis:
         **vars(fit),
         groups=_group_indices(fit.best, task),
         paths=_path_indices(fit.candidates, task.seed),
-        comparison=_comparison(fit.best, fit.indices, fit.candidates, task.seed),
+        comparison=_comparison(fit, task.seed),
     )
 
 
@@ -270,8 +264,9 @@ def _path_indices(candidates: Mapping[str, Candidate], seed: int) -> PathIndices
     return None if is_constant(model) else sobol_of_paths(model, seed=seed)
 
 
-def _comparison(best: Candidate, indices: SobolIndices, candidates: Mapping[str, Candidate], seed: int) -> Comparison:
-    """Ask in other ways; the chosen surrogate's indices are there already."""
+def _comparison(fit: OutputFit, seed: int) -> MethodComparison:
+    """Apply the other methods; the chosen surrogate's indices are there already."""
+    best, indices = fit.best, fit.indices
     predict, bounds = best.model.predict, best.model.bounds
     places, still = tuple(strongest(indices)), is_constant(best.model)
     if still:
@@ -279,10 +274,10 @@ def _comparison(best: Candidate, indices: SobolIndices, candidates: Mapping[str,
         steps = tuple(ConvergenceStep(asked, size, nothing) for size, asked in convergence_sizes().items())
     else:
         steps = sobol_convergence(predict, bounds, seed=seed, groups=[(k,) for k in places])
-    return Comparison(
+    return MethodComparison(
         surrogates={
             method: indices if candidate is best else sobol_of_surrogate(candidate.model, seed=seed)
-            for method, candidate in candidates.items()
+            for method, candidate in fit.candidates.items()
         },
         convergence=steps,
         places=places,

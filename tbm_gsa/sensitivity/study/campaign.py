@@ -3,24 +3,19 @@
 from collections import deque
 from collections.abc import Callable, Iterator
 from concurrent.futures import FIRST_COMPLETED, CancelledError, Future, wait
-from typing import Final, Protocol
+from typing import Final, TypeAlias
 
 from tbm_gsa.sensitivity.study.cluster import cluster
 from tbm_gsa.sensitivity.study.errors import StudyCancelled, StudyError
 from tbm_gsa.sensitivity.study.store import Store
-from tbm_gsa.sensitivity.study.worker import Evaluate, Outcome, simulate_sample
-from tbm_gsa.sensitivity.study.workers import Workers, local_processes
+from tbm_gsa.sensitivity.study.workers import Evaluate, Outcome, WorkerPool, local_processes, simulate_sample
+
+Progress: TypeAlias = Callable[[str, float | None], None]
+"""``progress(message, fraction)``: what is being done, and the share of it that is done, None where none is known."""
 
 POLL_SECONDS: Final = 0.2
 # Simulations whose worker died before any came back, after which the fault is not theirs.
 HOPELESS: Final = 3
-
-
-class Progress(Protocol):
-    """Called when the campaign starts and after every simulation."""
-
-    def __call__(self, done: int, total: int, failed: int) -> None:
-        """Take the numbers of simulations that ended (well or not), are planned, and failed."""
 
 
 def run_campaign(
@@ -49,65 +44,66 @@ def run_campaign(
     scheduler : str, optional
         Address of a Dask scheduler whose workers are used instead.
     progress : callable, optional
+        Called when the campaign starts and after every simulation, see `Progress`.
     cancelled : callable, optional
-        Asked several times a second; once it answers True no simulation starts anew.
+        Called several times a second; once it returns True no simulation starts.
 
     Raises
     ------
     StudyCancelled
-        After `cancelled` answered True and the running simulations were stored.
+        After `cancelled` returned True and the running simulations were stored.
     StudyError
         No worker can run a simulation; what had finished is in the store.
     """
     _report(store, progress)
     if store.pending():
-        with local_processes(workers) if scheduler is None else cluster(scheduler) as crew:
-            for outcome in _outcomes(crew, store, evaluate, cancelled):
+        with local_processes(workers) if scheduler is None else cluster(scheduler) as pool:
+            for outcome in _outcomes(pool, store, evaluate, cancelled):
                 store.record(outcome)
                 _report(store, progress)
     if store.pending():
         raise StudyCancelled(f"cancelled after {store.counts().done} of {store.counts().total} simulations")
 
 
-def _outcomes(crew: Workers, store: Store, evaluate: Evaluate, cancelled: Callable[[], bool]) -> Iterator[Outcome]:
-    """Outcomes as they come, with a bounded number of simulations handed out."""
+def _outcomes(pool: WorkerPool, store: Store, evaluate: Evaluate, cancelled: Callable[[], bool]) -> Iterator[Outcome]:
+    """Outcomes as simulations end, with a bounded number of simulations handed out."""
     names = store.problem.outputs
     waiting = deque((row, sample, 0) for row, sample in store.pending())
     running: dict[Future[Outcome], tuple[int, dict[str, float], int]] = {}
     ended: list[Outcome] = []
     lost: list[Outcome] = []
-    came_back = False
+    any_returned = False
     while True:
-        while waiting and len(running) < crew.slots and not cancelled():
+        while waiting and len(running) < pool.slots and not cancelled():
             row, sample, deaths = waiting.popleft()
-            running[crew.executor.submit(simulate_sample, evaluate, row, sample, names)] = row, sample, deaths
+            running[pool.executor.submit(simulate_sample, evaluate, row, sample, names)] = row, sample, deaths
         yield from ended  # after the next are on their way: no worker idles while a result is stored
         ended = []
         if not running:
             break
         for future in wait(running, timeout=POLL_SECONDS, return_when=FIRST_COMPLETED).done:
             row, sample, deaths = running.pop(future)
-            outcome = _outcome(future, crew)
+            outcome = _outcome(future, pool)
             if outcome is not None:
-                came_back = True
+                any_returned = True
                 ended.append(outcome)
-            elif deaths < crew.retries:
+            elif deaths < pool.retries:
                 waiting.appendleft((row, sample, deaths + 1))
             else:
                 lost.append(Outcome(row, None, "its worker process died (killed, or out of memory)", 0.0))
-        if came_back:
+        if any_returned:
             ended += lost
             lost = []
         elif len(lost) >= HOPELESS:
-            raise StudyError(f"no worker process stays alive: {HOPELESS} simulations took theirs along, none came back")
+            raise StudyError(f"no worker process stays alive: {HOPELESS} simulations took theirs along, none returned")
     yield from lost
 
 
-def _outcome(future: Future[Outcome], crew: Workers) -> Outcome | None:
+def _outcome(future: Future[Outcome], pool: WorkerPool) -> Outcome | None:
     """Outcome of a future that is done; None if its worker died."""
     try:
         return future.result()
-    except crew.died:
+    except pool.died:
         return None
     except CancelledError:
         raise StudyError("the scheduler is gone; what finished is stored, and `gsa resume` goes on") from None
@@ -116,7 +112,9 @@ def _outcome(future: Future[Outcome], crew: Workers) -> Outcome | None:
 
 
 def _report(store: Store, progress: Progress | None) -> None:
-    """Tell how far the campaign is."""
-    if progress is not None:
-        counts = store.counts()
-        progress(counts.done, counts.total, counts.failed)
+    """Report how far the campaign is."""
+    if progress is None:
+        return
+    counts = store.counts()
+    failed = f", {counts.failed} failed" if counts.failed else ""
+    progress(f"simulations {counts.done} of {counts.total}{failed}", counts.done / counts.total)

@@ -79,6 +79,16 @@ class Candidate:
         return self.validation.r2
 
     @property
+    def rmse_cv(self) -> float:
+        """Root mean square error of the cross validation, in the unit of the output."""
+        return self.validation.rmse
+
+    @property
+    def largest_error_cv(self) -> float:
+        """Largest error of the cross validation, in the unit of the output."""
+        return self.validation.largest_error
+
+    @property
     def r2_test(self) -> float | None:
         """R² on the test points; None where there are fewer than two or they do not vary."""
         if len(self.test_actual) < 2 or np.ptp(self.test_actual) == 0.0:

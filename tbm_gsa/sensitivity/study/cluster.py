@@ -8,7 +8,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 
 from tbm_gsa.sensitivity.study.errors import StudyError
-from tbm_gsa.sensitivity.study.workers import Workers
+from tbm_gsa.sensitivity.study.workers import WorkerPool
 from tbm_msgs_py.base.texts import shortened
 
 CONNECT_TIMEOUT_S = 10
@@ -16,7 +16,7 @@ IN_FLIGHT = 2  # simulations per thread of a worker: one running, one on the way
 
 
 @contextmanager
-def cluster(address: str) -> Iterator[Workers]:
+def cluster(address: str) -> Iterator[WorkerPool]:
     """Connect to a scheduler, such as ``tcp://host:8786``.
 
     A simulation whose worker dies is run again by the scheduler, as often as its own configuration says
@@ -44,7 +44,7 @@ def cluster(address: str) -> Iterator[Workers]:
         except TimeoutError:
             raise StudyError(f"scheduler {address}: has no workers, allowed: at least 1") from None
         threads = sum(client.nthreads().values())
-        yield Workers(client.get_executor(), slots=IN_FLIGHT * threads, died=(KilledWorker,), retries=0)
+        yield WorkerPool(client.get_executor(), slots=IN_FLIGHT * threads, died=(KilledWorker,), retries=0)
 
 
 def _check_scheduler(address: str, timeout_s: float) -> None:
@@ -66,7 +66,7 @@ def _check_scheduler(address: str, timeout_s: float) -> None:
 
 
 async def _identity(address: str) -> None:
-    """Ask a scheduler who it is, and close the connection whatever happens."""
+    """Query the identity of a scheduler, and close the connection whatever happens."""
     from distributed.core import rpc  # noqa: PLC0415 - an optional extra
     from distributed.security import Security  # noqa: PLC0415
 

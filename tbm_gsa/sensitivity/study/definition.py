@@ -1,9 +1,8 @@
 """The file in which a user defines a study: inputs with their distributions, groups, outputs."""
 
-from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any, Final
+from typing import Final
 
 from tbm_gsa.sensitivity.study.distributions import distribution_from, number
 from tbm_gsa.sensitivity.study.errors import StudyError
@@ -62,14 +61,15 @@ def read_definition(path: str | Path) -> Definition:
         raise StudyError(f"{path}: {error}") from None
 
 
-def _definition(document: Mapping[str, Any]) -> Definition:
+def _definition(document: dict[str, object]) -> Definition:
     """Build the definition of a parsed file."""
-    if not isinstance(document.get("inputs"), dict):  # nothing of it is quoted
+    stated = document.get("inputs")
+    if not isinstance(stated, dict):  # nothing of it is quoted
         raise StudyError("inputs: missing or no mapping, allowed: codes of inputs with their distributions")
     for key in document:
         if key not in KEYS:
             raise StudyError(f"unknown key {quoted(key)}, allowed: {', '.join(KEYS)}")
-    inputs = tuple(_input(str(code), given) for code, given in document["inputs"].items())
+    inputs = tuple(_input(str(code), given) for code, given in stated.items())
     groups = document.get("groups") or {}
     if not isinstance(groups, dict):
         raise StudyError(f"groups: {quoted(groups)}, allowed: a mapping of names to lists of inputs")
@@ -78,7 +78,7 @@ def _definition(document: Mapping[str, Any]) -> Definition:
 
 
 def _input(code: str, given: object) -> Input:
-    """Take an input of Table 4, with another distribution where one is given."""
+    """Return an input of Table 4, with another distribution where one is given."""
     known = PAPER_INPUTS[code]
     if given is None:
         return known
@@ -86,30 +86,24 @@ def _input(code: str, given: object) -> Input:
         if not isinstance(given, dict):
             raise StudyError(f"{quoted(given)}, allowed: a mapping such as {{lower: 1, upper: 2}}")
         law = distribution_from({key: value for key, value in given.items() if key != "initial"})
-        initial = _initial(known, law.lower, law.upper, given)
+        if "initial" in given:
+            initial = number("initial", given["initial"])
+        else:
+            initial = known.initial if law.lower <= known.initial <= law.upper else float(law.from_unit(0.5))
     except StudyError as error:
         raise StudyError(f"input {code}: {error}") from None
-    if initial is None:
-        initial = float(law.from_unit(0.5))
-    return Input(code, known.name, known.symbol, known.unit, known.kind, initial, law)
-
-
-def _initial(known: Input, lower: float, upper: float, given: Mapping[str, Any]) -> float | None:
-    """Take the value that is given, else that of the paper, else None where that one is outside the range."""
-    if "initial" in given:
-        return number("initial", given["initial"])
-    return known.initial if lower <= known.initial <= upper else None
+    return replace(known, initial=initial, distribution=law)
 
 
 def _names(where: str, given: object) -> tuple[str, ...]:
-    """Take a list of names."""
+    """Return a list of names; raise a StudyError for anything else."""
     if not isinstance(given, list) or not all(isinstance(name, str) for name in given):
         raise StudyError(f"{where}: {quoted(given)}, allowed: a list of names")
     return tuple(map(_name, given))
 
 
 def _name(given: object) -> str:
-    """Take a name."""
+    """Return a name of bounded length."""
     if len(name := str(given)) > LONGEST_NAME:
         raise StudyError(f"name {quoted(name)}, allowed: up to {LONGEST_NAME} characters")
     return name

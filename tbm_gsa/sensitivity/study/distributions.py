@@ -7,7 +7,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, fields
 from functools import cached_property
-from typing import Any, ClassVar, Final
+from typing import ClassVar, Final, Protocol
 
 import numpy as np
 import scipy  # its parts load on first use
@@ -16,6 +16,13 @@ from numpy.typing import ArrayLike
 from tbm_gsa.sensitivity.study.errors import StudyError
 from tbm_msgs_py.base.arrays import Array
 from tbm_msgs_py.base.texts import quoted
+
+
+class _Law(Protocol):
+    """Frozen distribution of scipy."""
+
+    def cdf(self, values: ArrayLike, /) -> Array: ...
+    def ppf(self, probabilities: ArrayLike, /) -> Array: ...
 
 
 @dataclass(frozen=True)
@@ -31,6 +38,7 @@ class Distribution(ABC):
     lower: float
     upper: float
     name: ClassVar[str]
+    family: ClassVar[str]
 
     def __post_init__(self) -> None:
         for key, value in asdict(self).items():
@@ -60,35 +68,38 @@ class Distribution(ABC):
             raise StudyError(f"{key} {value:g}, allowed: {self.lower:g} to {self.upper:g}")
 
     @cached_property
-    @abstractmethod
-    def _law(self) -> Any:
+    def _law(self) -> _Law:
         """The distribution in scipy, with its parameters."""
+        law: _Law = getattr(scipy.stats, self.family)(*self._parameters())
+        return law
+
+    @abstractmethod
+    def _parameters(self) -> tuple[float, ...]:
+        """Parameters of the family: of its shape, location, scale."""
 
 
 @dataclass(frozen=True)
 class Uniform(Distribution):
     """Every value between the bounds is equally likely."""
 
-    name = "uniform"
+    name, family = "uniform", "uniform"
 
-    @cached_property
-    def _law(self) -> Any:
-        return scipy.stats.uniform(self.lower, self.upper - self.lower)
+    def _parameters(self) -> tuple[float, ...]:
+        return self.lower, self.upper - self.lower
 
 
 @dataclass(frozen=True)
 class LogUniform(Distribution):
     """The logarithm is uniform: every decade between the bounds is equally likely."""
 
-    name = "log-uniform"
+    name, family = "log-uniform", "loguniform"
 
     def _check(self) -> None:
         if self.lower <= 0.0:
             raise StudyError(f"lower {self.lower:g} of a log-uniform distribution, allowed: above 0")
 
-    @cached_property
-    def _law(self) -> Any:
-        return scipy.stats.loguniform(self.lower, self.upper)
+    def _parameters(self) -> tuple[float, ...]:
+        return self.lower, self.upper
 
 
 @dataclass(frozen=True)
@@ -97,17 +108,15 @@ class Normal(Distribution):
 
     mean: float
     std: float
-    name = "normal"
+    name, family = "normal", "truncnorm"
 
     def _check(self) -> None:
         if self.std <= 0.0:
             raise StudyError(f"std {self.std:g}, allowed: above 0")
         self._check_inside("mean", self.mean)
 
-    @cached_property
-    def _law(self) -> Any:
-        below, above = (self.lower - self.mean) / self.std, (self.upper - self.mean) / self.std
-        return scipy.stats.truncnorm(below, above, loc=self.mean, scale=self.std)
+    def _parameters(self) -> tuple[float, ...]:
+        return (self.lower - self.mean) / self.std, (self.upper - self.mean) / self.std, self.mean, self.std
 
 
 @dataclass(frozen=True)
@@ -115,15 +124,14 @@ class Triangular(Distribution):
     """Density that rises linearly from the lower bound to the mode and falls to the upper bound."""
 
     mode: float
-    name = "triangular"
+    name, family = "triangular", "triang"
 
     def _check(self) -> None:
         self._check_inside("mode", self.mode)
 
-    @cached_property
-    def _law(self) -> Any:
+    def _parameters(self) -> tuple[float, ...]:
         width = self.upper - self.lower
-        return scipy.stats.triang((self.mode - self.lower) / width, loc=self.lower, scale=width)
+        return (self.mode - self.lower) / width, self.lower, width
 
 
 DISTRIBUTIONS: Final[Mapping[str, type[Distribution]]] = {
@@ -159,7 +167,7 @@ def distribution_from(given: Mapping[str, object]) -> Distribution:
 
 
 def number(key: str, value: object) -> float:
-    """Take a number from plain data."""
+    """Return a number from plain data; raise a StudyError for anything else."""
     if isinstance(value, bool) or not isinstance(value, int | float):
         raise StudyError(f"{key} {quoted(value)}, allowed: a number")
     try:

@@ -2,18 +2,21 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any, Final, Literal, Self
+from typing import Annotated, Final, Literal, Self
 
 import numpy as np
 from numpy.typing import ArrayLike
+from pydantic import BeforeValidator, Field
 
 from tbm_gsa.sensitivity.study.distributions import Distribution, Uniform, distribution_from, number
 from tbm_gsa.sensitivity.study.errors import StudyError
 from tbm_msgs_py.base.arrays import Array
-from tbm_msgs_py.base.texts import quoted
+from tbm_msgs_py.base.texts import LONGEST_LINE, LONGEST_NAME, quoted
 
 Kind = Literal["absolute", "multiplier"]
-TEXTS: Final = ("code", "name", "symbol", "unit", "kind")
+Name = Annotated[str, Field(min_length=1, max_length=LONGEST_NAME)]
+KINDS: Final[tuple[Kind, ...]] = ("absolute", "multiplier")
+TEXTS: Final = ("code", "name", "symbol", "unit")
 
 
 @dataclass(frozen=True)
@@ -54,20 +57,23 @@ class Input:
         """Upper bound."""
         return self.distribution.upper
 
-    def to_dict(self) -> dict[str, Any]:
+    def to_dict(self) -> dict[str, str | float]:
         """Plain data, for JSON; the parameters of the distribution stand beside the rest."""
-        texts = {key: getattr(self, key) for key in TEXTS}
+        texts = {key: getattr(self, key) for key in (*TEXTS, "kind")}
         return {**texts, "initial": self.initial, **self.distribution.to_dict()}
 
     @classmethod
-    def from_dict(cls, given: Mapping[str, Any]) -> Self:
+    def from_dict(cls, given: object) -> Self:
         """Inverse of `to_dict`."""
-        law = {key: value for key, value in given.items() if key not in {*TEXTS, "initial"}}
-        texts: dict[str, Any] = {key: given.get(key) for key in TEXTS}
-        for key, text in texts.items():
-            if not isinstance(text, str):
-                raise StudyError(f"{key} of an input: {quoted(text)}, allowed: a text")
-        return cls(**texts, initial=number("initial", given.get("initial")), distribution=distribution_from(law))
+        if not isinstance(given, Mapping):
+            raise StudyError(f"an input: {quoted(given)}, allowed: a mapping")
+        code, name, symbol, unit = (_text(key, given.get(key)) for key in TEXTS)
+        kind: Kind | None = next((kind for kind in KINDS if kind == given.get("kind")), None)
+        if kind is None:
+            raise StudyError(f"kind of an input: {quoted(given.get('kind'))}, allowed: {', '.join(KINDS)}")
+        law = {key: value for key, value in given.items() if key not in {*TEXTS, "kind", "initial"}}
+        initial = number("initial", given.get("initial"))
+        return cls(code, name, symbol, unit, kind, initial, distribution_from(law))
 
 
 @dataclass(frozen=True)
@@ -83,8 +89,8 @@ class InputSet:
         for itself.
     """
 
-    inputs: tuple[Input, ...]
-    groups: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
+    inputs: tuple[Annotated[Input, BeforeValidator(Input.from_dict)], ...]
+    groups: Mapping[Name, tuple[Name, ...]] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         if not self.inputs:
@@ -107,11 +113,6 @@ class InputSet:
     def codes(self) -> tuple[str, ...]:
         """Codes in order."""
         return tuple(item.code for item in self.inputs)
-
-    @property
-    def bounds(self) -> Array:
-        """Lower and upper bounds, (d, 2); of a normal input, where it is cut off."""
-        return np.array([[item.lower, item.upper] for item in self.inputs])
 
     def to_unit(self, points: ArrayLike) -> Array:
         """Map points (n, d) to the unit cube, where every input is uniform.
@@ -141,22 +142,19 @@ class InputSet:
         """One point (d,) as the mapping that an evaluation takes."""
         return {code: float(value) for code, value in zip(self.codes, row, strict=True)}
 
-    def to_list(self) -> list[dict[str, Any]]:
-        """Plain data of the inputs, for JSON."""
-        return [item.to_dict() for item in self.inputs]
-
-    @classmethod
-    def from_list(cls, rows: Sequence[Mapping[str, Any]], groups: Mapping[str, Sequence[str]] | None = None) -> Self:
-        """Inverse of `to_list`, with groups."""
-        named = {name: tuple(codes) for name, codes in (groups or {}).items()}
-        return cls(tuple(Input.from_dict(row) for row in rows), named)
-
     def _columns(self, points: ArrayLike) -> Array:
         """Points as an array (n, d)."""
         values = np.asarray(points, dtype=np.float64)
         if values.ndim != 2 or values.shape[1] != len(self):
             raise StudyError(f"points of shape {values.shape}, allowed: (n, {len(self)}), one column per input")
         return values
+
+
+def _text(key: str, given: object) -> str:
+    """Return a text of an input; raise a StudyError for anything else."""
+    if not isinstance(given, str) or len(given) > LONGEST_LINE:
+        raise StudyError(f"{key} of an input: {quoted(given)}, allowed: a text")
+    return given
 
 
 def check_groups(groups: Mapping[str, Sequence[str]], codes: Sequence[str]) -> None:

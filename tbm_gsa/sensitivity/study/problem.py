@@ -3,15 +3,17 @@
 import json
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
-from typing import Final, Self
+from typing import Annotated, ClassVar, Final
+
+from pydantic import ConfigDict, Field, TypeAdapter
 
 from tbm_gsa.sensitivity.study.design import check_kind
-from tbm_gsa.sensitivity.study.errors import StudyError
-from tbm_gsa.sensitivity.study.form import problem_parts
-from tbm_gsa.sensitivity.study.inputs import InputSet
-from tbm_msgs_py.base.texts import shortened
+from tbm_gsa.sensitivity.study.errors import StudyError, validated
+from tbm_gsa.sensitivity.study.inputs import InputSet, Name
+from tbm_msgs_py.base.texts import LONGEST_LINE, shortened
 
-Setting = str | float | int
+Setting = Annotated[str, Field(max_length=LONGEST_LINE)] | float | int
+Count = Annotated[int, Field(ge=0, lt=2**31)]
 FORMAT: Final = 2
 
 
@@ -34,14 +36,15 @@ class Problem:
         Numbers of training points added since, one after the other, see `add_points`.
     """
 
+    __pydantic_config__: ClassVar = ConfigDict(strict=True)  # of what is read from a store
     inputs: InputSet
-    outputs: tuple[str, ...]
-    train: int
-    test: int
-    seed: int
-    settings: Mapping[str, Setting] = field(default_factory=dict)
+    outputs: tuple[Name, ...]
+    train: Count
+    test: Count
+    seed: Count
+    settings: Mapping[Name, Setting] = field(default_factory=dict)
     design: str = "lhs"
-    added: tuple[int, ...] = ()
+    added: tuple[Count, ...] = ()
 
     def __post_init__(self) -> None:
         check_kind(self.design)
@@ -53,34 +56,31 @@ class Problem:
 
     def to_json(self) -> dict[str, str]:
         """Every part as one JSON text."""
-        parts = {
-            "format": FORMAT,
-            "inputs": self.inputs.to_list(),
-            "groups": dict(self.inputs.groups),
-            "outputs": self.outputs,
-            "train": self.train,
-            "test": self.test,
-            "seed": self.seed,
-            "settings": dict(self.settings),
-            "design": self.design,
-            "added": self.added,
-        }
+        inputs = [item.to_dict() for item in self.inputs.inputs]
+        parts = {"format": FORMAT, **vars(self), "inputs": inputs, "groups": self.inputs.groups}
         return {key: json.dumps(value, ensure_ascii=False) for key, value in parts.items()}
 
-    @classmethod
-    def from_json(cls, texts: Mapping[str, str]) -> Self:
+    @staticmethod
+    def from_json(texts: Mapping[str, str]) -> "Problem":
         """Inverse of `to_json`."""
         written = texts.get("format")
         if written != str(FORMAT):
             raise StudyError(f"written in format {shortened(str(written), 20)}, allowed: {FORMAT}; run the study again")
-        parts = problem_parts(texts)
-        inputs = InputSet.from_list(parts["inputs"], parts["groups"])
-        others = {name: parts[name] for name in ("train", "test", "seed", "settings", "design")}
-        return cls(inputs, tuple(parts["outputs"]), added=tuple(parts["added"]), **others)
+        parts = {key: str(text) for key, text in texts.items()}
+        parts["inputs"] = _object({key: parts.pop(key, "null") for key in ("inputs", "groups")})
+        return validated(_STORED_PROBLEM, _object(parts), "not the problem of a study")
+
+
+_STORED_PROBLEM: Final = TypeAdapter(Problem)
+
+
+def _object(texts: Mapping[str, str]) -> str:
+    """Join JSON texts to one of a mapping."""
+    return "{" + ", ".join(f"{json.dumps(key)}: {text}" for key, text in texts.items()) + "}"
 
 
 def difference(stored: Problem, wanted: Problem) -> str | None:
-    """Say in words where two problems differ first; None if they are equal or differ in their groups only.
+    """Return the first difference of two problems in words; None if they are equal or differ in their groups only.
 
     Groups say which indices are added up, and nothing about simulations.
     """

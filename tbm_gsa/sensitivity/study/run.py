@@ -4,40 +4,32 @@ import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
+from tbm_gsa.sensitivity.results import RESULT_NAME, StudyResult
 from tbm_gsa.sensitivity.study.analysis import OutputAnalysis, analyse, check_methods
 from tbm_gsa.sensitivity.study.campaign import Progress, run_campaign
-from tbm_gsa.sensitivity.study.document import study_document
-from tbm_gsa.sensitivity.study.files import REPORT_NAME, RESULT_NAME, STORE_NAME
 from tbm_gsa.sensitivity.study.problem import Problem
-from tbm_gsa.sensitivity.study.store import Store
-from tbm_gsa.sensitivity.study.worker import Evaluate
+from tbm_gsa.sensitivity.study.store import STORE_NAME, Store
+from tbm_gsa.sensitivity.study.workers import Evaluate
 from tbm_gsa.sensitivity.surrogates import SURROGATES
-from tbm_msgs_py.base.files import write_json
 
 
 @dataclass(frozen=True, eq=False)
-class StudyResult:
+class FinishedStudy:
     """A finished study.
 
     Parameters
     ----------
     folder : Path
         Holds ``store.sqlite`` and ``result.json``, and what the report adds: ``report.html`` and ``tables/*.csv``.
-    document : dict
-        What ``result.json`` holds; see `study_document`.
+    result : StudyResult
+        What ``result.json`` holds.
     analyses : mapping of str to OutputAnalysis
     """
 
     folder: Path
-    document: dict[str, Any]
+    result: StudyResult
     analyses: Mapping[str, OutputAnalysis]
-
-    @property
-    def report(self) -> Path:
-        """The HTML page."""
-        return self.folder / REPORT_NAME
 
 
 @dataclass(frozen=True)
@@ -53,11 +45,9 @@ class StudyOptions:
     scheduler : str, optional
         Address of a Dask scheduler whose workers simulate instead.
     progress : callable, optional
-        Of the campaign, see `Progress`.
-    analysis_progress : callable, optional
-        Of the analysis, see `analyse`.
+        Of campaign and analysis, see `Progress`.
     cancelled : callable
-        Asked during the campaign; see `run_campaign`.
+        Called during the campaign; see `run_campaign`.
     report : callable
         Called with the finished study, to write pages and tables into its folder.
     """
@@ -66,14 +56,16 @@ class StudyOptions:
     workers: int = 2
     scheduler: str | None = None
     progress: Progress | None = None
-    analysis_progress: Callable[[int, int], None] | None = None
     cancelled: Callable[[], bool] = lambda: False
-    report: Callable[[StudyResult], None] = lambda _: None
+    report: Callable[[FinishedStudy], None] = lambda _: None
+
+    def __post_init__(self) -> None:
+        check_methods(self.methods)  # before a folder is made, before hours of simulation
 
 
 def run_study(
     problem: Problem, evaluate: Evaluate, folder: str | Path, options: StudyOptions | None = None
-) -> StudyResult:
+) -> FinishedStudy:
     """Run a study, or go on with it where the folder holds one of the same problem.
 
     Parameters
@@ -87,7 +79,7 @@ def run_study(
 
     Returns
     -------
-    StudyResult
+    FinishedStudy
 
     Raises
     ------
@@ -96,86 +88,58 @@ def run_study(
     StudyCancelled
         The campaign was cancelled; calling again goes on with it.
     """
-    options = options or StudyOptions()
-    check_methods(options.methods)  # before a folder is made
     with Store.create_or_open(Path(folder) / STORE_NAME, problem) as store:
         return _finish(store, evaluate, options)
 
 
 def resume_study(
-    folder: str | Path, make_evaluate: Callable[[Problem], Evaluate], options: StudyOptions | None = None
-) -> StudyResult:
+    folder: str | Path,
+    make_evaluate: Callable[[Problem], Evaluate],
+    options: StudyOptions | None = None,
+    added: int | None = None,
+) -> FinishedStudy:
     """Go on with the study of a folder; everything about it but the evaluation is in its store.
 
     Parameters
     ----------
     folder : str or Path
     make_evaluate : callable
-        Gives the evaluation for the problem of the store.
+        Returns the evaluation for the problem of the store.
     options : StudyOptions, optional
+    added : int, optional
+        Training points to add first, see `add_points`; every simulation there is, is kept.
     """
-    with Store.open(Path(folder) / STORE_NAME) as store:
-        return _finish(store, make_evaluate(store.problem), options or StudyOptions())
-
-
-def extend_study(
-    folder: str | Path,
-    samples: int,
-    make_evaluate: Callable[[Problem], Evaluate],
-    options: StudyOptions | None = None,
-) -> StudyResult:
-    """Add training points to the study of a folder, keep every simulation there is, and go on with it.
-
-    Parameters
-    ----------
-    samples : int
-        Points to add, see `add_points`.
-    folder, make_evaluate, options
-        As in `resume_study`.
-    """
-    options = options or StudyOptions()
-    check_methods(options.methods)
     with Store.open(Path(folder) / STORE_NAME) as store:
         evaluate = make_evaluate(store.problem)  # a machine that has changed is refused before anything is planned
-        store.extend(samples)
+        if added is not None:
+            store.extend(added)
         return _finish(store, evaluate, options)
 
 
-def report_study(folder: str | Path, options: StudyOptions | None = None) -> StudyResult:
+def report_study(folder: str | Path, options: StudyOptions | None = None) -> FinishedStudy:
     """Analyse what the store of a folder holds and write its result and report anew, without any simulation."""
     with Store.open(Path(folder) / STORE_NAME) as store:
-        start = time.perf_counter()
-        return _write(store, options or StudyOptions(), start, campaign_seconds=0.0)
+        return _finish(store, None, options)
 
 
-def _finish(store: Store, evaluate: Evaluate, options: StudyOptions) -> StudyResult:
-    """Run what is missing, analyse, write."""
-    check_methods(options.methods)  # before hours of simulation, not after
-    start = time.perf_counter()
-    run_campaign(
-        store,
-        evaluate,
-        workers=options.workers,
-        scheduler=options.scheduler,
-        progress=options.progress,
-        cancelled=options.cancelled,
-    )
-    return _write(store, options, start, campaign_seconds=time.perf_counter() - start)
-
-
-def _write(store: Store, options: StudyOptions, start: float, *, campaign_seconds: float) -> StudyResult:
-    """Analyse a store and write the result beside it."""
-    analyses = analyse(
-        store,
-        options.methods,
-        seed=store.problem.seed,
-        workers=options.workers,
-        progress=options.analysis_progress,
-    )
+def _finish(store: Store, evaluate: Evaluate | None, options: StudyOptions | None) -> FinishedStudy:
+    """Run what is missing if there is an evaluation, analyse, write the result beside the store."""
+    chosen, start, campaign_seconds = options or StudyOptions(), time.perf_counter(), 0.0
+    if evaluate is not None:
+        run_campaign(
+            store,
+            evaluate,
+            workers=chosen.workers,
+            scheduler=chosen.scheduler,
+            progress=chosen.progress,
+            cancelled=chosen.cancelled,
+        )
+        campaign_seconds = time.perf_counter() - start
+    seed = store.problem.seed
+    analyses = analyse(store, chosen.methods, seed=seed, workers=chosen.workers, progress=chosen.progress)
     seconds = time.perf_counter() - start
-    document = study_document(store, analyses, seconds=seconds, campaign_seconds=campaign_seconds)
-    folder = store.path.parent
-    write_json(folder / RESULT_NAME, document)
-    study = StudyResult(folder, document, analyses)
-    options.report(study)
+    result = StudyResult.of(store, analyses, seconds=seconds, campaign_seconds=campaign_seconds)
+    study = FinishedStudy(store.path.parent, result, analyses)
+    result.write(study.folder / RESULT_NAME)
+    chosen.report(study)
     return study

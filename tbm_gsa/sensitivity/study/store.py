@@ -11,17 +11,19 @@ from pathlib import Path
 from typing import Final, Literal, Self
 
 import numpy as np
+from pydantic import ConfigDict, TypeAdapter
 
+from tbm_gsa.reading import Number
 from tbm_gsa.sensitivity.study.design import add_points, make_design
-from tbm_gsa.sensitivity.study.errors import StudyError
-from tbm_gsa.sensitivity.study.form import numbers
+from tbm_gsa.sensitivity.study.errors import StudyError, validated
 from tbm_gsa.sensitivity.study.problem import Problem, difference
-from tbm_gsa.sensitivity.study.worker import Outcome
+from tbm_gsa.sensitivity.study.workers import Outcome
 from tbm_msgs_py.base.arrays import Array
 from tbm_msgs_py.base.files import unfinished
 from tbm_msgs_py.base.texts import shortened
 
-Part = Literal["train", "test"]
+STORE_NAME: Final = "store.sqlite"
+DesignPart = Literal["train", "test"]
 SCHEMA: Final = """
 CREATE TABLE problem (key TEXT PRIMARY KEY, value TEXT NOT NULL) WITHOUT ROWID;
 CREATE TABLE designs (
@@ -42,6 +44,7 @@ CREATE TABLE simulations (
 CREATE VIEW planned AS SELECT * FROM simulations JOIN designs USING (design);
 """
 TEST_DESIGN: Final = "lhs"
+_NUMBERS: Final = TypeAdapter(list[Number], config=ConfigDict(strict=True))
 
 
 @dataclass(frozen=True)
@@ -56,27 +59,6 @@ class Counts:
     def done(self) -> int:
         """Ended either way."""
         return self.ok + self.failed
-
-
-@dataclass(frozen=True)
-class PlannedDesign:
-    """One design of a store and the rows it made: the first, what was added, the test points.
-
-    Parameters
-    ----------
-    part : {"train", "test"}
-    kind : str
-        See `make_design`; ``added to …`` for points of `add_points`.
-    seed : int
-    first, last : int
-        Rows.
-    """
-
-    part: Part
-    kind: str
-    seed: int
-    first: int
-    last: int
 
 
 class Store:
@@ -166,13 +148,6 @@ class Store:
                 _write_parts(self._connection, problem)
             self.problem = problem
 
-    def designs(self) -> list[PlannedDesign]:
-        """Tell what made the rows, in order."""
-        rows = self._connection.execute(
-            "SELECT part, kind, seed, MIN(row), MAX(row) FROM planned GROUP BY design ORDER BY design"
-        )
-        return [PlannedDesign(*row) for row in rows]
-
     def pending(self) -> list[tuple[int, dict[str, float]]]:
         """Row and inputs of every simulation that has not ended, in order."""
         rows = self._connection.execute("SELECT row, inputs FROM simulations WHERE status = 'pending' ORDER BY row")
@@ -196,7 +171,7 @@ class Store:
         by_status = dict(self._connection.execute("SELECT status, COUNT(*) FROM simulations GROUP BY status"))
         return Counts(sum(by_status.values()), by_status.get("ok", 0), by_status.get("failed", 0))
 
-    def results(self, part: Part) -> tuple[Array, Array]:
+    def results(self, part: DesignPart) -> tuple[Array, Array]:
         """Read inputs (n, d) and outputs (n, q) of the simulations that ended well, in the order of the design."""
         rows = self._connection.execute(
             "SELECT inputs, outputs FROM planned WHERE part = ? AND status = 'ok' ORDER BY row", (part,)
@@ -208,10 +183,10 @@ class Store:
 
     def _numbers(self, text: str, count: int) -> list[float]:
         """Read the inputs or outputs of a simulation."""
-        try:
-            return numbers(text, count)
-        except StudyError as error:
-            raise StudyError(f"{self.path}: {error}") from None
+        numbers = validated(_NUMBERS, text, f"{self.path}: a simulation is not one of this study")
+        if len(numbers) != count:
+            raise StudyError(f"{self.path}: a simulation of {len(numbers)} numbers, allowed: {count}")
+        return numbers
 
     def failures(self) -> list[tuple[int, str]]:
         """Row and reason of every failed simulation."""
@@ -245,7 +220,7 @@ def _write_parts(connection: sqlite3.Connection, problem: Problem) -> None:
     connection.executemany("REPLACE INTO problem VALUES (?, ?)", problem.to_json().items())
 
 
-def _plan(connection: sqlite3.Connection, points: Array, part: Part, kind: str, seed: int) -> None:
+def _plan(connection: sqlite3.Connection, points: Array, part: DesignPart, kind: str, seed: int) -> None:
     """Plan the simulations of a design; JSON keeps every bit of a float."""
     design = connection.execute("INSERT INTO designs (part, kind, seed) VALUES (?, ?, ?)", (part, kind, seed)).lastrowid
     connection.executemany(

@@ -1,19 +1,90 @@
-"""Where the simulations of a campaign run, behind the one interface of `concurrent.futures`: processes here."""
+"""Where the simulations of a campaign run, behind the one interface of `concurrent.futures`: processes here.
 
+Every worker process imports this module before it does anything: it loads nothing of scipy, which takes a second.
+"""
+
+import math
 import multiprocessing
-from collections.abc import Callable, Iterator
+import os
+import signal
+import threading
+import time
+from collections.abc import Callable, Iterator, Mapping
 from concurrent.futures import Executor, Future, ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
 from dataclasses import dataclass
-from typing import Any
+from multiprocessing.connection import Connection
+from typing import Final, ParamSpec, TypeAlias, TypeVar
+
+from threadpoolctl import threadpool_limits
 
 from tbm_gsa.sensitivity.study.errors import StudyError
-from tbm_gsa.sensitivity.study.worker import prepare_worker
+
+Evaluate: TypeAlias = Callable[[dict[str, float]], Mapping[str, float]]
+Result = TypeVar("Result")
+Arguments = ParamSpec("Arguments")
+THREAD_VARIABLES: Final = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS")
 
 
 @dataclass(frozen=True)
-class Workers:
+class Outcome:
+    """What became of one simulation: outputs if it went well, the reason if it failed."""
+
+    row: int
+    outputs: Mapping[str, float] | None
+    reason: str | None
+    seconds: float
+
+
+def simulate_sample(evaluate: Evaluate, row: int, sample: dict[str, float], names: tuple[str, ...]) -> Outcome:
+    """Run one simulation in a worker; whatever it raises becomes its outcome."""
+    start = time.perf_counter()
+    try:
+        outputs = _checked(evaluate(sample), names)
+    except Exception as error:  # noqa: BLE001 - any failure of a sample is a result of the campaign
+        reason = f"{type(error).__name__}: {' '.join(str(error).split())}"
+        return Outcome(row, None, reason, time.perf_counter() - start)
+    return Outcome(row, outputs, None, time.perf_counter() - start)
+
+
+def _checked(outputs: Mapping[str, float], names: tuple[str, ...]) -> dict[str, float]:
+    """Return outputs by name as floats; raise a ValueError where one is missing or not finite."""
+    missing = [name for name in names if name not in outputs]
+    if missing:
+        raise ValueError(f"the evaluation returned no {', '.join(missing)}")
+    checked = {name: float(outputs[name]) for name in names}
+    for name, value in checked.items():
+        if not math.isfinite(value):
+            raise ValueError(f"{name} is {value}")
+    return checked
+
+
+def prepare_worker(life: Connection) -> None:
+    """Make a worker use one thread, leave Ctrl-C to its parent, and end with it.
+
+    Parameters
+    ----------
+    life : Connection
+        Reading end of a pipe whose other end the parent alone holds.
+    """
+    os.environ.update(dict.fromkeys(THREAD_VARIABLES, "1"))  # for libraries that are not loaded yet
+    threadpool_limits(1)  # for those that are
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    threading.Thread(target=_end_with, args=(life,), daemon=True).start()
+
+
+def _end_with(life: Connection) -> None:
+    """Leave when the parent has closed its end of the pipe or is gone, however it went.
+
+    A worker holds both ends of the pipe it takes work from, so it never sees that one close.
+    """
+    life.poll(None)
+    os._exit(1)
+
+
+@dataclass(frozen=True)
+class WorkerPool:
     """What a campaign needs to know of its workers.
 
     Parameters
@@ -34,13 +105,13 @@ class Workers:
 
 
 @contextmanager
-def local_processes(count: int) -> Iterator[Workers]:
+def local_processes(count: int) -> Iterator[WorkerPool]:
     """Start processes here, each limited to one thread; they end at once where an exception leaves the block."""
     if count < 1:
         raise StudyError(f"{count} workers, allowed: at least 1")
     executor = _Processes(count)
     try:
-        yield Workers(executor, slots=count, died=(BrokenProcessPool,), retries=1)
+        yield WorkerPool(executor, slots=count, died=(BrokenProcessPool,), retries=1)
     except BaseException:
         executor.end()
         raise
@@ -60,18 +131,20 @@ class _Processes(Executor):
         self._context = multiprocessing.get_context("spawn")
         self._life, self._end_of_life = self._context.Pipe(duplex=False)
         self._pools = [self._new() for _ in range(count)]
-        self._last: list[Future[Any] | None] = [None] * count
+        self._idle: list[Callable[[], bool]] = [lambda: True] * count
 
-    def submit(self, fn: Callable[..., Any], /, *args: Any, **kwargs: Any) -> Future[Any]:
+    def submit(
+        self, fn: Callable[Arguments, Result], /, *args: Arguments.args, **kwargs: Arguments.kwargs
+    ) -> Future[Result]:
         """Hand a task to an idle process; to one that has died, by way of a new one in its place."""
-        place = next((k for k, last in enumerate(self._last) if last is None or last.done()), 0)
+        place = next((k for k, idle in enumerate(self._idle) if idle()), 0)
         try:
             future = self._pools[place].submit(fn, *args, **kwargs)
         except BrokenProcessPool:
             self._pools[place].shutdown()
             self._pools[place] = self._new()
             future = self._pools[place].submit(fn, *args, **kwargs)
-        self._last[place] = future
+        self._idle[place] = future.done
         return future
 
     def shutdown(self, wait: bool = True, *, cancel_futures: bool = False) -> None:

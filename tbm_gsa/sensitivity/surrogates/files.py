@@ -8,12 +8,12 @@ import struct
 import zipfile
 import zlib
 from collections.abc import Mapping
-from dataclasses import fields
 from io import BytesIO
 from pathlib import Path
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from tbm_gsa.sensitivity.surrogates.base import Surrogate
 from tbm_gsa.sensitivity.surrogates.expansion import Expansion, KernelExpansion, PolynomialExpansion
@@ -44,19 +44,18 @@ _DAMAGED: Final = (
 
 def save_surrogate(model: Surrogate, path: str | Path) -> None:
     """Write a surrogate with its samples; a file that is there is replaced."""
-    form = "kernel" if isinstance(model.expansion, KernelExpansion) else "polynomial"
     header = {
         "format": FORMAT,
         "method": model.method,
         "transform": model.samples.transform,
         "seed": model.seed,
         "settings": dict(model.settings),
-        "form": form,
+        "form": "kernel" if isinstance(model.expansion, KernelExpansion) else "polynomial",
     }
-    arrays: dict[str, Any] = {field.name: getattr(model.expansion, field.name) for field in fields(model.expansion)}
-    arrays |= {"X": model.samples.X, "y": model.samples.y, "bounds": model.samples.bounds}
+    samples = model.samples
+    arrays: dict[str, ArrayLike] = {**vars(model.expansion), "X": samples.X, "y": samples.y, "bounds": samples.bounds}
     content = BytesIO()
-    np.savez_compressed(content, header=np.array(json.dumps(header)), **arrays)
+    np.savez_compressed(content, allow_pickle=False, header=np.array(json.dumps(header)), **arrays)
     write_whole(Path(path), content.getvalue())
 
 
@@ -80,7 +79,10 @@ def read_surrogate(path: str | Path, methods: Mapping[str, type[Surrogate]]) -> 
         header = json.loads(str(parts.pop("header")))
         if header["format"] != FORMAT:
             raise InputError(f"its format is {header['format']!r}")
-        return _surrogate(header, parts, methods)
+        samples = checked_samples(*(parts.pop(name) for name in ("X", "y", "bounds"))).under(header["transform"])
+        expansion = _expansion(header["form"], parts, samples.X.shape[1])
+        settings = {str(name): float(value) for name, value in header["settings"].items()}
+        return methods[header["method"]](samples, expansion, settings, int(header["seed"]))
     except OSError as error:
         raise InputError(f"{path}: cannot be read ({error.strerror or error}), allowed: {_WRITTEN}") from None
     except _DAMAGED as error:
@@ -88,28 +90,16 @@ def read_surrogate(path: str | Path, methods: Mapping[str, type[Surrogate]]) -> 
         raise InputError(f"{path}: not a surrogate of this program ({reason}), allowed: {_WRITTEN}") from None
 
 
-def _surrogate(header: Mapping[str, Any], parts: dict[str, Array], methods: Mapping[str, type[Surrogate]]) -> Surrogate:
-    """Build the surrogate of a parsed file."""
-    samples = checked_samples(*(parts.pop(name) for name in ("X", "y", "bounds"))).under(header["transform"])
-    expansion = _expansion(header["form"], parts, samples.X.shape[1])
-    settings = {str(name): float(value) for name, value in header["settings"].items()}
-    return methods[header["method"]](samples, expansion, settings, int(header["seed"]))
-
-
-def _expansion(form: str, parts: Mapping[str, Any], inputs: int) -> Expansion:
+def _expansion(form: str, parts: Mapping[str, Array], inputs: int) -> Expansion:
     """Build an expansion over a number of inputs, shapes checked."""
     if form == "kernel":
         kernel = KernelExpansion(parts["centres"], parts["theta"], parts["weights"], float(parts["offset"]))
-        fits = kernel.centres.shape == (len(kernel.weights), inputs) and kernel.theta.shape == (inputs,)
-        expansion: Expansion = kernel
+        if kernel.centres.shape == (len(kernel.weights), inputs) and kernel.theta.shape == (inputs,):
+            return kernel
     elif form == "polynomial":
-        polynomial = PolynomialExpansion(parts["degrees"], parts["coefficients"])
-        fits = (
-            polynomial.degrees.shape == (len(polynomial.coefficients), inputs) and polynomial.degrees.dtype.kind == "i"
-        )
-        expansion = polynomial
+        degrees, coefficients = parts["degrees"], parts["coefficients"]
+        if degrees.shape == (len(coefficients), inputs) and degrees.dtype.kind == "i":
+            return PolynomialExpansion(degrees.astype(np.int64), coefficients)
     else:
         raise InputError(f"unknown form {form!r}")
-    if not fits:
-        raise InputError("the shapes of its arrays do not belong together")
-    return expansion
+    raise InputError("the shapes of its arrays do not belong together")

@@ -72,7 +72,7 @@ class Samples:
         return np.exp(values) if self.transform == "log" else values
 
     def under(self, transform: Transform) -> "Samples":
-        """Take the same samples with another transformation; an InputError where the output has no logarithm."""
+        """Return the same samples with another transformation; an InputError where the output has no logarithm."""
         if transform not in TRANSFORMS:
             raise InputError(f"unknown transformation {transform!r}, allowed: {', '.join(TRANSFORMS)}")
         if transform == "log" and not (self.y > 0.0).all():

@@ -1,0 +1,271 @@
+"""The result of a study, ``result.json``: its keys are a contract with whoever reads it."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Final, TypeAlias
+
+import numpy as np
+from pydantic import (
+    BaseModel,
+    BeforeValidator,
+    ConfigDict,
+    TypeAdapter,
+    ValidationInfo,
+    WithJsonSchema,
+    WrapSerializer,
+)
+
+from tbm_gsa.provenance import package_versions
+from tbm_gsa.sensitivity.study.errors import StudyError, validated
+from tbm_msgs_py.base.files import write_json
+
+if TYPE_CHECKING:
+    from tbm_gsa.sensitivity.sobol.indices import SobolIndices
+    from tbm_gsa.sensitivity.study.analysis import OutputAnalysis
+    from tbm_gsa.sensitivity.study.store import Store
+
+RESULT_NAME: Final = "result.json"
+REPORT_NAME: Final = "report.html"
+TABLES_NAME: Final = "tables"
+INDICES: Final = (
+    "closed form of the surrogate, sampled where its output was transformed; "
+    "intervals: delete-a-group jackknife over the folds, 95 %"
+)
+# Interactions below this share of the variance are left out.
+SMALLEST_INTERACTION: Final = 1e-3
+
+Codes: TypeAlias = tuple[str, ...]
+
+
+def _by_code(given: object, info: ValidationInfo) -> object:
+    """Return the rows of an array by the codes of the context; a mapping as it is, an empty one for None."""
+    if isinstance(given, np.ndarray):
+        return dict(zip(info.context or (), given.tolist(), strict=True))
+    return {} if given is None else given
+
+
+Number = Annotated[
+    float,
+    BeforeValidator(lambda given: math.nan if given is None else given),  # JSON has null for what is not finite
+    WithJsonSchema({"type": ["number", "null"]}),
+]
+Interval: TypeAlias = tuple[Number, Number]
+Values = Annotated[dict[str, Number], BeforeValidator(_by_code)]
+Intervals = Annotated[dict[str, Interval], BeforeValidator(_by_code)]
+
+
+class ResultPart(BaseModel):
+    """Base of the parts of a result, made of the attributes of what was found; arrays by the codes of the context."""
+
+    model_config = ConfigDict(frozen=True, extra="ignore", from_attributes=True)
+
+
+class IndexTable(ResultPart):
+    """First-order (S1) and total (ST) indices with intervals, by input or group; no intervals where none are known."""
+
+    first: Values
+    total: Values
+    first_interval: Intervals
+    total_interval: Intervals
+
+
+class MethodIndices(IndexTable):
+    """Indices, and how they were found."""
+
+    source: str
+
+
+class ConvergenceIndices(IndexTable):
+    """Indices of the strongest inputs at one base size of Saltelli's scheme, and the sizes that were asked for."""
+
+    asked: tuple[int, ...]
+    samples: int
+
+
+class Interaction(ResultPart):
+    """Second-order index (S2) of two inputs."""
+
+    inputs: tuple[str, str]
+    index: Number
+    interval: Interval
+
+
+class PathSpread(ResultPart):
+    """An index over conditional Kriging paths, by input: mean, 95 %, deviations by the surrogate and by sampling."""
+
+    mean: Values
+    interval: Intervals
+    metamodel: Values
+    monte_carlo: Values
+
+
+class PathTable(ResultPart):
+    """Indices over conditional Kriging paths, and the sizes of their sampling."""
+
+    samples: int
+    paths: int
+    resamples: int
+    first: PathSpread
+    total: PathSpread
+
+
+class MorrisTable(ResultPart):
+    """Elementary effects by input, in the unit of the output per range of the input: μ, μ* with its 95 %, σ."""
+
+    mean: Values
+    mean_absolute: Values
+    mean_absolute_interval: Intervals
+    deviation: Values
+
+
+class SurrogateScores(ResultPart):
+    """Quality of a surrogate in cross validation and on the test points; errors in the unit of the output."""
+
+    transform: str
+    r2_cv: Number
+    r2_test: float | None
+    rmse_cv: Number
+    rmse_test: float | None
+    largest_error_cv: Number
+    largest_error_test: float | None
+
+
+class OutputResult(MethodIndices, SurrogateScores):
+    """Everything found about one output: the chosen surrogate, its indices, and what other methods find.
+
+    `second` holds the largest interactions, largest first; `groups` is empty where the study has no groups, `paths`
+    null where there is no Kriging surrogate; `scores` holds the quality of every surrogate.
+    """
+
+    surrogate: str
+    r2_nested: Number
+    second: tuple[Interaction, ...]
+    groups: Annotated[
+        IndexTable | None,
+        BeforeValidator(lambda given: given or None),
+        WrapSerializer(lambda table, dump: dump(table) or {}),
+    ]
+    paths: PathTable | None
+    by_surrogate: dict[str, MethodIndices]
+    convergence: tuple[ConvergenceIndices, ...]
+    fast: IndexTable
+    morris: MorrisTable
+    scores: dict[str, SurrogateScores]
+
+
+class SampleCounts(ResultPart):
+    """Training and test simulations that were planned, and how many of them failed."""
+
+    train: int
+    test: int
+    failed: int
+
+
+class Failure(ResultPart):
+    """A simulation that failed."""
+
+    row: int
+    reason: str
+
+
+class StudyResult(ResultPart):
+    """A finished study: the outputs by name, and where their numbers come from.
+
+    Times in s: `seconds` of this run, `campaign_seconds` of it for the campaign, `simulation_seconds` of processor time
+    in all simulations.
+    """
+
+    outputs: dict[str, OutputResult]
+    seconds: float
+    campaign_seconds: float
+    simulation_seconds: float
+    groups: dict[str, tuple[str, ...]]
+    inputs: dict[str, dict[str, str | float]]
+    samples: SampleCounts
+    failures: tuple[Failure, ...]
+    design: str
+    seed: int
+    settings: dict[str, str | int | float]
+    indices: str
+    versions: dict[str, str]
+
+    @classmethod
+    def of(
+        cls, store: Store, analyses: Mapping[str, OutputAnalysis], *, seconds: float, campaign_seconds: float
+    ) -> StudyResult:
+        """Gather the result of a finished store and its analyses; times as in the class."""
+        problem = store.problem
+        codes, groups = problem.inputs.codes, tuple(problem.inputs.groups)
+        return StudyResult(
+            outputs={name: _output(analysis, codes, groups) for name, analysis in analyses.items()},
+            seconds=seconds,
+            campaign_seconds=campaign_seconds,
+            simulation_seconds=store.simulation_seconds(),
+            groups=dict(problem.inputs.groups),
+            inputs={item.code: item.to_dict() for item in problem.inputs.inputs},
+            samples=SampleCounts(train=problem.train, test=problem.test, failed=store.counts().failed),
+            failures=tuple(Failure(row=row, reason=reason) for row, reason in store.failures()),
+            design=problem.design,
+            seed=problem.seed,
+            settings=dict(problem.settings),
+            indices=INDICES,
+            versions=package_versions(),
+        )
+
+    def write(self, path: Path) -> None:
+        """Write the result as JSON, whole or not at all."""
+        write_json(path, self.model_dump())
+
+    @classmethod
+    def read(cls, path: Path) -> StudyResult:
+        """Read what `write` wrote; a StudyError of one line for any other file."""
+        try:
+            text = path.read_bytes()
+        except OSError as error:
+            raise StudyError(f"{path}: {error.strerror}, allowed: the result of a study") from None
+        return validated(TypeAdapter(cls), text, f"{path}: not the result of a study")
+
+
+def _output(analysis: OutputAnalysis, codes: Codes, groups: Codes) -> OutputResult:
+    """Gather the result of one output."""
+    indices, comparison = analysis.indices, analysis.comparison
+    followed = tuple(codes[k] for k in comparison.places)
+    return OutputResult(
+        **dict(MethodIndices.model_validate(indices, context=codes)),
+        **dict(SurrogateScores.model_validate(analysis.best)),
+        surrogate=analysis.chosen,
+        r2_nested=analysis.nested_r2,
+        second=_interactions(indices, codes),
+        groups=analysis.groups and IndexTable.model_validate(analysis.groups, context=groups),
+        paths=analysis.paths and PathTable.model_validate(analysis.paths, context=codes),
+        by_surrogate={
+            method: MethodIndices.model_validate(found, context=codes)
+            for method, found in comparison.surrogates.items()
+        },
+        convergence=tuple(
+            ConvergenceIndices(
+                asked=step.asked,
+                samples=step.samples,
+                **dict(IndexTable.model_validate(step.indices, context=followed)),
+            )
+            for step in comparison.convergence
+        ),
+        fast=IndexTable.model_validate(comparison.fast, context=codes),
+        morris=MorrisTable.model_validate(comparison.morris, context=codes),
+        scores={method: SurrogateScores.model_validate(found) for method, found in analysis.candidates.items()},
+    )
+
+
+def _interactions(indices: SobolIndices, codes: Codes) -> tuple[Interaction, ...]:
+    """Gather second-order indices with intervals, largest first."""
+    second, interval = indices.second, indices.second_interval
+    if second is None or interval is None:
+        return ()
+    pairs = [(j, k) for j in range(len(codes)) for k in range(j) if second[j, k] >= SMALLEST_INTERACTION]
+    return tuple(
+        Interaction(inputs=(codes[k], codes[j]), index=float(second[j, k]), interval=tuple(interval[j, k].tolist()))
+        for j, k in sorted(pairs, key=lambda pair: -second[pair])
+    )
