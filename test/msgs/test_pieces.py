@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from sample_bag import BLOCKS, RATE, SAMPLES, START_NS
 
 from tbm_msgs_py import ACCELERATION, BagWriter, OperatingPoint, open_recording, read_recording
-from tbm_msgs_py.recordings.decoding import Samples
+from tbm_msgs_py.recordings.decoding import DecodedSamples
 from tbm_msgs_py.recordings.splitting import RecordSplitter
 from tbm_msgs_py.recordings.timeline import LATENESS_NS, Timeline
 
@@ -64,7 +64,7 @@ def test_a_length_that_is_none_is_refused(folder):
 def samples(stamps, log=None, values=None):
     stamps = np.asarray(stamps, np.int64)
     values = np.column_stack([stamps, stamps, stamps]).astype(float) if values is None else values
-    return Samples(stamps, stamps if log is None else log, np.ones(len(stamps), np.int64), stamps, values)
+    return DecodedSamples(stamps, stamps if log is None else log, np.ones(len(stamps), np.int64), stamps, values)
 
 
 @given(st.lists(st.integers(-9, 9), min_size=1, max_size=200), st.integers(1, 40), st.integers(1, 50))
