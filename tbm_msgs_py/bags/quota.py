@@ -1,8 +1,8 @@
 """A limit on what the recordings of a folder take on the disk: the oldest files go first.
 
 Only recordings that were made under a quota, say so in their metadata and are not marked to be kept count and are
-deleted, and only such that no process is writing; of the one being written its finished files may go, never the file being
-written.
+deleted, and only such that no process is writing; of the one being written its finished files may go, never the current
+one.
 """
 
 from __future__ import annotations
