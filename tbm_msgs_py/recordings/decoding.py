@@ -174,11 +174,11 @@ def decode_vectors(message_type: str, data: Bytes, log_ns: Integers, at: Integer
     # CDR aligns to the message behind its encapsulation.
     place = at + _ENCAPSULATION + -(-(header.after - at - _ENCAPSULATION) // 8) * 8 + _VECTOR_OFFSETS[message_type]
     valid = header.valid & (place + 24 <= at + sizes)
-    problem = ""
+    stamps, big, problem = header.stamps_ns, header.big, ""
     if not valid.all():
         problem = f"{message_type} message of {int(sizes[~valid][0])} bytes, allowed: a whole one"
-    stamps, log_ns, place = header.stamps_ns[valid], log_ns[valid], place[valid]
-    values = _numbers(gather(data, place, 24), "f8", header.big[valid])
+        stamps, big, log_ns, place = stamps[valid], big[valid], log_ns[valid], place[valid]
+    values = _numbers(gather(data, place, 24), "f8", big)
     undecodable = len(valid) - len(place)
     ones = np.ones(len(place), np.int64)
     return DecodedSamples(stamps, log_ns, ones, stamps, values, undecodable, problem)
