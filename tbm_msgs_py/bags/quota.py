@@ -43,7 +43,10 @@ class Stored:
 
 def stored(folder: Path) -> list[Stored]:
     """Files of the recordings in a folder that a quota is for, the one written to longest ago first."""
-    files = [Stored(path, at.st_size, at.st_mtime_ns) for path in _under_quota(folder) if (at := _stat(path))]
+    files = []
+    for path in _under_quota(folder):
+        with suppress(FileNotFoundError):  # another recorder has deleted it meanwhile
+            files.append(Stored(path, path.stat().st_size, path.stat().st_mtime_ns))
     return sorted(files, key=lambda file: (file.modified_ns, len(file.path.name), file.path.name))
 
 
@@ -129,11 +132,3 @@ def _under_quota(folder: Path) -> Iterator[Path]:
             text = described.read_text(encoding="utf-8", errors="replace")
             if all(sign in text for sign in _SIGNS):
                 yield from (file for file in recording.glob("*.mcap") if not file.is_symlink())
-
-
-def _stat(path: Path) -> os.stat_result | None:
-    """State of a file; None when another recorder has deleted it meanwhile."""
-    try:
-        return path.stat()
-    except FileNotFoundError:
-        return None

@@ -52,7 +52,7 @@ class ImportedStream:
     topic : str
         Absolute name.
     samples : int
-        ColumnValues written.
+        Rows written.
     rate_hz : float
         From the median step.
     jitter : float

@@ -81,7 +81,7 @@ class MeasurementFile(ABC):
         return None
 
     def pieces(self, columns: Sequence[str], time: TimeBase) -> Iterator[Rows]:
-        """ColumnValues of these columns in their order, with the time that is asked for.
+        """Rows of these columns in their order, with the time that is asked for.
 
         Raises
         ------

@@ -17,7 +17,7 @@ NO_STAMPS = "every header stamp is 0, allowed: stamped samples"
 
 @dataclass(frozen=True, eq=False)
 class DecodedStream:
-    """DecodedSamples of one piece.
+    """Samples of one piece.
 
     Attributes
     ----------
@@ -39,7 +39,7 @@ class DecodedStream:
 
 
 class Timeline:
-    """DecodedSamples of one topic, added in file order and read in time order.
+    """Samples of one topic, added in file order and read in time order.
 
     Attributes
     ----------
