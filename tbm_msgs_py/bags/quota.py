@@ -46,7 +46,8 @@ def stored(folder: Path) -> list[Stored]:
     files = []
     for path in _under_quota(folder):
         with suppress(FileNotFoundError):  # another recorder has deleted it meanwhile
-            files.append(Stored(path, path.stat().st_size, path.stat().st_mtime_ns))
+            at = path.stat()
+            files.append(Stored(path, at.st_size, at.st_mtime_ns))
     return sorted(files, key=lambda file: (file.modified_ns, len(file.path.name), file.path.name))
 
 

@@ -117,7 +117,7 @@ def contract_mapping(names: Iterable[str]) -> TopicMapping:
 
 
 def load_mapping(path: str | Path) -> TopicMapping:
-    """Mapping of a file; a `RecordingError` names the key that is wrong and what is allowed."""
+    """Read a mapping file; a `RecordingError` names the key that is wrong and what is allowed."""
     content = read_yaml(path, "a mapping of topics", TopicMapping.model_fields, RecordingError)
     return validated(TopicMapping, content, str(path), RecordingError)
 
