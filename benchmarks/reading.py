@@ -21,7 +21,7 @@ from rosbags.highlevel import AnyReader
 
 from tbm_msgs_py import ACCELERATION, Bag, blocks, open_recording, topics
 from tbm_msgs_py.bags.definitions import BLOCK_TYPE, typestore
-from tbm_msgs_py.recordings.decoding import Samples, decode_samples
+from tbm_msgs_py.recordings.decoding import DecodedSamples, decode_samples
 
 ACCEL, IMU = "geometry_msgs/msg/AccelStamped", "sensor_msgs/msg/Imu"
 START = 1_700_000_000 * 10**9
@@ -98,7 +98,7 @@ def by_rosbags(path: Path, found: Callable[[str, object], None]) -> None:
             found(connection.topic, reader.deserialize(data, connection.msgtype))
 
 
-def by_us(path: Path, found: Callable[[str, Samples], None]) -> None:
+def by_us(path: Path, found: Callable[[str, DecodedSamples], None]) -> None:
     """Decode to arrays of times (ns) and values, a few megabytes at a time."""
     for batch in Bag(path).batches():
         for topic, messages in batch.by_topic():

@@ -1,4 +1,4 @@
-"""One MCAP file being written: what was flushed is whole, whatever happens afterwards."""
+"""One MCAP file being written: what was flushed stays whole."""
 
 from __future__ import annotations
 

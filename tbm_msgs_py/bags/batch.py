@@ -5,13 +5,11 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
 from itertools import groupby
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-if TYPE_CHECKING:
-    from tbm_msgs_py.bags.records import Bytes
+from tbm_msgs_py.base.arrays import Bytes, Integers
 
 POOL = 4 << 20  # bytes of decompressed chunks that are passed on together
 LOOSE = 1000  # messages outside chunks that count as one chunk
@@ -66,7 +64,7 @@ class MessageBatch:
     """
 
     data: Bytes
-    messages: NDArray[np.int64]
+    messages: Integers
     topics: dict[int, Topic]
     ends: tuple[int, ...]
 
@@ -87,7 +85,7 @@ class MessageBatch:
         channels = self.messages[0].astype(np.uint16)
         ordered = np.take(self.messages, np.argsort(channels, kind="stable"), axis=1)
         ends = np.cumsum(np.bincount(channels))
-        found: dict[Topic, list[NDArray[np.int64]]] = {}
+        found: dict[Topic, list[Integers]] = {}
         for channel in np.flatnonzero(np.diff(ends, prepend=0)).tolist():
             first = int(ends[channel - 1]) if channel else 0
             found.setdefault(self.topics[channel], []).append(ordered[:, first : int(ends[channel])])
@@ -109,10 +107,8 @@ class MessageBatch:
             yield RawMessage(self.topics[channel], log_ns, self.data[at : at + size].tobytes())
 
 
-def joined(
-    window: Bytes, parts: Iterable[tuple[Bytes, NDArray[np.int64]]], topics: dict[int, Topic]
-) -> Iterator[MessageBatch]:
-    """Put the messages of chunks together: a call for each small chunk would cost more than the work in it.
+def joined(window: Bytes, parts: Iterable[tuple[Bytes, Integers]], topics: dict[int, Topic]) -> Iterator[MessageBatch]:
+    """Join the messages of chunks: a call for each small chunk would cost more than the work in it.
 
     Parts within the window are joined as they are, the others by copying their bytes behind one another.
     """

@@ -11,7 +11,8 @@ import numpy as np
 import zstandard
 from isal import isal_zlib  # zlib's checksum, five times as fast
 
-from tbm_msgs_py.bags.records import LONGEST, Bytes
+from tbm_msgs_py.bags.records import LONGEST
+from tbm_msgs_py.base.arrays import Bytes
 from tbm_msgs_py.base.errors import InputError, RecordingError
 
 _HEAD = struct.Struct("<QQQII")  # first and last log time, size of the records, their CRC, length of the name

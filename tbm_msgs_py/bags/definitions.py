@@ -1,15 +1,21 @@
-"""Message definitions of ROS 2 Jazzy, and those that a recording brings along."""
+"""Message definitions of ROS 2 Jazzy and those of a recording, and the serialised messages that are written here."""
 
 from __future__ import annotations
 
 import struct
 from functools import lru_cache
+from typing import Any
 
+import numpy as np
+from numpy.typing import ArrayLike
 from rosbags.serde import SerdeError
 from rosbags.typesys import Stores, get_types_from_idl, get_types_from_msg, get_typestore
 from rosbags.typesys.store import Typestore
 
+from tbm_msgs_py import blocks
 from tbm_msgs_py.bags.batch import Topic
+from tbm_msgs_py.base.operating_point import OperatingPoint
+from tbm_msgs_py.blocks import BlockLayout
 
 BLOCK_TYPE = "sensor_msgs/msg/PointCloud2"
 JOINT_STATE_TYPE = "sensor_msgs/msg/JointState"
@@ -23,6 +29,45 @@ _IDL = "=" * 80 + "\nIDL: "  # how a definition in IDL begins
 def typestore() -> Typestore:
     """Message definitions of ROS 2 Jazzy."""
     return get_typestore(Stores.ROS2_JAZZY)
+
+
+def header(stamp_ns: int, frame_id: str = "") -> Any:
+    """`std_msgs/Header` of a message."""
+    types = typestore().types
+    sec, nanosec = blocks.split_ns(stamp_ns)
+    stamp = types["builtin_interfaces/msg/Time"](sec=sec, nanosec=nanosec)
+    return types["std_msgs/msg/Header"](stamp=stamp, frame_id=frame_id)
+
+
+def serialised_block(
+    layout: BlockLayout, stamp_ns: int, offsets: ArrayLike, values: ArrayLike, frame_id: str = ""
+) -> memoryview:
+    """CDR of a block: offsets (n,) in s after the stamp, values (n, c)."""
+    types = typestore().types
+    field = types["sensor_msgs/msg/PointField"]
+    data = np.frombuffer(blocks.encode(layout, offsets, values), np.uint8)
+    message = types[BLOCK_TYPE](
+        header=header(stamp_ns, frame_id),
+        height=1,
+        width=len(data) // layout.point_step,
+        fields=[field(name=name, offset=at, datatype=kind, count=1) for name, at, kind in layout.fields],
+        is_bigendian=False,
+        point_step=layout.point_step,
+        row_step=len(data),
+        data=data,
+        is_dense=True,
+    )
+    return typestore().serialize_cdr(message, BLOCK_TYPE)
+
+
+def serialised_operating_point(stamp_ns: int, point: OperatingPoint) -> memoryview:
+    """CDR of an operating point."""
+    name, *numbers = point.joints()
+    position, velocity, effort = map(np.array, numbers)
+    message = typestore().types[JOINT_STATE_TYPE](
+        header=header(stamp_ns), name=name, position=position, velocity=velocity, effort=effort
+    )
+    return typestore().serialize_cdr(message, JOINT_STATE_TYPE)
 
 
 def encoding_of(definition: str) -> str:

@@ -20,11 +20,11 @@ from mcap.data_stream import ReadDataStream
 from mcap.exceptions import McapError
 from mcap.opcode import Opcode
 from mcap.records import Channel, Schema, Statistics
-from numpy.typing import NDArray
 
 from tbm_msgs_py.bags.batch import LOOSE, POOL, MessageBatch, Topic, joined
 from tbm_msgs_py.bags.chunks import ChunkError, UnpackingBudget, UnpackingError, chunk_records
-from tbm_msgs_py.bags.records import CHUNK_HEAD, CUT, FOOTER, HEAD, LONGEST, MORE, Bytes, Walk, walk
+from tbm_msgs_py.bags.records import CHUNK_HEAD, CUT, FOOTER, HEAD, LONGEST, MORE, Walk, walk
+from tbm_msgs_py.base.arrays import Bytes, Integers
 from tbm_msgs_py.base.errors import RecordingError
 
 MAGIC = b"\x89MCAP0\r\n"
@@ -158,7 +158,7 @@ class McapFile:
         self.damaged += found.damaged
         self.lost += found.lost
         self._accounted += found.lost
-        parts: list[tuple[Bytes, NDArray[np.int64]]] = []
+        parts: list[tuple[Bytes, Integers]] = []
         loose, own = found.messages, 0
         for opcode, at, size in found.others.T.tolist():
             if opcode == Opcode.CHUNK:
@@ -180,7 +180,7 @@ class McapFile:
         self._accounted += loose.shape[1]
         yield from self._known(data, parts)
 
-    def _chunk(self, data: Bytes, first: int, end: int) -> tuple[Bytes, NDArray[np.int64]]:
+    def _chunk(self, data: Bytes, first: int, end: int) -> tuple[Bytes, Integers]:
         """Messages of the chunk with the body ``data[first:end]``, and the bytes that hold them."""
         try:
             records = chunk_records(data, first, end, self._budget)
@@ -204,7 +204,7 @@ class McapFile:
         self.damaged += damaged
         self._indexed, self._accounted = 0, accounted
 
-    def _known(self, window: Bytes, parts: list[tuple[Bytes, NDArray[np.int64]]]) -> Iterator[MessageBatch]:
+    def _known(self, window: Bytes, parts: list[tuple[Bytes, Integers]]) -> Iterator[MessageBatch]:
         """Messages of known channels."""
         for batch in joined(window, [part for part in parts if part[1].size], self._channels):
             channels = np.flatnonzero(np.bincount(batch.messages[0]))
@@ -281,7 +281,7 @@ def _loaded(file: IO[bytes], at: int, buffer: Bytes) -> Bytes:
     return buffer[:filled]
 
 
-def _in_chunks(data: Bytes, messages: NDArray[np.int64]) -> list[tuple[Bytes, NDArray[np.int64]]]:
+def _in_chunks(data: Bytes, messages: Integers) -> list[tuple[Bytes, Integers]]:
     return [(data, messages[:, first : first + LOOSE]) for first in range(0, messages.shape[1], LOOSE)]
 
 

@@ -1,8 +1,8 @@
 """A limit on what the recordings of a folder take on the disk: the oldest files go first.
 
 Only recordings that were made under a quota, say so in their metadata and are not marked to be kept count and are
-deleted, and only such that nobody is writing; of the one being written its finished files may go, never the file being
-written.
+deleted, and only such that no process is writing; of the one being written its finished files may go, never the current
+one.
 """
 
 from __future__ import annotations
@@ -43,7 +43,11 @@ class Stored:
 
 def stored(folder: Path) -> list[Stored]:
     """Files of the recordings in a folder that a quota is for, the one written to longest ago first."""
-    files = [Stored(path, at.st_size, at.st_mtime_ns) for path in _under_quota(folder) if (at := _stat(path))]
+    files = []
+    for path in _under_quota(folder):
+        with suppress(FileNotFoundError):  # another recorder has deleted it meanwhile
+            at = path.stat()
+            files.append(Stored(path, at.st_size, at.st_mtime_ns))
     return sorted(files, key=lambda file: (file.modified_ns, len(file.path.name), file.path.name))
 
 
@@ -129,11 +133,3 @@ def _under_quota(folder: Path) -> Iterator[Path]:
             text = described.read_text(encoding="utf-8", errors="replace")
             if all(sign in text for sign in _SIGNS):
                 yield from (file for file in recording.glob("*.mcap") if not file.is_symlink())
-
-
-def _stat(path: Path) -> os.stat_result | None:
-    """State of a file; None when another recorder has deleted it meanwhile."""
-    try:
-        return path.stat()
-    except FileNotFoundError:
-        return None

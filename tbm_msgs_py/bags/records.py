@@ -7,14 +7,13 @@ begin, the walk searches for the next place from which three records follow one 
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from mcap.opcode import Opcode
 from numba import njit
-from numpy.typing import NDArray
 
-Bytes = NDArray[np.uint8]
+from tbm_msgs_py.base.arrays import Bytes, Integers
 
 HEAD = 9  # bytes before the body of a record
 MESSAGE_HEAD = 22  # bytes of a message's body before its data
@@ -57,8 +56,8 @@ class Walk(NamedTuple):
         Places that were not records; messages known to be lost there.
     """
 
-    messages: NDArray[np.int64]
-    others: NDArray[np.int64]
+    messages: Integers
+    others: Integers
     stop: int
     state: int
     searching: bool
@@ -83,14 +82,14 @@ def walk(data: Bytes, first: int, end: int, limit: int, *, searching: bool = Fal
     return Walk(*_walk(data, first, end, limit, searching))
 
 
-def gather(data: Bytes, starts: NDArray[np.int64], width: int) -> Bytes:
+def gather(data: Bytes, starts: Integers, width: int) -> Bytes:
     """Copy `width` bytes from each start, (n, width)."""
     out = np.empty((len(starts), width), np.uint8)
     _gather(data, starts, out)
     return out
 
 
-def join(data: Bytes, starts: NDArray[np.int64], sizes: NDArray[np.int64]) -> Bytes:
+def join(data: Bytes, starts: Integers, sizes: Integers) -> Bytes:
     """Copy `sizes` bytes from each start, one behind the other."""
     out = np.empty(int(sizes.sum()), np.uint8)
     _join(data, starts, sizes, out)
@@ -98,8 +97,8 @@ def join(data: Bytes, starts: NDArray[np.int64], sizes: NDArray[np.int64]) -> By
 
 
 @njit(**COMPILED)  # type: ignore[untyped-decorator]
-def number(data: Any, at: int, size: int, big: bool = False) -> Any:
-    """Unsigned number of `size` bytes, taken as int64; little-endian unless told otherwise. Compiled."""
+def number(data: Bytes, at: int, size: int, big: bool = False) -> np.int64:
+    """Unsigned number of `size` bytes, as int64, little-endian by default; compiled."""
     value, place = np.int64(0), np.uintp(at)
     for i in range(size):
         value |= np.int64(data[place + np.uintp(i)]) << (8 * (size - 1 - i if big else i))
@@ -107,7 +106,7 @@ def number(data: Any, at: int, size: int, big: bool = False) -> Any:
 
 
 @njit(**COMPILED)  # type: ignore[untyped-decorator]
-def _is_chunk(data: Any, at: int, end: int) -> Any:
+def _is_chunk(data: Bytes, at: int, end: int) -> bool:
     """Whether the two lengths of a chunk, of its body and of its records, agree."""
     if at + HEAD + CHUNK_HEAD > end:
         return False
@@ -115,11 +114,11 @@ def _is_chunk(data: Any, at: int, end: int) -> Any:
     if name > 8 or at + HEAD + CHUNK_HEAD + name > end:
         return False
     size = number(data, at + HEAD + 32 + name, 8)
-    return 0 <= size <= LONGEST and number(data, at + 1, 8) == CHUNK_HEAD + name + size
+    return bool(0 <= size <= LONGEST and number(data, at + 1, 8) == CHUNK_HEAD + name + size)
 
 
 @njit(**COMPILED)  # type: ignore[untyped-decorator]
-def _fits(data: Any, at: int, end: int, limit: int) -> Any:
+def _fits(data: Bytes, at: int, end: int, limit: int) -> bool:
     """Whether a record of the specification can begin at a place."""
     if at + HEAD > end:
         return False
@@ -131,11 +130,11 @@ def _fits(data: Any, at: int, end: int, limit: int) -> Any:
         return False
     if (length > LONGEST and _WANTED[opcode]) or length > limit - at - HEAD:
         return False
-    return opcode != _CHUNK or _is_chunk(data, at, end)
+    return bool(opcode != _CHUNK or _is_chunk(data, at, end))
 
 
 @njit(**COMPILED)  # type: ignore[untyped-decorator]
-def _begins(data: Any, at: int, end: int, limit: int) -> Any:
+def _begins(data: Bytes, at: int, end: int, limit: int) -> int:
     """1 where records certainly begin, 0 where not, -1 where more bytes have to be seen."""
     place = at
     for count in range(_CHAIN):
@@ -154,7 +153,7 @@ def _begins(data: Any, at: int, end: int, limit: int) -> Any:
 
 
 @njit(**COMPILED)  # type: ignore[untyped-decorator]
-def _search(data: Any, first: int, end: int, limit: int) -> Any:
+def _search(data: Bytes, first: int, end: int, limit: int) -> tuple[int, int]:
     """Place of the next record from `first` on, and what `_begins` says there; (-1, 0) without one."""
     for place in range(first, end - HEAD + 1):
         if data[place] == 0 or data[place] > 15:
@@ -166,7 +165,7 @@ def _search(data: Any, first: int, end: int, limit: int) -> Any:
 
 
 @njit(**COMPILED)  # type: ignore[untyped-decorator]
-def _foreign(data: Any, at: int, end: int, limit: int) -> Any:
+def _foreign(data: Bytes, at: int, end: int, limit: int) -> bool:
     """Whether a record of an opcode that the specification leaves open stands there: one that fits follows."""
     place = at
     for _ in range(_CHAIN):
@@ -182,7 +181,9 @@ def _foreign(data: Any, at: int, end: int, limit: int) -> Any:
 
 
 @njit(**COMPILED)  # type: ignore[untyped-decorator]
-def _walk(data: Any, first: int, end: int, limit: int, searching: bool) -> Any:  # noqa: PLR0912, PLR0915 one loop
+def _walk(  # noqa: PLR0912, PLR0915 one loop
+    data: Bytes, first: int, end: int, limit: int, searching: bool
+) -> tuple[Integers, Integers, int, int, bool, int, int]:
     messages = np.empty((4, (end - first) // (HEAD + MESSAGE_HEAD) + 1), np.int64)
     others = np.empty((3, (end - first) // HEAD + 1), np.int64)
     n, m, at, previous, state, damaged, lost = 0, 0, first, -1, CUT, 0, 0
@@ -243,7 +244,7 @@ def _walk(data: Any, first: int, end: int, limit: int, searching: bool) -> Any: 
 
 # Unsigned indices: numba asks of every signed one whether it counts from the end, which keeps copies from being fast.
 @njit(**COMPILED)  # type: ignore[untyped-decorator]
-def _gather(data: Any, starts: Any, out: Any) -> None:
+def _gather(data: Bytes, starts: Integers, out: Bytes) -> None:
     width = np.uintp(out.shape[1])
     for k in range(len(starts)):
         at = np.uintp(starts[k])
@@ -252,7 +253,7 @@ def _gather(data: Any, starts: Any, out: Any) -> None:
 
 
 @njit(**COMPILED)  # type: ignore[untyped-decorator]
-def _join(data: Any, starts: Any, sizes: Any, out: Any) -> None:
+def _join(data: Bytes, starts: Integers, sizes: Integers, out: Bytes) -> None:
     place = np.uintp(0)
     for k in range(len(starts)):
         at, size = np.uintp(starts[k]), np.uintp(sizes[k])

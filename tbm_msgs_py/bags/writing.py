@@ -7,15 +7,21 @@ import shutil
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, suppress
 from pathlib import Path
-from typing import Any, Self
+from typing import Self
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from tbm_msgs_py import blocks, topics
+from tbm_msgs_py import topics
 from tbm_msgs_py.bags import metadata
 from tbm_msgs_py.bags.bag_file import BagFile, Compression
-from tbm_msgs_py.bags.definitions import BLOCK_TYPE, JOINT_STATE_TYPE, typestore
+from tbm_msgs_py.bags.definitions import (
+    BLOCK_TYPE,
+    JOINT_STATE_TYPE,
+    serialised_block,
+    serialised_operating_point,
+    typestore,
+)
 from tbm_msgs_py.bags.folder import lock
 from tbm_msgs_py.bags.metadata import TopicEntry
 from tbm_msgs_py.base.errors import RecordingError
@@ -201,39 +207,16 @@ class BagWriter:
         frame_id: str = "",
     ) -> None:
         """Write a block, logged at its stamp by default: offsets (n,) in s after the stamp, values (n, c)."""
-        types = typestore().types
-        field = types["sensor_msgs/msg/PointField"]
-        data = np.frombuffer(blocks.encode(layout, offsets, values), np.uint8)
-        message = types[BLOCK_TYPE](
-            header=_header(stamp_ns, frame_id),
-            height=1,
-            width=len(data) // layout.point_step,
-            fields=[field(name=name, offset=at, datatype=kind, count=1) for name, at, kind in layout.fields],
-            is_bigendian=False,
-            point_step=layout.point_step,
-            row_step=len(data),
-            data=data,
-            is_dense=True,
-        )
-        self._serialise(topic, BLOCK_TYPE, stamp_ns if log_ns is None else log_ns, message)
+        data = serialised_block(layout, stamp_ns, offsets, values, frame_id)
+        self.write(topic, BLOCK_TYPE, stamp_ns if log_ns is None else log_ns, data)
 
     def write_operating_point(
         self, stamp_ns: int, point: OperatingPoint, *, topic: str | None = None, log_ns: int | None = None
     ) -> None:
-        """Write an operating point, on the contract's topic unless told otherwise."""
-        name, position, velocity, effort = point.joints()
-        message = typestore().types[JOINT_STATE_TYPE](
-            header=_header(stamp_ns),
-            name=name,
-            position=np.array(position),
-            velocity=np.array(velocity),
-            effort=np.array(effort),
-        )
+        """Write an operating point, by default on the contract's topic."""
         topic = topic or topics.absolute(topics.OPERATING_POINT)
-        self._serialise(topic, JOINT_STATE_TYPE, stamp_ns if log_ns is None else log_ns, message)
-
-    def _serialise(self, topic: str, message_type: str, log_ns: int, message: Any) -> None:
-        self.write(topic, message_type, log_ns, typestore().serialize_cdr(message, message_type))
+        data = serialised_operating_point(stamp_ns, point)
+        self.write(topic, JOINT_STATE_TYPE, stamp_ns if log_ns is None else log_ns, data)
 
     def _declare(
         self, topic: str, message_type: str, qos: QoS | None, definition: tuple[str, str] | None
@@ -308,11 +291,3 @@ class BagWriter:
 def bare_label(path: Path, process: int) -> str:
     """Beginning of the name that a bare file has while a process writes it, after its dot."""
     return f"{path.stem}.{process}."
-
-
-def _header(stamp_ns: int, frame_id: str = "") -> Any:
-    types = typestore().types
-    sec, nanosec = blocks.split_ns(stamp_ns)
-    return types["std_msgs/msg/Header"](
-        stamp=types["builtin_interfaces/msg/Time"](sec=sec, nanosec=nanosec), frame_id=frame_id
-    )

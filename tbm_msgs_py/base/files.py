@@ -29,7 +29,7 @@ def data_folder() -> Path:
 
 
 def read_text(path: Path, encoding: str = "utf-8", largest: int = LARGEST_TEXT) -> str:
-    """Text of a file that anybody may have written, its lines ended as Unix ends them.
+    """Text of a file of any origin, its lines ended as Unix ends them.
 
     Raises
     ------
@@ -55,7 +55,7 @@ def write_whole(path: Path, content: bytes) -> None:
 def unfinished(path: Path) -> Iterator[Path]:
     """Empty new file beside `path` that takes its place at the end of the `with` block, or goes with an error.
 
-    Its name cannot be guessed and it is made exclusively, so that nobody can have put a link in its way. What is at
+    Its name cannot be guessed and it is made exclusively, so that no link can stand in its way. What is at
     `path` is replaced, be it a link; what the link led to stays as it is. An OSError names `path`.
     """
     fresh = hidden_beside(path)

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from tbm_msgs_py import topics
 from tbm_msgs_py.bags.writing import BagWriter
+from tbm_msgs_py.base.arrays import Array, Integers
 from tbm_msgs_py.base.errors import RecordingError
 from tbm_msgs_py.base.files import write_whole
 from tbm_msgs_py.base.operating_point import OperatingPoint
@@ -24,7 +25,7 @@ from tbm_msgs_py.importing.description import Description, TimeColumn, same_unit
 from tbm_msgs_py.importing.library_warnings import library_warnings
 from tbm_msgs_py.importing.matlab_file import MatlabFile
 from tbm_msgs_py.importing.mdf_file import MdfFile
-from tbm_msgs_py.importing.source import Source
+from tbm_msgs_py.importing.measurement_file import MeasurementFile
 from tbm_msgs_py.importing.tdms_file import TdmsFile
 from tbm_msgs_py.importing.timing import RowTimes
 from tbm_msgs_py.importing.wav_file import WavFile
@@ -32,7 +33,7 @@ from tbm_msgs_py.recordings import mapping
 from tbm_msgs_py.recordings.mapping import contract_sensor
 
 BLOCK_SAMPLES = topics.MODEL_BLOCK_SAMPLES
-_OPENERS: dict[str, Callable[[Path, Description], Source]] = {
+_OPENERS: dict[str, Callable[[Path, Description], MeasurementFile]] = {
     ".csv": lambda path, description: CsvFile(path, description.csv),
     ".txt": lambda path, description: CsvFile(path, description.csv),
     ".tdms": lambda path, _: TdmsFile(path),
@@ -43,7 +44,7 @@ _OPENERS: dict[str, Callable[[Path, Description], Source]] = {
 
 
 @dataclass
-class Stream:
+class ImportedStream:
     """What became of one topic.
 
     Attributes
@@ -75,7 +76,7 @@ class Stream:
 class Imported:
     """Result of an import: streams by test point (and ``operating_point``), and what the user should look at."""
 
-    streams: dict[str, Stream]
+    streams: dict[str, ImportedStream]
     warnings: list[str]
 
 
@@ -84,8 +85,8 @@ class _Message(NamedTuple):
 
     stamp_ns: int
     name: str
-    times_ns: NDArray[np.int64]
-    values: NDArray[np.float64]
+    times_ns: Integers
+    values: Array
 
 
 def import_recording(
@@ -112,7 +113,7 @@ def import_recording(
     return Imported(imported.streams, [*imported.warnings, *texts])
 
 
-def _open(path: Path, description: Description) -> Source:
+def _open(path: Path, description: Description) -> MeasurementFile:
     opener = _OPENERS.get(path.suffix.lower())
     if opener is None:
         raise RecordingError(f"{path}: suffix {path.suffix or 'missing'}, allowed: {', '.join(_OPENERS)}")
@@ -122,16 +123,16 @@ def _open(path: Path, description: Description) -> Source:
 
 
 def _import(path: Path, description: Description, out: Path, progress: Callable[[int], None] | None) -> Imported:
-    source = _open(path, description)
+    file = _open(path, description)
     stated = {topics.absolute(topics.field_block(name)): point.written() for name, point in description.points.items()}
     if out.suffix == ".mcap" and any(sensor != contract_sensor(sensor.point) for sensor in stated.values()):
         raise RecordingError(
             f"{out}: a bare file cannot say gravity, frame, axes, rotation and range, allowed: a new folder"
         )
-    warnings = _check_units(source, description)
+    warnings = _check_units(file, description)
     streams = {name: _stream(name, entry.columns) for name, entry in description.streams.items()}
-    groups = [streams] if source.shared_rows else [{name: stream} for name, stream in streams.items()]
-    messages = [_messages(source, description, group) for group in groups]
+    groups = [streams] if file.shared_rows else [{name: stream} for name, stream in streams.items()]
+    messages = [_messages(file, description, group) for group in groups]
     with BagWriter(out) as writer:
         for message in heapq.merge(*messages, key=lambda message: message.stamp_ns):
             _write(writer, streams[message.name].topic, message)
@@ -144,37 +145,39 @@ def _import(path: Path, description: Description, out: Path, progress: Callable[
     return Imported(streams, warnings)
 
 
-def _stream(name: str, columns: Sequence[str | None]) -> Stream:
+def _stream(name: str, columns: Sequence[str | None]) -> ImportedStream:
     if name == topics.OPERATING_POINT:
-        return Stream(topics.absolute(topics.OPERATING_POINT))
+        return ImportedStream(topics.absolute(topics.OPERATING_POINT))
     missing = [axis for axis, column in zip("xyz", columns, strict=True) if column is None]
-    return Stream(topics.absolute(topics.field_block(name)), unmeasured=missing)
+    return ImportedStream(topics.absolute(topics.field_block(name)), unmeasured=missing)
 
 
-def _check_units(source: Source, description: Description) -> list[str]:
+def _check_units(file: MeasurementFile, description: Description) -> list[str]:
     """Refuse a missing full scale; warnings where the file states another unit than the user."""
     for name, point in description.points.items():
-        if source.full_scale and point.full_scale is None:
-            raise source.error(f"points.{name}.full_scale: missing, allowed: what full scale is in {point.units}")
+        if file.full_scale and point.full_scale is None:
+            raise file.error(f"points.{name}.full_scale: missing, allowed: what full scale is in {point.units}")
     return [
-        f"{source.path}: column {column}: the file says {label}, the description {unit}"
+        f"{file.path}: column {column}: the file says {label}, the description {unit}"
         for entry in description.streams.values()
         for column, unit in zip(entry.columns, entry.stated_units, strict=True)
-        if column and (label := source.unit(column).strip()) and not same_unit(label, unit)
+        if column and (label := file.unit(column).strip()) and not same_unit(label, unit)
     ]
 
 
-def _messages(source: Source, description: Description, streams: dict[str, Stream]) -> Iterator[_Message]:
+def _messages(
+    file: MeasurementFile, description: Description, streams: dict[str, ImportedStream]
+) -> Iterator[_Message]:
     """Messages of the streams of one time base, in the order of time."""
     entries = {name: description.streams[name] for name in streams}
     columns = list(dict.fromkeys(column for entry in entries.values() for column in entry.columns if column))
     time, start_ns = description.time, description.start_ns
     if description.start == "file":
-        if source.start_ns is None:
-            raise source.error("start: file: the file states no moment, allowed: a date and time with its zone")
-        start_ns = source.start_ns
-    clock = RowTimes(source, start_ns, description.rate, time.restart_gap if isinstance(time, TimeColumn) else None)
-    for piece in source.pieces(columns, time):
+        if file.start_ns is None:
+            raise file.error("start: file: the file states no moment, allowed: a date and time with its zone")
+        start_ns = file.start_ns
+    clock = RowTimes(file, start_ns, description.rate, time.restart_gap if isinstance(time, TimeColumn) else None)
+    for piece in file.pieces(columns, time):
         stamps = clock.stamps(piece.times_ns, len(piece.values))
         edges = clock.gaps_before(stamps)
         messages = []
@@ -191,9 +194,7 @@ def _messages(source: Source, description: Description, streams: dict[str, Strea
             stream.jitter = clock.jitter_ns / clock.step_ns
 
 
-def _batches(
-    name: str, stamps: NDArray[np.int64], values: NDArray[np.float64], edges: NDArray[np.intp]
-) -> list[_Message]:
+def _batches(name: str, stamps: Integers, values: Array, edges: NDArray[np.intp]) -> list[_Message]:
     """Messages of the rows of a piece: single operating points, blocks that end at a gap."""
     if name == topics.OPERATING_POINT:
         starts = list(range(len(stamps)))

@@ -10,11 +10,11 @@ from pathlib import Path
 from typing import IO, Final, NoReturn
 
 import numpy as np
-from numpy.typing import NDArray
 
+from tbm_msgs_py.base.arrays import Array, Integers
 from tbm_msgs_py.base.texts import LONGEST_NAME, quoted, shortened
 from tbm_msgs_py.importing.description import CsvLayout, TimeBase, TimeColumn, to_ns
-from tbm_msgs_py.importing.source import PIECE_ROWS, Piece, Source, nanoseconds
+from tbm_msgs_py.importing.measurement_file import PIECE_ROWS, MeasurementFile, Rows, nanoseconds
 
 _LONGEST_LINE: Final = 1 << 20  # characters
 
@@ -22,7 +22,7 @@ _LONGEST_LINE: Final = 1 << 20  # characters
 _EXACT: dict[str, Callable[[str], int]] = {"ns": int, "datetime": lambda text: to_ns(_moment(text))}
 
 
-class CsvFile(Source):
+class CsvFile(MeasurementFile):
     """A CSV file with a line of column names.
 
     Parameters
@@ -52,7 +52,7 @@ class CsvFile(Source):
         """Name of a row for a message."""
         return f"line {self._layout.first_line + index}"
 
-    def _pieces(self, columns: Sequence[str], time: TimeBase) -> Iterator[Piece]:
+    def _pieces(self, columns: Sequence[str], time: TimeBase) -> Iterator[Rows]:
         wanted = [self._index(column) for column in columns]
         clock = self._index(time.column) if isinstance(time, TimeColumn) else None
         first = 0
@@ -61,7 +61,7 @@ class CsvFile(Source):
             times = None
             if isinstance(time, TimeColumn) and clock is not None:
                 times = self._times(lines, clock, time, first)
-            yield Piece(self._numbers(lines, wanted, first), times)
+            yield Rows(self._numbers(lines, wanted, first), times)
             first += len(lines)
         if first == 0:
             raise self.error(f"no row after line {self._layout.header}, allowed: at least one")
@@ -98,7 +98,7 @@ class CsvFile(Source):
                 if len(cells) != expected:
                     raise self.error(f"{row}: {len(cells)} cells, allowed: the {expected} of the header")
 
-    def _numbers(self, lines: list[str], wanted: Sequence[int], first: int) -> NDArray[np.float64]:
+    def _numbers(self, lines: list[str], wanted: Sequence[int], first: int) -> Array:
         """Columns of some lines, (n, k)."""
         layout = self._layout
         text = [line.replace(",", ".") for line in lines] if layout.decimal == "," else lines
@@ -113,7 +113,7 @@ class CsvFile(Source):
         return values
 
     def _refuse(self, lines: Sequence[str], wanted: Sequence[int], first: int) -> NoReturn:
-        """Say which cell is no number."""
+        """Raise an error that names the cell that is no number."""
         for index, line in enumerate(lines):
             row = self.row(first + index)
             cells = self._cells(line, row)
@@ -125,7 +125,7 @@ class CsvFile(Source):
                     )
         raise self.error(f"{self.row(first)} and after: not rows of numbers, allowed: finite numbers")
 
-    def _times(self, lines: list[str], column: int, time: TimeColumn, first: int) -> NDArray[np.int64]:
+    def _times(self, lines: list[str], column: int, time: TimeColumn, first: int) -> Integers:
         exact = _EXACT.get(time.unit)
         if exact is None:
             return nanoseconds(self._numbers(lines, [column], first)[:, 0], time.unit)

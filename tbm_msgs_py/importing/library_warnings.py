@@ -16,7 +16,7 @@ _LIBRARIES = ("nptdms", "asammdf", "canmatrix")
 def library_warnings(path: Path) -> Iterator[list[str]]:
     """Collect what libraries warn of, such as a file that ends too early, instead of printing it."""
     texts: list[str] = []
-    listener = _Listener(texts)
+    listener = _WarningCollector(texts)
     logging.getLogger().addHandler(listener)
     try:
         with warnings.catch_warnings(record=True) as caught:
@@ -28,7 +28,7 @@ def library_warnings(path: Path) -> Iterator[list[str]]:
         logging.getLogger().removeHandler(listener)
 
 
-class _Listener(logging.Handler):
+class _WarningCollector(logging.Handler):
     def __init__(self, texts: list[str]) -> None:
         super().__init__(logging.WARNING)
         self._texts = texts

@@ -11,13 +11,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tbm_msgs_py.importing.description import TimeBase, TimeColumn
-from tbm_msgs_py.importing.source import Piece, Source, library
+from tbm_msgs_py.importing.measurement_file import MeasurementFile, Rows, library
 
 _COLUMN = re.compile(r"(?P<name>[^()]+)\(:,\s*(?P<number>[1-9]\d*)\)")
 _HDF5 = b"\x89HDF"
 
 
-class MatlabFile(Source):
+class MatlabFile(MeasurementFile):
     """A MATLAB file up to version 7.2 through scipy, and of version 7.3 (HDF5) through h5py."""
 
     kind = "a MATLAB"
@@ -34,7 +34,7 @@ class MatlabFile(Source):
         else:
             self._read_classic()
 
-    def _pieces(self, columns: Sequence[str], time: TimeBase) -> Iterator[Piece]:
+    def _pieces(self, columns: Sequence[str], time: TimeBase) -> Iterator[Rows]:
         clock = time if isinstance(time, TimeColumn) else None
         names = [*columns, *([clock.column] if clock else [])]
         return self.in_pieces(columns, [self._column(name) for name in names], clock)

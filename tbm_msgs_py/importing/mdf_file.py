@@ -12,10 +12,10 @@ import numpy as np
 
 from tbm_msgs_py.base.units import NANOSECONDS
 from tbm_msgs_py.importing.description import TimeBase, to_ns
-from tbm_msgs_py.importing.source import Piece, Source, library
+from tbm_msgs_py.importing.measurement_file import MeasurementFile, Rows, library
 
 
-class MdfFile(Source):
+class MdfFile(MeasurementFile):
     """An MDF file; the channels of one test point share their times."""
 
     kind = "an MDF"
@@ -39,7 +39,7 @@ class MdfFile(Source):
         """Return the unit that the file states."""
         return str(self._signal(column).unit)
 
-    def _pieces(self, columns: Sequence[str], time: TimeBase) -> Iterator[Piece]:
+    def _pieces(self, columns: Sequence[str], time: TimeBase) -> Iterator[Rows]:
         signals = [self._signal(column) for column in columns]
         times = signals[0].timestamps
         for column, signal in zip(columns, signals, strict=True):

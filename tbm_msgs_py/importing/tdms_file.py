@@ -11,10 +11,10 @@ import numpy as np
 
 from tbm_msgs_py.base.units import NANOSECONDS
 from tbm_msgs_py.importing.description import TimeBase, TimeColumn
-from tbm_msgs_py.importing.source import Piece, Source, library
+from tbm_msgs_py.importing.measurement_file import MeasurementFile, Rows, library
 
 
-class TdmsFile(Source):
+class TdmsFile(MeasurementFile):
     """A TDMS file; the channels of one test point share their length and increment."""
 
     kind = "a TDMS"
@@ -41,7 +41,7 @@ class TdmsFile(Source):
         """Return the unit that the file states."""
         return str(self._channel(column).properties.get("unit_string", ""))
 
-    def _pieces(self, columns: Sequence[str], time: TimeBase) -> Iterator[Piece]:
+    def _pieces(self, columns: Sequence[str], time: TimeBase) -> Iterator[Rows]:
         clock = time if isinstance(time, TimeColumn) else None
         channels = [self._channel(column) for column in (*columns, *([clock.column] if clock else []))]
         if time != "file":

@@ -7,8 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from tbm_msgs_py.base.arrays import Integers
 from tbm_msgs_py.base.units import NANOSECONDS
-from tbm_msgs_py.importing.source import Source
+from tbm_msgs_py.importing.measurement_file import MeasurementFile
 from tbm_msgs_py.recordings.faults import GAP_FACTOR
 
 
@@ -18,8 +19,8 @@ class RowTimes:
 
     Attributes
     ----------
-    source : Source
-        File, for messages.
+    file : MeasurementFile
+        Names itself and its rows in messages.
     start_ns : int
         Moment of time 0.
     rate : float or None
@@ -34,7 +35,7 @@ class RowTimes:
         Largest deviation of a step that is no gap from it.
     """
 
-    source: Source
+    file: MeasurementFile
     start_ns: int
     rate: float | None
     restart_gap: float | None
@@ -46,13 +47,13 @@ class RowTimes:
     _shift: int = 0
     _last: int | None = None
 
-    def stamps(self, times_ns: NDArray[np.int64] | None, count: int) -> NDArray[np.int64]:
+    def stamps(self, times_ns: Integers | None, count: int) -> Integers:
         """Stamps of the next `count` rows, ns since the epoch (n,)."""
         if self.rate is not None:
             ticks = np.arange(self.rows, self.rows + count) * (NANOSECONDS / self.rate)
-            stamps: NDArray[np.int64] = np.rint(ticks).astype(np.int64)
+            stamps: Integers = np.rint(ticks).astype(np.int64)
         elif times_ns is None:
-            raise self.source.error("no time of the rows, allowed: a time column or a rate")
+            raise self.file.error("no time of the rows, allowed: a time column or a rate")
         else:
             stamps = self._increasing(times_ns)
         self._measure(stamps)
@@ -60,11 +61,11 @@ class RowTimes:
         self._last = int(stamps[-1])
         return stamps + self.start_ns
 
-    def gaps_before(self, stamps: NDArray[np.int64]) -> NDArray[np.intp]:
+    def gaps_before(self, stamps: Integers) -> NDArray[np.intp]:
         """Find the rows that come after a gap, as indices."""
         return np.flatnonzero(np.diff(stamps) > GAP_FACTOR * self.step_ns) + 1
 
-    def _increasing(self, times: NDArray[np.int64]) -> NDArray[np.int64]:
+    def _increasing(self, times: Integers) -> Integers:
         """Put runs that begin again behind the one before; times after the start."""
         stamps = times + self._shift
         steps = np.diff(stamps, prepend=self._last if self._last is not None else stamps[0] - 1)
@@ -72,8 +73,8 @@ class RowTimes:
             before = int(stamps[at - 1]) if at else self._last
             if before is None or self.restart_gap is None or steps[at] == 0:
                 kind = "repeats" if steps[at] == 0 else f"steps back by {-steps[at] / NANOSECONDS:g} s"
-                raise self.source.error(
-                    f"{self.source.row(self.rows + int(at))}: the time {kind}, "
+                raise self.file.error(
+                    f"{self.file.row(self.rows + int(at))}: the time {kind}, "
                     "allowed: increasing times, or a rate, or restart_gap"
                 )
             shift = before + round(self.restart_gap * NANOSECONDS) - int(stamps[at])
@@ -82,7 +83,7 @@ class RowTimes:
             self.restarts += 1
         return stamps
 
-    def _measure(self, stamps: NDArray[np.int64]) -> None:
+    def _measure(self, stamps: Integers) -> None:
         steps = np.diff(stamps) if self._last is None else np.diff(stamps, prepend=self._last)
         if not len(steps):
             return

@@ -10,9 +10,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from tbm_msgs_py.base.arrays import Array
 from tbm_msgs_py.base.units import NANOSECONDS
 from tbm_msgs_py.importing.description import TimeBase
-from tbm_msgs_py.importing.source import Piece, Source, library
+from tbm_msgs_py.importing.measurement_file import MeasurementFile, Rows, library
 
 
 @dataclass(frozen=True)
@@ -26,11 +27,11 @@ class _Channel:
     def __len__(self) -> int:
         return len(self.readings)
 
-    def __getitem__(self, rows: slice) -> NDArray[np.float64]:
+    def __getitem__(self, rows: slice) -> Array:
         return (self.readings[rows].astype(np.float64) - self.zero) / self.full
 
 
-class WavFile(Source):
+class WavFile(MeasurementFile):
     """A WAV file of whole numbers or floats; its channels are numbered from 1."""
 
     kind = "a WAV"
@@ -44,7 +45,7 @@ class WavFile(Source):
             self._rate, data = wavfile.read(path)
         self._data = data[:, None] if data.ndim == 1 else data
 
-    def _pieces(self, columns: Sequence[str], time: TimeBase) -> Iterator[Piece]:
+    def _pieces(self, columns: Sequence[str], time: TimeBase) -> Iterator[Rows]:
         there = [str(k + 1) for k in range(self._data.shape[1])]
         for column in columns:
             if column not in there:

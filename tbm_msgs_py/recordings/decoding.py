@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import struct
 from functools import lru_cache
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numba import njit
@@ -17,7 +17,8 @@ from numpy.typing import NDArray
 from tbm_msgs_py import blocks
 from tbm_msgs_py.bags.batch import MessageBatch
 from tbm_msgs_py.bags.definitions import BLOCK_TYPE, UNDECODABLE, typestore
-from tbm_msgs_py.bags.records import COMPILED, Bytes, gather, join, number
+from tbm_msgs_py.bags.records import COMPILED, gather, join, number
+from tbm_msgs_py.base.arrays import Array, Bytes, Flags, Integers
 from tbm_msgs_py.base.units import NANOSECONDS
 from tbm_msgs_py.blocks import ACCELERATION, LONGEST_S, BlockError
 
@@ -32,7 +33,7 @@ _VECTOR_OFFSETS = {
 ACCELERATION_TYPES = (*_VECTOR_OFFSETS, BLOCK_TYPE)
 
 
-class Samples(NamedTuple):
+class DecodedSamples(NamedTuple):
     """Decoded samples of a topic, in the order of the messages.
 
     Attributes
@@ -49,16 +50,16 @@ class Samples(NamedTuple):
         What was wrong with the first of those.
     """
 
-    stamps_ns: NDArray[np.int64]
-    log_ns: NDArray[np.int64]
-    counts: NDArray[np.int64]
-    times_ns: NDArray[np.int64]
-    values: NDArray[np.float64]
+    stamps_ns: Integers
+    log_ns: Integers
+    counts: Integers
+    times_ns: Integers
+    values: Array
     undecodable: int = 0
     problem: str = ""
 
 
-def decode_samples(message_type: str, messages: MessageBatch) -> Samples:
+def decode_samples(message_type: str, messages: MessageBatch) -> DecodedSamples:
     """Decode the messages of topics of one of `ACCELERATION_TYPES`."""
     _, log_ns, at, sizes = messages.messages
     if message_type == BLOCK_TYPE:
@@ -66,26 +67,7 @@ def decode_samples(message_type: str, messages: MessageBatch) -> Samples:
     return decode_vectors(message_type, messages.data, log_ns, at, sizes)
 
 
-class _Head(NamedTuple):
-    """Bytes between frame name and data: expected ones, which of them matter, and where three sizes stand."""
-
-    expected: Bytes
-    matters: NDArray[np.bool_]
-    width: int
-    row_step: int
-    data: int
-
-
-class _Blocks(NamedTuple):
-    """Blocks found: header stamp, ns, log time, place of the samples, and their number."""
-
-    stamps_ns: NDArray[np.int64]
-    log_ns: NDArray[np.int64]
-    starts: NDArray[np.int64]
-    counts: NDArray[np.int64]
-
-
-def decode_blocks(data: Bytes, log_ns: NDArray[np.int64], at: NDArray[np.int64], sizes: NDArray[np.int64]) -> Samples:
+def decode_blocks(data: Bytes, log_ns: Integers, at: Integers, sizes: Integers) -> DecodedSamples:
     """Decode acceleration blocks at places (m,) with sizes (m,) in bytes."""
     header = _headers_of(data, at, sizes)
     starts, counts = np.zeros(len(at), np.int64), np.zeros(len(at), np.int64)
@@ -97,7 +79,7 @@ def decode_blocks(data: Bytes, log_ns: NDArray[np.int64], at: NDArray[np.int64],
     bad = _bad_times(records, counts)
     counts[bad] = 0
     if (counts > 0).all():
-        return _samples(records, _Blocks(stamps, log_ns, starts, counts), 0, "")
+        return _samples(records, stamps, log_ns, counts)
     problems, extra, end = [], [data], len(data)
     for k in np.flatnonzero(counts == 0):
         try:
@@ -108,70 +90,55 @@ def decode_blocks(data: Bytes, log_ns: NDArray[np.int64], at: NDArray[np.int64],
         stamps[k], starts[k], counts[k] = block.stamp_ns, end, len(block.offsets)
         extra.append(np.frombuffer(blocks.encode(ACCELERATION, block.offsets, block.values), np.uint8))
         end += len(extra[-1])
-    found = _Blocks(*(column[counts > 0] for column in (stamps, log_ns, starts, counts)))
-    records = _records(np.concatenate(extra), found.starts, found.counts)
-    return _samples(records, found, len(problems), next(iter(problems), ""))
+    stamps, log_ns, starts, counts = (column[counts > 0] for column in (stamps, log_ns, starts, counts))
+    records = _records(np.concatenate(extra), starts, counts)
+    return _samples(records, stamps, log_ns, counts, len(problems), next(iter(problems), ""))
 
 
-def _alike(
-    data: Bytes, after: NDArray[np.int64], at: NDArray[np.int64], sizes: NDArray[np.int64], big: NDArray[np.bool_]
-) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+def _alike(data: Bytes, after: Integers, at: Integers, sizes: Integers, big: Flags) -> tuple[Integers, Integers]:
     """Place and number of the samples of the blocks with the usual head; 0 samples for others."""
-    head = _usual_head()
+    head, alike_bytes = _usual_head()
     first = at + _ENCAPSULATION + -(-(after - at - _ENCAPSULATION) // 4) * 4
-    start = first + len(head.expected)
+    start = first + len(head)
     fits = (start <= at + sizes) & ~big
     if not fits.any():
         return start, np.zeros(len(at), np.int64)
-    raw = gather(data, np.where(fits, first, first[fits][0]), len(head.expected))
-    alike = fits & (raw[:, head.matters] == head.expected[head.matters]).all(axis=1)
+    raw = gather(data, np.where(fits, first, first[fits][0]), len(head))
+    alike = fits & (raw[:, alike_bytes] == head[alike_bytes]).all(axis=1)
     width, row_step, size = (
-        np.ascontiguousarray(raw[:, place : place + 4]).view("<u4")[:, 0].astype(np.int64)
-        for place in (head.width, head.row_step, head.data)
+        np.ascontiguousarray(raw[:, place]).view("<u4")[:, 0].astype(np.int64)
+        for place in (slice(4, 8), slice(-8, -4), slice(-4, None))
     )
     alike &= (row_step == width * ACCELERATION.point_step) & (size == row_step) & (start + size <= at + sizes)
     return start, np.where(alike, width, 0)
 
 
 @lru_cache(maxsize=1)
-def _usual_head() -> _Head:
-    expected, matters = bytearray(), bytearray()
+def _usual_head() -> tuple[Bytes, Flags]:
+    """Bytes between frame name and data of a block, and which of them are alike in all blocks.
 
-    def put(value: bytes, align: int = 4, *, fixed: bool = True) -> int:
-        padding = -len(expected) % align
-        expected.extend(bytes(padding) + value)
-        matters.extend(bytes(padding) + (b"\1" if fixed else b"\0") * len(value))
-        return len(expected) - len(value)
-
-    def number(value: int) -> bytes:
-        return struct.pack("<I", value)
-
-    put(number(1))  # height
-    width = put(number(0), fixed=False)
-    put(number(len(ACCELERATION.fields)))
+    Width, row step and size of the data are not, nor is what fills up to a multiple of 4 bytes.
+    """
+    number = struct.Struct("<I").pack
+    parts = [number(1), b"", number(len(ACCELERATION.fields))]  # height, width
     for name, offset, datatype in ACCELERATION.fields:
-        put(number(len(name) + 1))
-        put(name.encode() + b"\0", 1)
-        put(number(offset))
-        put(bytes([datatype]), 1)
-        put(number(1))  # count
-    put(b"\0", 1)  # is_bigendian
-    put(number(ACCELERATION.point_step))
-    row_step = put(number(0), fixed=False)
-    data = put(number(0), fixed=False)
-    return _Head(
-        np.frombuffer(bytes(expected), np.uint8), np.frombuffer(bytes(matters), np.bool_), width, row_step, data
-    )
+        text = name.encode() + b"\0"
+        parts += [number(len(text)) + text, number(offset), bytes([datatype]), number(1)]
+    parts += [b"\0", number(ACCELERATION.point_step), b"", b""]  # is_bigendian; row step, size of the data
+    sizes = [max(4, -(-len(part) // 4) * 4) for part in parts]
+    head = b"".join(part.ljust(size, b"\0") for part, size in zip(parts, sizes, strict=True))
+    alike = b"".join((b"\1" * len(part)).ljust(size, b"\0") for part, size in zip(parts, sizes, strict=True))
+    return np.frombuffer(head, np.uint8), np.frombuffer(alike, np.bool_)
 
 
-def _records(data: Bytes, starts: NDArray[np.int64], counts: NDArray[np.int64]) -> NDArray[np.void]:
+def _records(data: Bytes, starts: Integers, counts: Integers) -> NDArray[np.void]:
     step = ACCELERATION.point_step
     if len(counts) and (counts == counts[0]).all():
         return gather(data, starts, int(counts[0]) * step).reshape(-1).view(ACCELERATION.dtype)
     return join(data, starts, counts * step).view(ACCELERATION.dtype)
 
 
-def _bad_times(records: NDArray[np.void], counts: NDArray[np.int64]) -> NDArray[np.bool_]:
+def _bad_times(records: NDArray[np.void], counts: Integers) -> Flags:
     """Blocks with a time that is not finite or absurd."""
     good = np.abs(records["t"]) < LONGEST_S
     bad = np.zeros(len(counts), np.bool_)
@@ -187,36 +154,40 @@ def _decoded(message: bytes) -> blocks.Block:
     return block
 
 
-def _samples(records: NDArray[np.void], found: _Blocks, undecodable: int, problem: str) -> Samples:
+def _samples(
+    records: NDArray[np.void],
+    stamps: Integers,
+    log_ns: Integers,
+    counts: Integers,
+    undecodable: int = 0,
+    problem: str = "",
+) -> DecodedSamples:
     offsets = np.rint(records["t"] * NANOSECONDS).astype(np.int64)
-    times = np.repeat(found.stamps_ns, found.counts) + offsets
     with np.errstate(invalid="ignore"):  # a signalling NaN of damaged bytes
         values = records["values"].astype(np.float64)
-    return Samples(found.stamps_ns, found.log_ns, found.counts, times, values, undecodable, problem)
+    return DecodedSamples(stamps, log_ns, counts, np.repeat(stamps, counts) + offsets, values, undecodable, problem)
 
 
-def decode_vectors(
-    message_type: str, data: Bytes, log_ns: NDArray[np.int64], at: NDArray[np.int64], sizes: NDArray[np.int64]
-) -> Samples:
-    """Decode one-sample messages of a type of `_VECTOR_OFFSETS`, whatever the lengths of their frame names."""
+def decode_vectors(message_type: str, data: Bytes, log_ns: Integers, at: Integers, sizes: Integers) -> DecodedSamples:
+    """Decode one-sample messages of a type of `_VECTOR_OFFSETS`, of frame names of any length."""
     header = _headers_of(data, at, sizes)
     # CDR aligns to the message behind its encapsulation.
     place = at + _ENCAPSULATION + -(-(header.after - at - _ENCAPSULATION) // 8) * 8 + _VECTOR_OFFSETS[message_type]
     valid = header.valid & (place + 24 <= at + sizes)
-    problem = ""
+    stamps, big, problem = header.stamps_ns, header.big, ""
     if not valid.all():
         problem = f"{message_type} message of {int(sizes[~valid][0])} bytes, allowed: a whole one"
-        place, log_ns, header = place[valid], log_ns[valid], header.only(valid)
-    values = _numbers(gather(data, place, 24), "f8", header.big)
+        stamps, big, log_ns, place = stamps[valid], big[valid], log_ns[valid], place[valid]
+    values = _numbers(gather(data, place, 24), "f8", big)
     undecodable = len(valid) - len(place)
     ones = np.ones(len(place), np.int64)
-    return Samples(header.stamps_ns, log_ns, ones, header.stamps_ns, values, undecodable, problem)
+    return DecodedSamples(stamps, log_ns, ones, stamps, values, undecodable, problem)
 
 
-def _numbers(raw: Bytes, kind: str, big: NDArray[np.bool_]) -> NDArray[np.float64]:
+def _numbers(raw: Bytes, kind: str, big: Flags) -> Array:
     """Numbers of rows of bytes (m, w), those of some rows in big-endian order."""
     raw = np.ascontiguousarray(raw)
-    numbers: NDArray[np.float64] = raw.view(f"<{kind}")
+    numbers: Array = raw.view(f"<{kind}")
     if big.any():
         numbers[big] = raw[big].view(f">{kind}")
     return numbers
@@ -233,17 +204,13 @@ class _Headers(NamedTuple):
         Stamp, ns; place behind the frame name.
     """
 
-    valid: NDArray[np.bool_]
-    big: NDArray[np.bool_]
-    stamps_ns: NDArray[np.int64]
-    after: NDArray[np.int64]
-
-    def only(self, chosen: NDArray[np.bool_]) -> _Headers:
-        """Choose some messages."""
-        return _Headers(self.valid[chosen], self.big[chosen], self.stamps_ns[chosen], self.after[chosen])
+    valid: Flags
+    big: Flags
+    stamps_ns: Integers
+    after: Integers
 
 
-def _headers_of(data: Bytes, at: NDArray[np.int64], sizes: NDArray[np.int64]) -> _Headers:
+def _headers_of(data: Bytes, at: Integers, sizes: Integers) -> _Headers:
     """Read the headers of the messages at places (m,) with sizes (m,) in bytes."""
     count = len(at)
     valid, big = np.zeros(count, np.bool_), np.zeros(count, np.bool_)
@@ -253,7 +220,9 @@ def _headers_of(data: Bytes, at: NDArray[np.int64], sizes: NDArray[np.int64]) ->
 
 
 @njit(**COMPILED)  # type: ignore[untyped-decorator]
-def _read_headers(data: Any, at: Any, sizes: Any, valid: Any, big: Any, stamps: Any, after: Any) -> None:
+def _read_headers(
+    data: Bytes, at: Integers, sizes: Integers, valid: Flags, big: Flags, stamps: Integers, after: Integers
+) -> None:
     for k in range(len(at)):
         place = at[k]
         if sizes[k] < _HEADER or data[place] != 0 or data[place + 1] > 1:

@@ -6,15 +6,16 @@ from dataclasses import dataclass, fields
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import NDArray
+
+from tbm_msgs_py.base.arrays import Array, Flags, Integers
 
 # A step longer than this many median steps is a gap: half way from one period to two, so that jitter hides a missing
 # sample as rarely as it makes one up.
 GAP_FACTOR = 1.5
 STUCK_S = 1.0  # an axis that holds one value for so long, and for
 STUCK_SAMPLES = 100  # so many samples, is stuck
-CLOCK_JUMP_NS = 10_000_000_000  # stamps that part from the log times by more come from another clock
-PERSISTENT = 5  # messages after which another clock is taken to be the clock from then on
+CLOCK_JUMP_NS = 10_000_000_000  # stamps that differ from the log times by more are of another clock
+PERSISTENT = 5  # messages after which another clock counts as the clock from then on
 
 
 @dataclass(frozen=True)
@@ -61,7 +62,7 @@ class Clock:
     drift: float = 0.0
 
 
-def clock_of(stamps_ns: NDArray[np.int64], log_ns: NDArray[np.int64]) -> Clock:
+def clock_of(stamps_ns: Integers, log_ns: Integers) -> Clock:
     """Compare the clock of messages (m,) with that of the recorder."""
     if not len(stamps_ns):
         return Clock()
@@ -74,9 +75,7 @@ def clock_of(stamps_ns: NDArray[np.int64], log_ns: NDArray[np.int64]) -> Clock:
     return Clock((base + float(np.median(relative))) * 1e-9, 1e6 * change / span if span > 0 else 0.0)
 
 
-def other_clocks(
-    stamps_ns: NDArray[np.int64], log_ns: NDArray[np.int64], offset_ns: int | None
-) -> tuple[NDArray[np.bool_], list[int], int | None]:
+def other_clocks(stamps_ns: Integers, log_ns: Integers, offset_ns: int | None) -> tuple[Flags, list[int], int | None]:
     """Find the messages (m,) whose stamps come from another clock than that of the messages before.
 
     A stamp that leaves its predecessor by more than `CLOCK_JUMP_NS`, and the log times do not, is of another clock. At
@@ -113,7 +112,7 @@ def other_clocks(
     return astray, steps, int(offsets[-1]) if len(runs) == 1 and len(offsets) else offset_ns
 
 
-def find_gaps(time: NDArray[np.float64], before: float | None = None) -> tuple[list[tuple[float, float]], float]:
+def find_gaps(time: Array, before: float | None = None) -> tuple[list[tuple[float, float]], float]:
     """Holes in increasing times (n,) in s, and the mean rate in Hz outside them.
 
     Parameters
@@ -134,16 +133,14 @@ def find_gaps(time: NDArray[np.float64], before: float | None = None) -> tuple[l
     return gaps, float(1.0 / np.mean(steps[~holes]))
 
 
-def stuck_axes(
-    time: NDArray[np.float64], values: NDArray[np.float64], rate_hz: float
-) -> list[tuple[int, float, float]]:
-    """Axis, first and last time of each stretch in which an axis of values (n, c) holds one and the same value."""
+def stuck_axes(time: Array, values: Array, rate_hz: float) -> list[tuple[int, float, float]]:
+    """Axis, first and last time of each interval in which an axis of values (n, c) holds one and the same value."""
     least = max(STUCK_SAMPLES, int(np.ceil(STUCK_S * rate_hz)))
     half = least // 2
     found: list[tuple[int, float, float]] = []
     for axis, series in enumerate(values.T):
         grid = series[::half]
-        # Every stretch that long has two neighbours of this grid in it.
+        # Every interval that long has two neighbours of this grid in it.
         if not (grid[1:] == grid[:-1]).any():
             continue
         starts = np.concatenate(([0], np.flatnonzero(np.diff(series)) + 1))

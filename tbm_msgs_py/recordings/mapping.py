@@ -9,9 +9,9 @@ from pathlib import Path
 from typing import Annotated, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict, Field, field_validator, model_validator
 
+from tbm_msgs_py.base.arrays import Array
 from tbm_msgs_py.base.errors import RecordingError
 from tbm_msgs_py.base.fields import Name
 from tbm_msgs_py.base.strict_yaml import read_yaml
@@ -73,7 +73,7 @@ class SensorMapping(BaseModel):
         """Factor from the recorded unit to m/s²."""
         return STANDARD_GRAVITY if self.units == "g" else 1.0
 
-    def matrix(self) -> NDArray[np.float64]:
+    def matrix(self) -> Array:
         """Sensor values to machine axes in m/s²: ``machine = matrix @ sensor``, (3, 3)."""
         permutation = np.zeros((3, 3))
         for row, axis in enumerate(self.axes):
@@ -118,7 +118,7 @@ def contract_mapping(names: Iterable[str]) -> TopicMapping:
 
 
 def load_mapping(path: str | Path) -> TopicMapping:
-    """TopicMapping of a file; a `RecordingError` names the key that is wrong and what is allowed."""
+    """Read a mapping file; a `RecordingError` names the key that is wrong and what is allowed."""
     content = read_yaml(path, "a mapping of topics", TopicMapping.model_fields, RecordingError)
     return validated(TopicMapping, content, str(path), RecordingError)
 
@@ -129,7 +129,7 @@ def default_mapping_file(recording: Path) -> Path | None:
     return next((file for file in candidates if file.is_file()), None)
 
 
-def _rotation(degrees: tuple[float, float, float]) -> NDArray[np.float64]:
+def _rotation(degrees: tuple[float, float, float]) -> Array:
     """Rotation matrix of roll, pitch and yaw about the fixed axes, as REP-103 has them."""
     (cr, cp, cy), (sr, sp, sy) = np.cos(np.radians(degrees)), np.sin(np.radians(degrees))
     return np.array(

@@ -5,10 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from tbm_msgs_py.bags.batch import MessageBatch
 from tbm_msgs_py.bags.definitions import JOINT_STATE_TYPE, UNDECODABLE, typestore
+from tbm_msgs_py.base.arrays import Array
 from tbm_msgs_py.base.operating_point import OperatingPoint, from_joint_state
 from tbm_msgs_py.blocks import stamp_to_ns
 
@@ -28,7 +28,7 @@ class OperatingRecord:
     """
 
     start_ns: int
-    time: NDArray[np.float64]
+    time: Array
     points: tuple[OperatingPoint, ...]
 
 

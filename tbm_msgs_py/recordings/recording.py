@@ -9,11 +9,11 @@ from functools import cached_property
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from tbm_msgs_py.bags.bag import Bag
 from tbm_msgs_py.bags.batch import MessageBatch, Topic
 from tbm_msgs_py.bags.definitions import JOINT_STATE_TYPE
+from tbm_msgs_py.base.arrays import Array
 from tbm_msgs_py.base.errors import RecordingError
 from tbm_msgs_py.base.texts import listed
 from tbm_msgs_py.recordings.decoding import ACCELERATION_TYPES, decode_samples
@@ -67,8 +67,8 @@ class AccelerationRecord:
     topic: str
     point: str
     start_ns: int
-    time: NDArray[np.float64]
-    values: NDArray[np.float64]
+    time: Array
+    values: Array
     gaps: list[tuple[float, float]]
     rate_hz: float
     clipped: int = 0

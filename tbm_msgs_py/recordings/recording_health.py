@@ -34,7 +34,7 @@ class _Drift:
         return 1e6 * self._change / self._time if self._time else self._within
 
     def add(self, middle: float, record: AccelerationRecord) -> None:
-        """Add the next piece, its middle in s on any clock that goes on."""
+        """Add the next piece, its middle in s on any steady clock."""
         if self._last is not None:
             change = record.clock.offset - self._last[1]
             if abs(change) * NANOSECONDS <= CLOCK_JUMP_NS:

@@ -5,9 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-from tbm_msgs_py.recordings.decoding import Samples
+from tbm_msgs_py.base.arrays import Array, Integers
+from tbm_msgs_py.recordings.decoding import DecodedSamples
 from tbm_msgs_py.recordings.faults import CLOCK_JUMP_NS, Clock, FaultCounts, clock_of, other_clocks
 
 LATENESS_NS = CLOCK_JUMP_NS  # a piece waits so long for samples that are late
@@ -31,8 +31,8 @@ class DecodedStream:
         Since the piece before.
     """
 
-    times_ns: NDArray[np.int64]
-    values: NDArray[np.float64]
+    times_ns: Integers
+    values: Array
     before_ns: int | None
     faults: FaultCounts
     clock: Clock
@@ -55,9 +55,9 @@ class Timeline:
         self.latest_ns: int | None = None
         self.total = FaultCounts()
         self.problem = ""
-        self._pending: list[Samples] = []
-        self._times: NDArray[np.int64] = np.empty(0, np.int64)
-        self._values: NDArray[np.float64] = np.empty((0, 3))
+        self._pending: list[DecodedSamples] = []
+        self._times: Integers = np.empty(0, np.int64)
+        self._values: Array = np.empty((0, 3))
         self._popped_ns: int | None = None
         self._newest_ns = np.iinfo(np.int64).min  # of all samples so far
         self._offset_ns: int | None = None
@@ -65,7 +65,7 @@ class Timeline:
         self._messages = self._times, self._times  # stamps and log times of the messages that wait
         self._clock = Clock()
 
-    def add(self, samples: Samples) -> None:
+    def add(self, samples: DecodedSamples) -> None:
         """Add the samples of the next messages."""
         self.problem = self.problem or samples.problem
         self._count(FaultCounts(undecodable=samples.undecodable))
@@ -122,13 +122,8 @@ class Timeline:
         self._merge(*self._usable(times, values))
 
     def _one_clock(
-        self,
-        stamps: NDArray[np.int64],
-        log: NDArray[np.int64],
-        counts: NDArray[np.int64],
-        times: NDArray[np.int64],
-        values: NDArray[np.float64],
-    ) -> tuple[NDArray[np.int64], NDArray[np.float64], NDArray[np.int64], NDArray[np.int64]]:
+        self, stamps: Integers, log: Integers, counts: Integers, times: Integers, values: Array
+    ) -> tuple[Integers, Array, Integers, Integers]:
         """Drop the messages of another clock, and what a clock that was set back states a second time."""
         astray, steps, self._offset_ns = other_clocks(stamps, log, self._offset_ns)
         if not astray.any() and not steps:
@@ -145,9 +140,7 @@ class Timeline:
         self._count(FaultCounts(astray=int(np.count_nonzero(astray)), late=late, clock_steps=len(steps)))
         return times[keep], values[keep], stamps[~astray], log[~astray]
 
-    def _usable(
-        self, times: NDArray[np.int64], values: NDArray[np.float64]
-    ) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
+    def _usable(self, times: Integers, values: Array) -> tuple[Integers, Array]:
         """Drop samples that are not finite, and those for which it is too late."""
         finite = np.isfinite(values).all(axis=1)
         if not finite.all():
@@ -159,7 +152,7 @@ class Timeline:
             times, values = times[keep], values[keep]
         return times, values
 
-    def _merge(self, times: NDArray[np.int64], values: NDArray[np.float64]) -> None:
+    def _merge(self, times: Integers, values: Array) -> None:
         if not len(times):
             return
         reached = np.maximum.accumulate(np.concatenate(([self._newest_ns], times)))

@@ -40,8 +40,8 @@ def write_accel(writer, topic, stamp_ns, xyz, *, log_ns=None, frame_id=""):
     writer.write(topic, name, stamp_ns if log_ns is None else log_ns, data)
 
 
-def stretch_of(messages):
-    """Messages of one topic as a stretch, one byte apart so that nothing is aligned."""
+def batch_of(messages):
+    """Messages of one topic as a batch, one byte apart so that nothing is aligned."""
     data = np.frombuffer(b"".join(message + b"x" for message in messages), np.uint8)
     sizes = np.array([len(message) for message in messages], np.int64)
     at = np.cumsum(sizes + 1) - sizes - 1

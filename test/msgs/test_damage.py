@@ -216,7 +216,7 @@ def test_damaged_metadata_are_counted_and_the_files_read(tmp_path, folder):
 
 
 @pytest.mark.parametrize("text", ["a: [", "", "x: {y: 1}", "rosbag2_bagfile_information: 7", "a: !!int ''", "[" * 5000])
-def test_damaged_metadata_are_the_same_problem_to_reader_and_recorder(tmp_path, folder, text):
+def test_damaged_metadata_are_one_problem_everywhere(tmp_path, folder, text):
     (tmp_path / "field.mcap").write_bytes((folder / "field.mcap").read_bytes())
     (tmp_path / metadata.FILE_NAME).write_text(text)
     with pytest.raises(RecordingError, match="the metadata of a rosbag2 recording") as caught:

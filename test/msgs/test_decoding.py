@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from bag_files import stretch_of
+from bag_files import batch_of
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from mcap_ros2._dynamic import generate_dynamic
@@ -50,7 +50,7 @@ def test_single_samples_with_frames_of_any_length(kind, wanted):
         bytes(STORE.serialize_cdr(single(kind, stamp, frame, xyz, other), kind, little_endian=little))
         for stamp, frame, xyz, other, little in wanted
     ]
-    samples = decode_samples(kind, stretch_of(data))
+    samples = decode_samples(kind, batch_of(data))
     assert samples.undecodable == 0
     assert samples.times_ns.tolist() == [stamp[0] * 10**9 + stamp[1] for stamp, *_ in wanted]
     np.testing.assert_array_equal(samples.values, np.array([xyz for _, _, xyz, *_ in wanted]).reshape(-1, 3))
@@ -64,7 +64,7 @@ def test_single_samples_are_those_of_mcap_ros2():
         bytes(STORE.serialize_cdr(single(kind, (k, 7), "x" * (k % 9), random.normal(size=3), 1.0), kind))
         for k in range(40)
     ]
-    samples = decode_samples(kind, stretch_of(data))
+    samples = decode_samples(kind, batch_of(data))
     for message, values in zip(map(decode, data), samples.values, strict=True):
         linear = message.accel.linear
         assert (linear.x, linear.y, linear.z) == tuple(values)
@@ -102,7 +102,7 @@ def test_blocks_are_those_of_the_library(wanted):
             expected.append(blocks.from_cloud(message))
         except blocks.BlockError:
             wrong += 1
-    samples = decode_samples(BLOCK_TYPE, stretch_of(messages))
+    samples = decode_samples(BLOCK_TYPE, batch_of(messages))
     assert samples.undecodable == wrong
     assert samples.times_ns.tolist() == [t for block in expected for t in block.times_ns().tolist()]
     np.testing.assert_array_equal(samples.values, np.concatenate([np.empty((0, 3)), *(b.values for b in expected)]))
@@ -116,7 +116,7 @@ def test_times_of_no_sense_make_a_block_undecodable(offsets, named):
     good = cloud(ACCELERATION, (1, 0), "a", [0.0, 0.1], np.ones((2, 3)))
     bad = cloud(ACCELERATION, (2, 0), "a", offsets, np.ones((2, 3)))
     samples = decode_samples(
-        BLOCK_TYPE, stretch_of([bytes(STORE.serialize_cdr(m, BLOCK_TYPE)) for m in (good, bad, good)])
+        BLOCK_TYPE, batch_of([bytes(STORE.serialize_cdr(m, BLOCK_TYPE)) for m in (good, bad, good)])
     )
     assert (samples.undecodable, samples.times_ns.tolist()) == (1, [10**9, 11 * 10**8] * 2)
     assert named in samples.problem
@@ -124,6 +124,6 @@ def test_times_of_no_sense_make_a_block_undecodable(offsets, named):
 
 def test_blocks_of_other_channels_are_named():
     loads = cloud(LOADS, (1, 0), "", [0.0], np.ones((1, 6)))
-    samples = decode_samples(BLOCK_TYPE, stretch_of([bytes(STORE.serialize_cdr(loads, BLOCK_TYPE)), b"", b"\0\1"]))
+    samples = decode_samples(BLOCK_TYPE, batch_of([bytes(STORE.serialize_cdr(loads, BLOCK_TYPE)), b"", b"\0\1"]))
     assert (samples.undecodable, len(samples.times_ns)) == (3, 0)
     assert "fx fy fz" in samples.problem

@@ -133,7 +133,7 @@ REAL = (
 
 
 @pytest.mark.skipif(not REAL.is_file(), reason=f"{REAL} is not there; TBM_SHARED_DATA names its folder")
-def test_operating_points_of_a_real_machine_survive_to_the_number(tmp_path):
+def test_imported_operating_points_equal_those_of_the_csv(tmp_path):
     stated = describe(
         None,
         {

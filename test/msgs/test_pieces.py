@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from sample_bag import BLOCKS, RATE, SAMPLES, START_NS
 
 from tbm_msgs_py import ACCELERATION, BagWriter, OperatingPoint, open_recording, read_recording
-from tbm_msgs_py.recordings.decoding import Samples
+from tbm_msgs_py.recordings.decoding import DecodedSamples
 from tbm_msgs_py.recordings.splitting import RecordSplitter
 from tbm_msgs_py.recordings.timeline import LATENESS_NS, Timeline
 
@@ -41,7 +41,7 @@ def test_pieces_are_the_whole(folder, length):
     assert reader.sha256 == whole.sha256
 
 
-def test_points_of_a_piece_are_of_the_same_stretch(folder):
+def test_points_of_a_piece_are_of_the_same_interval(folder):
     for number, piece in enumerate(open_recording(folder).pieces(0.5)):
         for record in piece.values():
             first = (record.start_ns - START_NS) / S
@@ -64,11 +64,11 @@ def test_a_length_that_is_none_is_refused(folder):
 def samples(stamps, log=None, values=None):
     stamps = np.asarray(stamps, np.int64)
     values = np.column_stack([stamps, stamps, stamps]).astype(float) if values is None else values
-    return Samples(stamps, stamps if log is None else log, np.ones(len(stamps), np.int64), stamps, values)
+    return DecodedSamples(stamps, stamps if log is None else log, np.ones(len(stamps), np.int64), stamps, values)
 
 
 @given(st.lists(st.integers(-9, 9), min_size=1, max_size=200), st.integers(1, 40), st.integers(1, 50))
-def test_samples_that_are_late_by_less_than_the_lateness_are_never_lost(jitter, length, batch):
+def test_samples_within_the_lateness_are_never_lost(jitter, length, batch):
     """Any disorder below the lateness comes out sorted, whatever the batches and the pieces."""
     stamps = (np.arange(len(jitter)) * 2 + np.array(jitter) / 2) * S / 2 + 1000 * S
     line = Timeline()
@@ -106,7 +106,7 @@ def test_a_gap_over_a_cut_belongs_to_the_piece_after_it(tmp_path):
     np.testing.assert_allclose(second.gaps, [(-0.301, 0.0)], atol=1e-9)
 
 
-def test_a_clock_that_stands_elsewhere_holds_nothing_up(tmp_path):
+def test_a_clock_that_differs_delays_no_other_point(tmp_path):
     """One sensor counts from 1970, one stops early: pieces go on, and all samples come out."""
     with BagWriter(tmp_path / "bag") as writer:
         for k in range(0, 300_000, 20):

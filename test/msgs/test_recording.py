@@ -68,13 +68,13 @@ def test_mcap_ros2_reads_what_we_write(bare):
     assert [field.name for field in decoded[0].fields] == ["t", "ax", "ay", "az"]
 
 
-def test_offered_quality_survives(folder):
+def test_offered_qos_survives(folder):
     qualities = {topic.name: offered_qos(topic.qos) for topic in Bag(folder).info().topics}
     assert qualities[BLOCK_TOPIC] == BLOCK_QOS
     assert qualities["/tbm/operating_point"] == OPERATING_POINT_QOS
 
 
-def test_messages_come_in_log_time_order_though_written_otherwise(tmp_path):
+def test_messages_come_in_log_time_order(tmp_path):
     with BagWriter(tmp_path / "bag") as writer:
         for chunk in ((3, 1, 2), (6, 2, 4), (5, 9, 8)):
             for k in chunk:

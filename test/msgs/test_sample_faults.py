@@ -76,7 +76,7 @@ def test_stuck_and_dead_axes(tmp_path):
 
 
 @given(st.integers(0, 400), st.integers(1, 400), st.integers(0, 400))
-def test_stuck_stretches_of_any_place_and_length(before, held, after):
+def test_stuck_intervals_of_any_place_and_length(before, held, after):
     values = np.concatenate([np.arange(before) + 1.0, np.zeros(held), -1.0 - np.arange(after)])[:, None]
     found = stuck_axes(np.arange(len(values), dtype=float), values, 100.0)
     assert found == ([(0, float(before), float(before + held - 1))] if held >= 100 else [])
@@ -107,7 +107,7 @@ def test_a_clock_that_is_set_forward_is_a_gap(tmp_path, step):
     assert len(record.gaps) == 1
 
 
-def test_a_clock_that_is_set_back_tells_no_time_twice(tmp_path):
+def test_a_clock_that_is_set_back_repeats_no_time(tmp_path):
     stamps, logs = np.arange(60_000.0, step=10.0), np.arange(60_000.0, step=10.0)
     stamps[3000:] -= 20_000.0
     record = read_acceleration(written(tmp_path / "bag", stamps, logs=logs), TOPIC)
@@ -116,7 +116,7 @@ def test_a_clock_that_is_set_back_tells_no_time_twice(tmp_path):
     np.testing.assert_allclose(record.time, np.arange(4000) / 100, atol=1e-9)
 
 
-def test_burst_of_a_sensor_that_stores_is_no_fault_of_the_clock(tmp_path):
+def test_burst_of_stored_samples_is_no_clock_fault(tmp_path):
     """A minute of samples arrives at once: their log times stand still, their stamps are right."""
     stamps = np.arange(300_000.0, step=100.0)
     logs = (stamps // 60_000 + 1) * 60_000
@@ -124,7 +124,7 @@ def test_burst_of_a_sensor_that_stores_is_no_fault_of_the_clock(tmp_path):
     assert (record.faults.clock_steps, record.faults.astray, record.faults.late, len(record.time)) == (0, 0, 0, 3000)
 
 
-def test_log_times_that_say_nothing_do_no_harm(tmp_path):
+def test_useless_log_times_change_no_sample(tmp_path):
     record = read_acceleration(written(tmp_path / "bag", np.arange(3000.0) * 100, logs=np.zeros(3000)), TOPIC)
     assert (len(record.time), record.faults.astray, record.faults.clock_steps, record.gaps) == (3000, 0, 0, [])
 

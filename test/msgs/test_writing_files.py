@@ -82,7 +82,7 @@ def test_bare_file_cannot_be_split(tmp_path):
         BagWriter(tmp_path / "bag.mcap", max_seconds=1.0)
 
 
-def test_recording_that_nobody_closed_has_its_topics_and_messages(tmp_path):
+def test_unclosed_recording_has_its_topics_and_messages(tmp_path):
     writer = BagWriter(tmp_path / "bag", max_seconds=0.5)
     writer.open()
     fill(writer, range(15))

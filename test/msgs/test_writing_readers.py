@@ -106,7 +106,7 @@ def test_mcap_with_its_ros2_decoder(recording):
     assert (embedded.name, described["version"], described["message_count"]) == ("rosbag2", 9, len(found))
 
 
-def test_metadata_have_type_hashes_and_offered_quality(recording):
+def test_metadata_have_type_hashes_and_offered_qos(recording):
     store = get_typestore(Stores.ROS2_JAZZY)
     described = yaml.safe_load((recording / "metadata.yaml").read_text())["rosbag2_bagfile_information"]
     assert (described["version"], described["ros_distro"]) == (9, "jazzy")

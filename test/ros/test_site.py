@@ -64,5 +64,5 @@ def test_what_nodes_share(tmp_path):
 
 @pytest.mark.parametrize("text", ["- a", "a: [", "\x00"])
 def test_what_is_no_parameter_file(tmp_path, text):
-    with pytest.raises(StudyError, match=r"site\.yaml: (not YAML|allowed: a mapping)"):
+    with pytest.raises(StudyError, match=r"site\.yaml: not (YAML|nodes with ros__parameters)"):
         site(tmp_path, text)

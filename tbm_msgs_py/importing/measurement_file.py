@@ -14,6 +14,7 @@ from typing import Any, ClassVar, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from tbm_msgs_py.base.arrays import Array, Integers
 from tbm_msgs_py.base.errors import RecordingError
 from tbm_msgs_py.base.texts import listed
 from tbm_msgs_py.base.units import NANOSECONDS
@@ -25,7 +26,7 @@ _SECONDS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
 
 
 @dataclass(frozen=True)
-class Piece:
+class Rows:
     """Some rows of a file.
 
     Attributes
@@ -36,18 +37,18 @@ class Piece:
         Time of each row, ns after the start; None where the rate gives it.
     """
 
-    values: NDArray[np.float64]
-    times_ns: NDArray[np.int64] | None
+    values: Array
+    times_ns: Integers | None
 
 
-class Rows(Protocol):
+class ColumnValues(Protocol):
     """Values of a column, read when a slice of them is asked for."""
 
     def __len__(self) -> int: ...
     def __getitem__(self, rows: slice, /) -> NDArray[np.generic]: ...
 
 
-class Source(ABC):
+class MeasurementFile(ABC):
     """A file that is open for reading.
 
     Attributes
@@ -79,7 +80,7 @@ class Source(ABC):
         """Moment of time 0 that the file states."""
         return None
 
-    def pieces(self, columns: Sequence[str], time: TimeBase) -> Iterator[Piece]:
+    def pieces(self, columns: Sequence[str], time: TimeBase) -> Iterator[Rows]:
         """Rows of these columns in their order, with the time that is asked for.
 
         Raises
@@ -97,7 +98,7 @@ class Source(ABC):
         return self._pieces(columns, time)
 
     @abstractmethod
-    def _pieces(self, columns: Sequence[str], time: TimeBase) -> Iterator[Piece]: ...
+    def _pieces(self, columns: Sequence[str], time: TimeBase) -> Iterator[Rows]: ...
 
     def row(self, index: int) -> str:
         """Name of a row for a message: `line 17`."""
@@ -117,7 +118,7 @@ class Source(ABC):
 
     @contextmanager
     def reading(self) -> Iterator[None]:
-        """Say in one line what a library finds wrong with a file; on a damaged one they raise whatever there is."""
+        """Turn what a library raises into one line; on a damaged file they raise errors of any kind."""
         try:
             yield
         except RecordingError:
@@ -131,16 +132,16 @@ class Source(ABC):
     def in_pieces(
         self,
         columns: Sequence[str],
-        arrays: Sequence[Rows],
+        arrays: Sequence[ColumnValues],
         time: TimeColumn | None = None,
-        ticks: Callable[[NDArray[np.int64]], NDArray[np.floating[Any]]] | None = None,
-    ) -> Iterator[Piece]:
+        ticks: Callable[[Integers], NDArray[np.floating[Any]]] | None = None,
+    ) -> Iterator[Rows]:
         """Pieces of whole columns; refuses what is no number.
 
         Parameters
         ----------
         columns : sequence of str
-        arrays : sequence of Rows
+        arrays : sequence of ColumnValues
             Values of the columns and, behind them, of a time column.
         time : TimeColumn, optional
             What the last array is, unless it is a column.
@@ -170,10 +171,10 @@ class Source(ABC):
             times = nanoseconds(rows[-1], time.unit) if time else None
             if ticks:
                 times = np.rint(ticks(np.arange(first, first + len(values)))).astype(np.int64)
-            yield Piece(values[:, : len(columns)], times)
+            yield Rows(values[:, : len(columns)], times)
 
 
-def nanoseconds(values: NDArray[np.generic], unit: str) -> NDArray[np.int64]:
+def nanoseconds(values: NDArray[np.generic], unit: str) -> Integers:
     """Time in ns of numbers in ``s``, ``ms``, ``us`` or ``ns``; whole numbers of ns stay exact."""
     if unit == "ns" and values.dtype.kind in "iu":
         return values.astype(np.int64)
