@@ -7,7 +7,8 @@ import numpy as np
 from pydantic import Field, FiniteFloat, model_validator
 
 from tbm_msgs_py.base.arrays import Array
-from tbm_msgs_py.base.fields import FrozenModel, Source
+from tbm_msgs_py.base.fields import FrozenModel
+from tbm_msgs_py.base.texts import Source
 
 COMPONENTS = ("fx", "fy", "fz", "mx", "my", "mz")
 LOWEST_HZ = 0.5  # nothing fluctuates below it, so that a mean over a run is the mean

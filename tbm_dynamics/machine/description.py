@@ -16,7 +16,8 @@ from tbm_dynamics.loads.cutters.description import CutterDescription
 from tbm_dynamics.loads.description import LoadDescription
 from tbm_dynamics.machine.drive import ConnectionType, DriveTemplate, Node, SixStiffnesses
 from tbm_msgs_py.base.bounds import LONGEST_NAME
-from tbm_msgs_py.base.fields import FrozenModel, Label, NonNegative, Positive, Source
+from tbm_msgs_py.base.fields import FrozenModel, NonNegative, Positive
+from tbm_msgs_py.base.texts import Label, Source
 from tbm_msgs_py.base.units import R_MIN
 
 Vector3 = tuple[FiniteFloat, FiniteFloat, FiniteFloat]

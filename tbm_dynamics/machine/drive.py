@@ -8,7 +8,8 @@ from typing import Annotated, Literal, Self
 from pydantic import Field, FiniteFloat, model_validator
 
 from tbm_dynamics.mesh.planetary import PlanetaryStage
-from tbm_msgs_py.base.fields import FrozenModel, NonNegative, Positive, Source
+from tbm_msgs_py.base.fields import FrozenModel, NonNegative, Positive
+from tbm_msgs_py.base.texts import Source
 
 Node = Annotated[int, Field(ge=1)]
 SixStiffnesses = tuple[NonNegative, NonNegative, NonNegative, NonNegative, NonNegative, NonNegative]

@@ -80,7 +80,9 @@ def _one_line(label: str, error: ValidationError) -> str:
     # A misspelt key is also a missing one: the misspelling comes first.
     problems = error.errors(include_url=False)
     first, *rest = sorted(problems, key=lambda problem: problem["type"] != "extra_forbidden")
-    key = shortened(".".join(map(str, first["loc"])), LONGEST_NAME) or "machine"
+    # Tags of alternatives begin with _ and are no keys.
+    place = ".".join(str(part) for part in first["loc"] if not str(part).startswith("_"))
+    key = shortened(place, LONGEST_NAME) or "machine"
     given = first.get("input")
     shown = f" (given: {quoted(given)})" if isinstance(given, int | float | str) else ""
     more = f" (and {len(rest)} more)" if rest else ""
@@ -97,7 +99,7 @@ def _keys_of(place: tuple[int | str, ...]) -> list[str]:
         if isinstance(part, int):
             kinds = _alternatives(get_args(kinds[0])[0])
         elif part not in kinds[0].model_fields:  # one of several, by its tag
-            kinds = [kind for kind in kinds if kind.__name__.lower() == part]
+            kinds = [kind for kind in kinds if f"_{kind.__name__.lower()}" == part]
         else:
             kinds = _alternatives(kinds[0].model_fields[part].annotation)
     return list(kinds[0].model_fields)

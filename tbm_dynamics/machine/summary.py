@@ -18,7 +18,7 @@ from tbm_dynamics.structure.couplings import STAGE_HARMONICS
 from tbm_dynamics.structure.drive import drive_angles, drive_nodes, gear_pair
 from tbm_dynamics.structure.system import System
 from tbm_msgs_py.base.arrays import Array
-from tbm_msgs_py.base.fields import SOURCES
+from tbm_msgs_py.base.texts import SOURCES
 
 STRUCTURES = ("cutterhead_bearing_gear", "carrier_girder")
 SUBSYSTEMS = ("cutterhead_bearing_gear", "driveshaft", "carrier_girder")

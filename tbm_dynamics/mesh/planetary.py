@@ -29,7 +29,8 @@ from tbm_dynamics.mesh.geometry import ExternalPair, GearError, InternalPair, na
 from tbm_dynamics.mesh.ishikawa import mesh_stiffness
 from tbm_dynamics.mesh.stiffness import HARMONICS, PATTERN_PARTS, rounded_variation
 from tbm_dynamics.mesh.waves import series, shifted
-from tbm_msgs_py.base.fields import FrozenModel, Positive, Source
+from tbm_msgs_py.base.fields import FrozenModel, Positive
+from tbm_msgs_py.base.texts import Source
 
 GOLDEN = 0.6180339887498949
 """Spacing of what nobody aligns, as the run-out of planets and pinions: fixed, and no two alike (assumed)."""

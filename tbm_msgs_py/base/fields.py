@@ -1,10 +1,8 @@
-"""Types of the fields of files that people write: numbers, texts, and the base of their models."""
+"""The base of models of files, and the numbers in them."""
 
-from typing import Annotated, Final
+from typing import Annotated
 
-from pydantic import AfterValidator, BaseModel, ConfigDict, Field, PositiveFloat
-
-from tbm_msgs_py.base.bounds import LONGEST_LINE, LONGEST_NAME
+from pydantic import BaseModel, ConfigDict, Field, PositiveFloat
 
 
 class FrozenModel(BaseModel):
@@ -13,19 +11,5 @@ class FrozenModel(BaseModel):
     model_config = ConfigDict(frozen=True, extra="forbid")
 
 
-def _printable(text: str) -> str:
-    """Text that a terminal, a picture and a page can show."""
-    if not text.isprintable():
-        raise ValueError("must be one line of printable characters")
-    return text
-
-
 NonNegative = Annotated[float, Field(ge=0.0, allow_inf_nan=False)]
 Positive = Annotated[PositiveFloat, Field(allow_inf_nan=False)]
-Label = Annotated[str, Field(min_length=1, max_length=LONGEST_NAME), AfterValidator(_printable)]
-Line = Annotated[str, Field(min_length=1, max_length=LONGEST_LINE), AfterValidator(_printable)]
-Source = Line
-"""Where a value is from: one of `SOURCES`, or the user's own words, as `drawing 4711, rev. B`."""
-
-SOURCES: Final = ("table1", "table4", "table5", "assumed", "calibrated", "updated")
-"""Sources with a meaning: tables of the paper, ours, fitted by the calibration, changed to explain a recording."""

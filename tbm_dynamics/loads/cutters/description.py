@@ -7,7 +7,8 @@ from typing import Annotated, Literal, Self
 from pydantic import Discriminator, Field, FiniteFloat, PositiveInt, Tag, model_validator
 
 from tbm_msgs_py.base.errors import InputError
-from tbm_msgs_py.base.fields import FrozenModel, Line, NonNegative, Positive, Source
+from tbm_msgs_py.base.fields import FrozenModel, NonNegative, Positive
+from tbm_msgs_py.base.texts import Line, Source
 
 Share = Annotated[float, Field(ge=0.0, le=1.0)]
 
@@ -89,10 +90,10 @@ class Boulder(FrozenModel):
 
 
 def _kind(zone: object) -> str:
-    return "layer" if isinstance(zone, Layer) or (isinstance(zone, dict) and "level" in zone) else "boulder"
+    return "_layer" if isinstance(zone, Layer) or (isinstance(zone, dict) and "level" in zone) else "_boulder"
 
 
-Zone = Annotated[Annotated[Layer, Tag("layer")] | Annotated[Boulder, Tag("boulder")], Discriminator(_kind)]
+Zone = Annotated[Annotated[Layer, Tag("_layer")] | Annotated[Boulder, Tag("_boulder")], Discriminator(_kind)]
 
 
 class Face(FrozenModel):
