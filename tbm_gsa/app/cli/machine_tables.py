@@ -7,6 +7,7 @@ from collections.abc import Iterable, Sequence
 from typing import Any
 
 import numpy as np
+from rich.table import Table
 
 from tbm_dynamics.loads.cutters.description import CutterDescription
 from tbm_dynamics.machine.description import Connection, Subsystem
@@ -62,8 +63,12 @@ def print_tables(summary: MachineSummary) -> None:
     _print_table("numbers of the file by source", ("source", ">numbers"), summary.sources.items())
 
 
+def _table(title: str, *headings: str) -> Table:
+    return narrow_table(f"\n{title}", *headings)
+
+
 def _print_table(title: str, headings: Iterable[str], rows: Iterable[Iterable[object]]) -> None:
-    table = narrow_table(f"\n{title}", *headings)
+    table = _table(title, *headings)
     for row in rows:
         add_row(table, *row)
     results.print(table)
@@ -194,16 +199,16 @@ def print_loads(document: dict[str, Any]) -> None:
     """Print the document of `load_run` beside the paper's Table 1; forces in kN, moments in kN·m."""
     point = document["operating_point"]
     print_sentence(
-        f"{document['machine']}: cutterhead loads, {document['loads']} model, {document['duration']:g} s, "
+        f"{document['machine']}: cutterhead loads, {document['loads']} level, {document['duration']:g} s, "
         f"seed {document['seed']}, at {point['speed'] * 30.0 / math.pi:.3g} r/min, {point['torque'] / 1e3:.5g} kN·m, "
         f"{point['thrust'] / 1e3:.5g} kN"
     )
-    headings = ("", ">paper", ">mean", ">RMS", ">in regions", "paper's lines", "found, Hz")
+    headings = (">paper", ">mean", ">RMS", ">in regions", "paper's lines", "found, Hz")
     title = "means (magnitudes), fluctuation, share of power in Table 1's regions; kN, kN·m"
-    rows = []
+    table = _table(title, "", *headings)
     for name, row in document["components"].items():
         numbers = (f"{abs(row[key]) / 1e3:.5g}" for key in ("paper_mean", "mean", "rms"))
         paper = ", ".join(f"{line['paper_hz']:g}" for line in row["lines"])
         found = ", ".join("–" if line["found_hz"] is None else f"{line['found_hz']:.2f}" for line in row["lines"])
-        rows.append((name, *numbers, f"{row['in_regions']:.0%}", paper, found))
-    _print_table(title, headings, rows)
+        add_row(table, *(name, *numbers, f"{row['in_regions']:.0%}", paper, found))
+    results.print(table)
