@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import cache
 
 import numpy as np
 
@@ -71,7 +72,7 @@ class _Gain:
         self._parts = split_basis(system).symmetric
         self._dofs = dofs
         self._couplings = system.couplings
-        self._known: dict[float, tuple[np.ndarray, np.ndarray]] = {}
+        self._at = cache(self._computed)
 
     def acceleration(self, frequency: float) -> np.ndarray:
         """|acceleration per load|² of the unknowns, shape (o, 6)."""
@@ -81,20 +82,18 @@ class _Gain:
         """|force of the first mesh per load|, shape (6,)."""
         return self._at(frequency)[1]
 
-    def _at(self, frequency: float) -> tuple[np.ndarray, np.ndarray]:
-        if frequency not in self._known:
-            w = 2.0 * np.pi * frequency
-            displacement, deflection = np.zeros((len(self._dofs), 7), complex), np.zeros(7, complex)
-            for part in self._parts:
-                m = part.shapes.shape[1]
-                # Mass-orthonormal coordinates: H = [[0, 1], [−K, −C]].
-                dynamic = -part.linear.H[m:, :m] - 1j * w * part.linear.H[m:, m:] - w**2 * np.eye(m)
-                answer = np.linalg.solve(dynamic, part.linear.E[m:, : len(part.inputs)])
-                displacement[:, part.inputs] += part.shapes[self._dofs] @ answer
-                deflection[part.inputs] += self._couplings.rows[0] @ part.shapes @ answer
-            law = self._couplings.stiffness[0] + 1j * w * self._couplings.damping[0]
-            self._known[frequency] = np.abs(w**2 * displacement[:, :6]) ** 2, np.abs(law * deflection[:6])
-        return self._known[frequency]
+    def _computed(self, frequency: float) -> tuple[np.ndarray, np.ndarray]:
+        w = 2.0 * np.pi * frequency
+        displacement, deflection = np.zeros((len(self._dofs), 7), complex), np.zeros(7, complex)
+        for part in self._parts:
+            m = part.shapes.shape[1]
+            # Mass-orthonormal coordinates: H = [[0, 1], [−K, −C]].
+            dynamic = -part.linear.H[m:, :m] - 1j * w * part.linear.H[m:, m:] - w**2 * np.eye(m)
+            answer = np.linalg.solve(dynamic, part.linear.E[m:, : len(part.inputs)])
+            displacement[:, part.inputs] += part.shapes[self._dofs] @ answer
+            deflection[part.inputs] += self._couplings.rows[0] @ part.shapes @ answer
+        law = self._couplings.stiffness[0] + 1j * w * self._couplings.damping[0]
+        return np.abs(w**2 * displacement[:, :6]) ** 2, np.abs(law * deflection[:6])
 
 
 def _inside(low: float, high: float) -> list[float]:

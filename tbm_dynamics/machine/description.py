@@ -8,6 +8,7 @@ degrees where the name says so.
 from __future__ import annotations
 
 import math
+from itertools import groupby
 from typing import Annotated, Literal, Self
 
 from pydantic import Field, FiniteFloat, model_validator
@@ -254,10 +255,5 @@ def _ends(where: str, connections: tuple[Connection, ...]) -> list[tuple[str, in
 
 def _ranges(numbers: list[int]) -> str:
     """Render sorted integers as `1–12, 43–50`."""
-    spans: list[list[int]] = []
-    for number in numbers:
-        if spans and number == spans[-1][1] + 1:
-            spans[-1][1] = number
-        else:
-            spans.append([number, number])
-    return ", ".join(str(a) if a == b else f"{a}–{b}" for a, b in spans)
+    runs = [[number for _, number in run] for _, run in groupby(enumerate(numbers), lambda pair: pair[1] - pair[0])]
+    return ", ".join(str(run[0]) if len(run) == 1 else f"{run[0]}–{run[-1]}" for run in runs)

@@ -83,6 +83,11 @@ class Machine:
         ------
         MachineError
             Unknown input or a value that is not allowed.
+
+        Examples
+        --------
+        >>> load_machine("dz101").with_inputs(x2=1800.0, x16=2.0).operating_point.torque
+        1800000.0
         """
         variant = Machine(self.base, {**self.inputs, **inputs}, self.origin)
         _ = variant.description  # refuse a bad value here, where it was given
@@ -116,7 +121,13 @@ class Machine:
         return loads.scale(point.thrust / abs(loads.fx.mean), point.torque / abs(loads.mx.mean))
 
     def loads(self, seed: int = 0) -> SpectralLoads:
-        """Cutterhead loads at the operating point, a pure function of (seed, time)."""
+        """Cutterhead loads at the operating point, a pure function of (seed, time).
+
+        Examples
+        --------
+        >>> load_machine("dz101").loads(seed=0).evaluate([0.0, 1.0]).shape
+        (2, 6)
+        """
         from tbm_dynamics.loads.spectral import SpectralLoads  # noqa: PLC0415 - compiled code, for those who run it
 
         return SpectralLoads(self.description.loads, scale=self.load_scale(), seed=seed)
@@ -144,7 +155,14 @@ class Machine:
             raise MachineError(f"{self.origin}: cutters: {error}") from None
 
     def assemble(self) -> System:
-        """Assemble M, C, K and the couplings; see `tbm_dynamics.structure.assembly.assemble`."""
+        """Assemble M, C, K and the couplings; see `tbm_dynamics.structure.assembly.assemble`.
+
+        Examples
+        --------
+        >>> system = load_machine("dz101").assemble()
+        >>> system.M.shape, float(system.natural_frequencies(1)[0].round(1))
+        ((420, 420), 1.4)
+        """
         from tbm_dynamics.structure.assembly import assemble  # noqa: PLC0415 - scipy, for those who assemble
 
         return assemble(self)
@@ -157,5 +175,10 @@ def load_machine(machine: str | Path) -> Machine:
     ------
     MachineError
         One line that names file, key and what is allowed.
+
+    Examples
+    --------
+    >>> load_machine("dz101").name
+    'dz101'
     """
     return Machine(read_description(machine), origin=str(machine))

@@ -125,19 +125,19 @@ WRONG = {
     "misspelt key of a zone": (
         "side_share: 0.1",
         "face: {zones: [{level: 0.0, hardness: 1.0}], source: assumed}\n  side_share: 0.1",
-        "cutters.face.zones.0.layer.hardness: unknown key; allowed",
+        "cutters.face.zones.0.hardness: unknown key; allowed",
         "level, strength",
     ),
     "layer of negative strength": (
         "side_share: 0.1",
         "face: {zones: [{level: 0.0, strength: -1.0}], source: assumed}\n  side_share: 0.1",
-        "cutters.face.zones.0.layer.strength",
+        "cutters.face.zones.0.strength",
         "greater than or equal to 0",
     ),
     "boulder of no size": (
         "side_share: 0.1",
         "face: {zones: [{y: 0.0, z: 0.0, radius: 0.0, strength: 1.0}], source: assumed}\n  side_share: 0.1",
-        "cutters.face.zones.0.boulder.radius",
+        "cutters.face.zones.0.radius",
         "greater than 0",
     ),
     "negative wear": (

@@ -89,10 +89,10 @@ class Boulder(FrozenModel):
 
 
 def _kind(zone: object) -> str:
-    return "layer" if isinstance(zone, Layer) or (isinstance(zone, dict) and "level" in zone) else "boulder"
+    return "_layer" if isinstance(zone, Layer) or (isinstance(zone, dict) and "level" in zone) else "_boulder"
 
 
-Zone = Annotated[Annotated[Layer, Tag("layer")] | Annotated[Boulder, Tag("boulder")], Discriminator(_kind)]
+Zone = Annotated[Annotated[Layer, Tag("_layer")] | Annotated[Boulder, Tag("_boulder")], Discriminator(_kind)]
 
 
 class Face(FrozenModel):

@@ -45,32 +45,33 @@ def print_tables(summary: MachineSummary) -> None:
         )
     structures = structures_of(description)
     for name, part in structures:
-        table = _table(f"nodes: {name} (places {part.source})", ">node", ">x, m", ">y, m", ">z, m", "")
-        for node in (node for node in summary.nodes if node.subsystem == name):
-            add_row(table, node.node, *(f"{value:g}" for value in node.place), ", ".join(node.roles))
-        results.print(table)
+        own = [node for node in summary.nodes if node.subsystem == name]
+        rows = ((node.node, *(f"{value:g}" for value in node.place), ", ".join(node.roles)) for node in own)
+        _print_table(f"nodes: {name} (places {part.source})", (">node", ">x, m", ">y, m", ">z, m", ""), rows)
     _print_parts([part for _, part in structures])
     for where, group in (*((name, part.connections) for name, part in structures), (BETWEEN, description.connections)):
-        rows = ((item.name, "–".join(map(str, item.between)), item) for item in group)
-        _print_connections(f"connections: {where}; N/m along and N·m/rad about", _AXES, rows)
+        named = ((item.name, "–".join(map(str, item.between)), item) for item in group)
+        _print_connections(f"connections: {where}; N/m along and N·m/rad about", _AXES, named)
     _print_drives(description.driveshaft)
     _print_gears(summary)
     _print_gearbox(summary)
     if description.cutters and summary.cutting:
         _print_cutters(description.cutters, summary.cutting)
-    table = _table("masses", "subsystem", ">t")
-    for name, mass in summary.masses.items():
-        add_row(table, name, f"{mass / 1e3:.1f}")
-    results.print(table)
+    masses = ((name, f"{mass / 1e3:.1f}") for name, mass in summary.masses.items())
+    _print_table("masses", ("subsystem", ">t"), masses)
     _print_modes(summary)
-    table = _table("numbers of the file by source", "source", ">numbers")
-    for name, count in summary.sources.items():
-        add_row(table, name, count)
-    results.print(table)
+    _print_table("numbers of the file by source", ("source", ">numbers"), summary.sources.items())
 
 
 def _table(title: str, *headings: str) -> Table:
     return narrow_table(f"\n{title}", *headings)
+
+
+def _print_table(title: str, headings: Iterable[str], rows: Iterable[Iterable[object]]) -> None:
+    table = _table(title, *headings)
+    for row in rows:
+        add_row(table, *row)
+    results.print(table)
 
 
 def _short(value: float) -> str:
@@ -78,72 +79,75 @@ def _short(value: float) -> str:
     return f"{value:.3g}".replace("e+0", "e").replace("e+", "e")
 
 
+def _general(*values: float) -> list[str]:
+    return [f"{value:g}" for value in values]
+
+
 def _print_parts(structures: Sequence[Subsystem]) -> None:
-    table = _table("shafts", "nodes", ">outer, m", ">inner, m", ">mass, kg", "source")
-    for shaft in (shaft for part in structures for shaft in part.shafts):
-        numbers = (f"{value:g}" for value in (shaft.outer_diameter, shaft.inner_diameter, shaft.mass))
-        add_row(table, "–".join(map(str, shaft.nodes)), *numbers, shaft.source)
-    results.print(table)
-    table = _table("bodies", "node", ">mass, kg", ">about x, kg·m²", ">about y", ">about z", "source")
-    for body in (body for part in structures for body in part.bodies):
-        add_row(table, body.node, f"{body.mass:g}", *(f"{value:g}" for value in body.inertia), body.source)
-    results.print(table)
+    shafts = (
+        ("–".join(map(str, s.nodes)), *_general(s.outer_diameter, s.inner_diameter, s.mass), s.source)
+        for part in structures
+        for s in part.shafts
+    )
+    _print_table("shafts", ("nodes", ">outer, m", ">inner, m", ">mass, kg", "source"), shafts)
+    bodies = ((b.node, *_general(b.mass, *b.inertia), b.source) for part in structures for b in part.bodies)
+    _print_table("bodies", ("node", ">mass, kg", ">about x, kg·m²", ">about y", ">about z", "source"), bodies)
 
 
 def _print_connections(
-    title: str, axes: Sequence[str], rows: Iterable[tuple[str, str, Connection | DriveConnection]]
+    title: str, axes: Sequence[str], named: Iterable[tuple[str, str, Connection | DriveConnection]]
 ) -> None:
-    table = _table(title, "name", "between", "type", *axes, "source")
-    for name, between, item in rows:
-        add_row(table, name, between, item.type, *map(_short, item.stiffness), item.source)
-    results.print(table)
+    rows = ((name, between, item.type, *map(_short, item.stiffness), item.source) for name, between, item in named)
+    _print_table(title, ("name", "between", "type", *axes, "source"), rows)
 
 
 def _print_drives(drive: DriveTemplate) -> None:
-    at = drive.placement
-    table = _table(f"drives: {drive.count} ({drive.source})", "drive", ">angle, °", *(f">{n}" for n in DRIVE_NODES))
-    for i, angle in enumerate(np.degrees(drive_angles(drive))):
-        add_row(table, i + 1, f"{angle:g}", *drive_nodes(drive, i))
-    places = (at.front_seat, at.mesh, at.rear_seat, at.gearbox, at.rotor)
-    add_row(table, "x, m", "", *(f"{place:g}" for place in places))
-    results.print(table)
+    at, mount = drive.placement, drive.mount_node
+    rows = [(i + 1, f"{angle:g}", *drive_nodes(drive, i)) for i, angle in enumerate(np.degrees(drive_angles(drive)))]
+    places = ("x, m", "", *_general(at.front_seat, at.mesh, at.rear_seat, at.gearbox, at.rotor))
+    headings = ("drive", ">angle, °", *(f">{node}" for node in DRIVE_NODES))
+    _print_table(f"drives: {drive.count} ({drive.source})", headings, [*rows, places])
     print_sentence(
         f"{gear_pair(drive).centre_distance:.4g} m off the axis (places {at.source}), "
-        f"mounted on node {drive.mount_node}, driving the ring gear at node {drive.ring_node}"
+        f"mounted on node {mount}, driving the ring gear at node {drive.ring_node}"
     )
     front, _, rear, output, rotor = drive_nodes(drive, 0)
-    mount = drive.mount_node
     between = (f"{front}, {rear}–{mount}", f"{rear}–{output}", f"{output}, {rotor}–{mount}")
-    rows = ((name, ends, getattr(drive, name)) for name, ends in zip(DRIVE_CONNECTIONS, between, strict=True))
+    named = ((name, ends, getattr(drive, name)) for name, ends in zip(DRIVE_CONNECTIONS, between, strict=True))
     title = "connections of drive 1; N/m along and N·m/rad about x, radial r, tangential t"
-    _print_connections(title, _DRIVE_AXES, rows)
-    columns = (">outer, m", ">inner, m", ">mass, kg", ">about x, kg·m²", ">across", "source")
-    table = _table("parts of a drive", "part", *columns)
-    for name in DRIVE_PARTS:
-        part = getattr(drive, name)
-        values = (getattr(part, key, None) for key in ("outer_diameter", "inner_diameter", "mass"))
-        cells = (*values, *getattr(part, "inertia", (None, None))[:2])
-        add_row(table, name, *("" if value is None else f"{value:g}" for value in cells), part.source)
-    results.print(table)
+    _print_connections(title, _DRIVE_AXES, named)
+    shaft = drive.pinion_shaft
+    numbers = _general(shaft.outer_diameter, shaft.inner_diameter, shaft.mass)
+    bodies = [(name, getattr(drive, name)) for name in DRIVE_PARTS[1:]]
+    _print_table(
+        "parts of a drive",
+        ("part", ">outer, m", ">inner, m", ">mass, kg", ">about x, kg·m²", ">across", "source"),
+        [
+            (DRIVE_PARTS[0], *numbers, "", "", shaft.source),
+            *((name, "", "", *_general(body.mass, *body.inertia[:2]), body.source) for name, body in bodies),
+        ],
+    )
 
 
 def _print_gears(summary: MachineSummary) -> None:
     drive = summary.machine.description.driveshaft
-    headings = ("pair", "teeth", ">m, mm", ">α, °", ">b, mm", ">ε", ">mesh, Hz", "source")
-    table = _table("gear pairs, from the ring to the motor", *headings)
-
-    def add(pair: str, gears: Gear | PlanetaryStage, teeth: str, contact_ratio: float, mesh_hz: float) -> None:
-        size = (1e3 * gears.module, gears.pressure_angle_deg, 1e3 * gears.face_width)
-        rest = (f"{contact_ratio:.3f}", f"{mesh_hz:.2f}", gears.source)
-        numbers = "/".join(str(getattr(gears, f"{name}_teeth")) for name in teeth.split("/"))
-        add_row(table, pair, numbers, *(f"{value:g}" for value in size), *rest)
-
-    pair = "ring/pinion"
-    add(pair, drive.gear, pair, gear_pair(drive).contact_ratio, summary.machine.mesh_frequency)
+    pairs: list[tuple[str, Gear | PlanetaryStage, str, float, float]] = [
+        ("", drive.gear, "ring/pinion", gear_pair(drive).contact_ratio, summary.machine.mesh_frequency)
+    ]
     for number, (gears, stage) in enumerate(zip(drive.gearbox.stages, summary.stages, strict=True), start=1):
         for pair, ratio in (("ring/planet", stage.ring_contact_ratio), ("planet/sun", stage.sun_contact_ratio)):
-            add(f"stage {number} {pair}", gears, pair, ratio, stage.mesh_frequency_hz)
-    results.print(table)
+            pairs.append((f"stage {number} ", gears, pair, ratio, stage.mesh_frequency_hz))
+    rows = (
+        (
+            where + pair,
+            "/".join(str(getattr(gears, f"{gear}_teeth")) for gear in pair.split("/")),
+            *_general(1e3 * gears.module, gears.pressure_angle_deg, 1e3 * gears.face_width),
+            *(f"{contact_ratio:.3f}", f"{mesh_hz:.2f}", gears.source),
+        )
+        for where, gears, pair, contact_ratio, mesh_hz in pairs
+    )
+    headings = ("pair", "teeth", ">m, mm", ">α, °", ">b, mm", ">ε", ">mesh, Hz", "source")
+    _print_table("gear pairs, from the ring to the motor", headings, rows)
     mesh = drive.mesh
     print_sentence(
         f"mesh of ring and pinion ({mesh.source}): {_short(mesh.mean_stiffness)} N/m, "
@@ -153,22 +157,20 @@ def _print_gears(summary: MachineSummary) -> None:
 
 def _print_gearbox(summary: MachineSummary) -> None:
     gearbox = summary.machine.description.driveshaft.gearbox
+    rows = [
+        (f"stage {number}", gears.planets, f"{stage.ratio:.4g}", _short(stage.stiffness), gears.source)
+        for number, (gears, stage) in enumerate(zip(gearbox.stages, summary.stages, strict=True), start=1)
+    ]
+    shafts = ("shafts", "", "", _short(gearbox.shaft_stiffness), gearbox.source)
+    together = ("together", "", f"{gearbox.ratio:.4g}", _short(summary.gearbox_stiffness), "")
     headings = ("part", ">planets", ">ratio", ">N·m/rad at the pinion", "source")
-    table = _table("gearbox, from the pinion to the motor", *headings)
-    for number, (gears, stage) in enumerate(zip(gearbox.stages, summary.stages, strict=True), start=1):
-        add_row(table, f"stage {number}", gears.planets, f"{stage.ratio:.4g}", _short(stage.stiffness), gears.source)
-    add_row(table, "shafts", "", "", _short(gearbox.shaft_stiffness), gearbox.source)
-    add_row(table, "together", "", f"{gearbox.ratio:.4g}", _short(summary.gearbox_stiffness), "")
-    results.print(table)
+    _print_table("gearbox, from the pinion to the motor", headings, [*rows, shafts, together])
     print_sentence(f"rotor {summary.rotor_speed_r_min:.0f} r/min")
 
 
 def _print_cutters(cutters: CutterDescription, cutting: CuttingSummary) -> None:
-    table = _table(f"cutters ({cutters.source})", "type", ">cutters", ">discs", ">radius, m")
-    for name, kind in cutting.types.items():
-        low, high = kind.radius
-        add_row(table, name, kind.cutters, kind.discs, f"{low:.3f} to {high:.3f}")
-    results.print(table)
+    types = ((name, k.cutters, k.discs, "{:.3f} to {:.3f}".format(*k.radius)) for name, k in cutting.types.items())
+    _print_table(f"cutters ({cutters.source})", ("type", ">cutters", ">discs", ">radius, m"), types)
     rock, disc = cutters.rock, cutters.disc
     print_sentence(
         f"discs {2e3 * disc.radius:g} mm across, tip {1e3 * disc.tip_width:g} mm ({disc.source}); "
@@ -186,18 +188,18 @@ def _print_cutters(cutters: CutterDescription, cutting: CuttingSummary) -> None:
 
 def _print_modes(summary: MachineSummary) -> None:
     roles = {node.node: ", ".join(node.roles) for node in summary.nodes}
-    table = _table("lowest natural frequencies", ">Hz", "motion", ">energy", "largest at node")
-    for mode in summary.modes:
-        share = f"{mode.shares[mode.motion]:.0%}"
-        add_row(table, f"{mode.frequency_hz:.2f}", mode.motion, share, f"{mode.node} {roles[mode.node]}")
-    results.print(table)
+    rows = (
+        (f"{m.frequency_hz:.2f}", m.motion, f"{m.shares[m.motion]:.0%}", f"{m.node} {roles[m.node]}")
+        for m in summary.modes
+    )
+    _print_table("lowest natural frequencies", (">Hz", "motion", ">energy", "largest at node"), rows)
 
 
 def print_loads(document: dict[str, Any]) -> None:
     """Print the document of `load_run` beside the paper's Table 1; forces in kN, moments in kN·m."""
     point = document["operating_point"]
     print_sentence(
-        f"{document['machine']}: cutterhead loads, {document['loads']} model, {document['duration']:g} s, "
+        f"{document['machine']}: cutterhead loads, {document['loads']} level, {document['duration']:g} s, "
         f"seed {document['seed']}, at {point['speed'] * 30.0 / math.pi:.3g} r/min, {point['torque'] / 1e3:.5g} kN·m, "
         f"{point['thrust'] / 1e3:.5g} kN"
     )

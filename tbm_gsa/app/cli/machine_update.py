@@ -82,7 +82,7 @@ def accepted_causes(document: Mapping[str, Any], wanted: list[str] | None) -> li
 
 
 def _check_ranges(machine: Machine, values: Mapping[str, float], source: Path) -> None:
-    """Refuse values that no explanation of this machine can have: the file was edited."""
+    """Refuse what no explanation of this machine can have found: somebody has edited it."""
     inputs = explaining_inputs(machine)
     for code, value in values.items():
         item = inputs[code]

@@ -113,7 +113,7 @@ def _machine(result: Reproduction) -> Iterator[tuple[str, Figure, str]]:
     yield "Figure 2", draw_machine(machine), "Nodes, shafts and connections; test points in yellow."
     yield "Figure 3", mesh_figure(result.mesh), "The first three pinions: each has the mesh phase of its place."
     caption = "First ten seconds and spectrum of each component, Table 1's regions shaded and its lines dotted"
-    yield "Figure 4", load_figure(result.loads.spectral), f"{caption}: spectral model."
+    yield "Figure 4", load_figure(result.loads.spectral), f"{caption}: spectral level."
     if result.loads.cutter is not None:
         yield "Figure 4", load_figure(result.loads.cutter), f"{caption}: forces on the cutters."
 
