@@ -63,7 +63,7 @@ class Case:
         self.exact = self.by_solver("Radau", 1e-7)
 
     def by_solver(self, solver: str, tolerance: float) -> np.ndarray:
-        """Indicators of one of scipy's solvers."""
+        """Return the indicators of one of scipy's solvers."""
         speed = self.machine.operating_point.speed
         loads = functools.partial(_interpolated, self.times, self.loads)
         motion = reference_motion(
@@ -74,7 +74,7 @@ class Case:
         return _table_3(displacement[:, ring], acceleration[:, pinion], motion[2])
 
     def by_simulator(self, method: str) -> np.ndarray:
-        """Indicators of one of the simulator's methods."""
+        """Return the indicators of one of the simulator's methods."""
         chunk = Simulator(self.system, (8, 14), STEP, method).step(self.loads)
         return _table_3(chunk.displacement[:, 0], chunk.acceleration[:, 1], chunk.mesh_force)
 

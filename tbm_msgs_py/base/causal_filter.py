@@ -29,12 +29,12 @@ class CausalFilter:
         """Forget the state."""
         self._state = None
 
-    def process(self, values: FloatArray) -> FloatArray:
-        """Filter the next samples (n, c)."""
+    def process(self, values: FloatArray, first: FloatArray | None = None) -> FloatArray:
+        """Filter the next samples (n, c); `first` (c,) stands for the first value where the filter starts."""
         if not len(values):
             return values
         if self._state is None:
-            self._state = self._steady * values[0]
+            self._state = self._steady * (values[0] if first is None else first)
         filtered: FloatArray
         filtered, self._state = scipy.signal.sosfilt(self._sections, values, axis=0, zi=self._state)
         return filtered
