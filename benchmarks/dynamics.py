@@ -20,6 +20,7 @@ import subprocess
 import sys
 import tempfile
 import time
+import timeit
 from collections.abc import Callable
 from pathlib import Path
 from unittest.mock import patch
@@ -47,12 +48,7 @@ TOLERANCES = (1e-2, 1e-3, 1e-4, 1e-5, 1e-6)
 
 def shortest(run: Callable[[], object], repeats: int) -> float:
     """Shortest time of several runs, s."""
-    times = []
-    for _ in range(repeats):
-        start = time.perf_counter()
-        run()
-        times.append(time.perf_counter() - start)
-    return min(times)
+    return min(timeit.repeat(run, number=1, repeat=repeats))
 
 
 class Case:
@@ -67,7 +63,7 @@ class Case:
         self.exact = self.by_solver("Radau", 1e-7)
 
     def by_solver(self, solver: str, tolerance: float) -> np.ndarray:
-        """Compute the indicators by one of scipy's solvers."""
+        """Return the indicators of one of scipy's solvers."""
         speed = self.machine.operating_point.speed
         loads = functools.partial(_interpolated, self.times, self.loads)
         motion = reference_motion(
@@ -78,7 +74,7 @@ class Case:
         return _table_3(displacement[:, ring], acceleration[:, pinion], motion[2])
 
     def by_simulator(self, method: str) -> np.ndarray:
-        """Compute the indicators by one of ours."""
+        """Return the indicators of one of the simulator's methods."""
         chunk = Simulator(self.system, (8, 14), STEP, method).step(self.loads)
         return _table_3(chunk.displacement[:, 0], chunk.acceleration[:, 1], chunk.mesh_force)
 
@@ -206,6 +202,7 @@ print(f"60 s with stored test points: {size / 1e6:.0f} MB of arrays, {after / 1e
 
 _COLD = """
 import time
+import timeit
 start = time.perf_counter()
 from tbm_dynamics import Simulator, load_machine
 machine = load_machine("dz101")
