@@ -20,6 +20,7 @@ from tbm_gsa.comparison.workflow import compare_recording
 from tbm_gsa.signals.estimates import estimate
 from tbm_gsa.signals.settings import Settings
 from tbm_msgs_py import ACCELERATION, BagWriter
+from tbm_msgs_py.recordings.faults import Faults
 from tbm_msgs_py.recordings.recording import AccelerationRecord, RecordingReader, open_recording
 
 POINTS = ("cutterhead", "shield", "walkway", "girder", "gripper")
@@ -47,8 +48,13 @@ class InPieces:
     def __init__(self, reader: RecordingReader, length_s: float) -> None:
         self.sensors, self._reader, self._length = reader.sensors, reader, length_s
 
+    @property
+    def faults(self) -> Mapping[str, Faults]:
+        """What the reader has counted."""
+        return self._reader.faults
+
     def pieces(self) -> Iterator[Mapping[str, AccelerationRecord]]:
-        """Consecutive stretches."""
+        """Consecutive pieces."""
         return self._reader.pieces(self._length)
 
 

@@ -125,14 +125,9 @@ class WindowCollector:
     def finish(self) -> WindowTable:
         """All windows, the last one with what there is of it."""
         self._close()
-        b, a = len(self._bands), len(self._axes)
-        shapes: tuple[tuple[int, ...], ...] = ((), (), (4, a), (a,), (a,), (b, a), (a,))
-        columns = zip(*self._rows, strict=True) if self._rows else [()] * len(shapes)
-        arrays = [
-            np.array(column, dtype=np.float64).reshape(len(self._rows), *shape)
-            for column, shape in zip(columns, shapes, strict=True)
-        ]
-        return WindowTable(arrays[0].astype(np.int64), *arrays[1:])
+        columns = zip(*self._rows, strict=True) if self._rows else [[]] * len(fields(WindowTable))
+        index, *arrays = (np.array(column, dtype=np.float64) for column in columns)
+        return WindowTable(index.astype(np.int64), *arrays)
 
     def _close(self) -> None:
         if self._index is None:

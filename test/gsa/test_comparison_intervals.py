@@ -82,7 +82,7 @@ def test_intervals_hold_the_true_level(draws, name, truth):
     assert share([one.intervals[name] for one in found], truth * level) == pytest.approx(0.95, abs=0.03)
 
 
-def test_the_interval_of_the_kurtosis_is_a_little_short_of_few_windows(draws):
+def test_the_interval_of_the_kurtosis_is_short_of_few_windows(draws):
     # Fourteen degrees of freedom of a skewed estimate: 91 % here; docs/comparison.md says so.
     found, _ = draws
     assert 0.88 <= share([one.intervals["kurtosis"] for one in found], 3.0) <= 0.98
@@ -140,7 +140,7 @@ def test_the_error_interval_holds_the_true_error(draws):
     assert share(same, 0.0) == pytest.approx(0.95, abs=0.05)
 
 
-def test_a_level_that_wanders_over_a_minute_is_not_taken_for_many_independent_windows():
+def test_windows_of_a_wandering_level_are_not_independent():
     rng, held = np.random.default_rng(9), []
     for _ in range(DRAWS):
         # An hour in segments of 20 s, each with a level of its own; the true mean square is 1 + 0.25.

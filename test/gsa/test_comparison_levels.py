@@ -57,7 +57,7 @@ def test_noise_within_the_tolerance_is_one_level_at_its_mean():
     assert found.levels[0].torque_kn_m == pytest.approx(np.mean([entry[2] for entry in entries]))
 
 
-def test_a_level_that_comes_back_is_the_same_and_standstills_belong_to_none():
+def test_a_level_may_come_back_and_a_standstill_has_none():
     up, down = (5.6, 3000.0, 12000.0), (4.0, 2500.0, 8000.0)
     found = history([(0.0, *up), (20.0, *down), (40.0, 0.0, 0.0, 0.0), (60.0, *up)])
     assert [level.seconds for level in found.levels] == pytest.approx([60.0, 20.0])
@@ -69,7 +69,7 @@ def test_a_level_that_comes_back_is_the_same_and_standstills_belong_to_none():
     ]
 
 
-def test_the_first_entry_holds_before_itself_and_older_ones_count_from_the_beginning():
+def test_the_first_operating_point_holds_before_itself_too():
     assert history([(30.0, 5.6, 3000.0, 12000.0)]).levels[0].seconds == pytest.approx(100.0)
     found = history([(-50.0, 9.0, 1000.0, 1000.0), (-10.0, 4.0, 2000.0, 9000.0), (50.0, 5.6, 3000.0, 12000.0)])
     assert sorted(level.seconds for level in found.levels) == pytest.approx([50.0, 50.0])
@@ -90,9 +90,12 @@ def test_what_was_never_steady_is_taken_at_its_mean():
     assert found.level_of(START_NS)(np.array([4.0]), np.array([6.0])).tolist() == [0]
 
 
-def test_a_machine_that_never_turned_is_an_error_and_no_operating_point_is_the_machines_own():
+def test_a_machine_that_never_turned_is_an_error():
     with pytest.raises(NeverDrivenError, match="never driven"):
         history([(0.0, 0.0, 0.0, 0.0)])
+
+
+def test_without_operating_points_the_level_is_the_machines_own():
     own = machine_history(load_machine("dz101"), START_NS, START_NS + SECOND)
     assert values(own.levels[0]) == (5.6, 3040.0, 12000.0)
     assert own.levels[0].source == "machine"

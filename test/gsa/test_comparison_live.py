@@ -73,7 +73,7 @@ def test_windows_agree_with_the_offline_ones():
 
 
 @pytest.mark.parametrize("frame", ["fixed", "rotating"])
-def test_peak_crest_factor_and_kurtosis_agree_with_the_offline_ones(frame):
+def test_live_and_offline_peaks_and_kurtoses_agree(frame):
     """A blow in every window, as of a damaged bearing; the filters differ in phase, which changes single peaks."""
     duration = 12.0
     signals = {source: noise(source, duration) for source in RATES}
@@ -97,7 +97,7 @@ def test_peak_crest_factor_and_kurtosis_agree_with_the_offline_ones(frame):
     assert all(result.field_kurtosis.min() > 6.0 for result in results)
 
 
-def test_a_window_sum_in_pieces_is_what_numpy_and_scipy_say_of_the_whole():
+def test_sums_of_a_window_in_pieces_are_those_of_numpy_and_scipy():
     values = np.random.default_rng(1).gamma(2.0, size=(1000, 3)) * [1.0, -3.0, 0.2]
     total, empty = WindowSums(3), WindowSums(3)
     for part in np.split(values, [1, 300, 301, 800]):
@@ -330,7 +330,7 @@ def test_a_change_within_the_scatter_of_the_baseline_is_none():
     assert rule.update(window([0.05, 0.4, 0.4]))  # a fall is a change too
 
 
-def test_points_and_axes_without_a_baseline_have_an_absolute_threshold():
+def test_without_a_baseline_the_threshold_is_absolute():
     rule = AlarmRule(0.30, 1, baseline={"shield": UsualError([0.9, np.nan, 0.9], np.zeros(3))})
     assert not rule.update(window([0.9, 0.2, 0.9]))
     assert rule.update(window([0.9, 0.4, 0.9]))

@@ -70,7 +70,7 @@ def test_gaps_lower_the_coverage_of_their_windows_only():
     np.testing.assert_allclose(axis.windows.relative_error, 0.0, atol=0.03)
 
 
-def test_a_model_run_that_is_shorter_still_gives_every_window_an_error():
+def test_a_shorter_model_run_gives_every_window_an_error():
     time, values = computed((1.0, 1.0, 1.0))
     found = compared(record(vibration(FIELD_RATE, (1.0, 1.0, 1.0))), (time[:50_000], values[:50_000]))
     np.testing.assert_allclose(found.axes["y"].windows.relative_error, np.zeros(15), atol=0.03)

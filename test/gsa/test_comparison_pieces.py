@@ -93,7 +93,7 @@ def test_a_stuck_axis_is_one_stretch_across_pieces():
     assert (axis, begin, end) == ("y", pytest.approx(60.0), pytest.approx(64.999))
 
 
-def test_a_sensor_that_changes_its_rate_is_named_and_the_others_go_on():
+def test_a_sensor_that_changes_its_rate_is_named():
     class Changing(Reader):
         def pieces(self):
             first, second = super().pieces()

@@ -91,7 +91,7 @@ def test_two_columns_are_taken_as_the_length_of_their_vector():
     values=arrays(float, (2000, 3), elements=st.floats(-1e3, 1e3), fill=st.floats(-1.0, 1.0)),
     cuts=st.lists(st.floats(0.0, 501.0), max_size=4).map(sorted),
 )
-def test_parseval_bands_that_cover_everything_add_up_to_the_mean_square(values, cuts):
+def test_bands_that_cover_everything_add_up_to_the_mean_square(values, cuts):
     limits = [0.0, *cuts, 502.0]
     table = windows(segment(values), bands=list(pairwise(limits)), length=1.0)
     power = np.square(values).reshape(2, 1000, 3).sum(axis=1)

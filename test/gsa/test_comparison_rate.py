@@ -110,7 +110,7 @@ def test_a_rate_that_changes_starts_the_filter_afresh(before, after):
 
 
 @pytest.mark.parametrize(("before", "after", "at"), [(5000, 10_000, 7.8), (10_000, 5000, 7.9)])
-def test_a_rate_that_changes_just_before_a_window_ends_leaves_that_window_out(before, after, at):
+def test_a_window_in_which_the_rate_changes_is_left_out(before, after, at):
     run = Run([*blocks("field", before, 0.0, at), *blocks("field", after, at)])
     assert run.window(4.0) is not None
     assert run.window(6.0) is None
