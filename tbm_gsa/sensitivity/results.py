@@ -34,6 +34,9 @@ INDICES: Final = (
     "closed form of the surrogate, sampled where its output was transformed; "
     "intervals: delete-a-group jackknife over the folds, 95 %"
 )
+STRONGEST: Final = 5
+"""Inputs that a table or figure shows of an output."""
+
 # Interactions below this share of the variance are left out.
 SMALLEST_INTERACTION: Final = 1e-3
 
@@ -154,6 +157,10 @@ class OutputResult(MethodIndices, SurrogateScores):
     fast: IndexTable
     morris: MorrisTable
     scores: dict[str, SurrogateScores]
+
+    def strongest(self) -> list[str]:
+        """Codes of the inputs with the largest total indices, largest first."""
+        return sorted(self.total, key=self.total.__getitem__, reverse=True)[:STRONGEST]
 
 
 class SampleCounts(ResultPart):

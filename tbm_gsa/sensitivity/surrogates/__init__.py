@@ -4,7 +4,7 @@ from pathlib import Path
 
 from numpy.typing import ArrayLike
 
-from tbm_gsa.sensitivity.surrogates.base import CrossValidation, Surrogate, r_squared
+from tbm_gsa.sensitivity.surrogates.base import CrossValidation, Surrogate
 from tbm_gsa.sensitivity.surrogates.files import read_surrogate, save_surrogate
 from tbm_gsa.sensitivity.surrogates.krg import Kriging
 from tbm_gsa.sensitivity.surrogates.prs import PolynomialResponseSurface
@@ -19,7 +19,6 @@ __all__ = [
     "Surrogate",
     "fit_surrogate",
     "load_surrogate",
-    "r_squared",
     "save_surrogate",
 ]
 

@@ -7,6 +7,7 @@ from typing import ClassVar, Self
 
 import numpy as np
 from numpy.typing import ArrayLike
+from sklearn.metrics import r2_score
 
 from tbm_gsa.sensitivity.surrogates.expansion import Expansion
 from tbm_gsa.sensitivity.surrogates.samples import Samples, checked_points, to_unit
@@ -137,7 +138,7 @@ class CrossValidation:
     @property
     def r2(self) -> float:
         """R² over all held-out predictions, equation (6) of the paper."""
-        return r_squared(self.actual, self.predicted)
+        return float(r2_score(self.actual, self.predicted))
 
     @property
     def rmse(self) -> float:
@@ -148,8 +149,3 @@ class CrossValidation:
     def largest_error(self) -> float:
         """Largest error of a held-out prediction, in the unit of the output."""
         return float(np.abs(self.actual - self.predicted).max())
-
-
-def r_squared(actual: Array, predicted: Array) -> float:
-    """R² = 1 − Σ(y − ŷ)²/Σ(y − ȳ)² of predictions (n,), equation (6) of the paper."""
-    return float(1.0 - np.sum((actual - predicted) ** 2) / np.sum((actual - actual.mean()) ** 2))
