@@ -114,7 +114,7 @@ def test_a_machine_that_has_changed_is_refused():
         MachineEvaluation.from_settings({**evaluate.settings, "machine_sha256": "0"}, INDICATORS)
 
 
-def test_values_that_no_machine_can_have_are_refused_before_the_campaign():
+def test_values_no_machine_can_have_are_refused_at_once():
     evaluate = MachineEvaluation.of("dz101", DURATION, 3)
     evaluate.check({"x16": (0.5, 2.0), "x6": (0.29, 0.31)})
     with pytest.raises(StudyError, match=r"input x6 at 0\.6: .*poisson"):

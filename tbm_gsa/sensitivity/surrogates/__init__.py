@@ -56,6 +56,13 @@ def fit_surrogate(
     ------
     InputError
         An unknown method, or samples no surrogate can be fitted to; the message says which and where.
+
+    Examples
+    --------
+    >>> X = np.random.default_rng(0).random((40, 2))
+    >>> model = fit_surrogate("prs", X, 2.0 * X[:, 0] + X[:, 1], bounds=[[0.0, 1.0], [0.0, 1.0]])
+    >>> model.predict([[0.5, 0.5]]).round(6), round(model.cross_validate(10).r2, 6)
+    (array([1.5]), 1.0)
     """
     if method not in SURROGATES:
         raise InputError(f"unknown surrogate {method!r}, allowed: {', '.join(SURROGATES)}")
