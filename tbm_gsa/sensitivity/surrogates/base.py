@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 from sklearn.metrics import r2_score
 
 from tbm_gsa.sensitivity.surrogates.expansion import Expansion
-from tbm_gsa.sensitivity.surrogates.samples import Samples, checked_points, to_unit
+from tbm_gsa.sensitivity.surrogates.samples import TrainingSet, checked_points, to_unit
 from tbm_msgs_py.base.arrays import Array, Integers
 from tbm_msgs_py.base.errors import InputError
 
@@ -38,7 +38,7 @@ class Surrogate(ABC):
 
     Parameters
     ----------
-    samples : Samples
+    samples : TrainingSet
         What the surrogate was trained on.
     expansion : KernelExpansion or PolynomialExpansion
         The fitted function from the unit cube to the standardised output.
@@ -48,7 +48,7 @@ class Surrogate(ABC):
         Seed of whatever is random in the fit and of the shuffling of cross validation.
     """
 
-    samples: Samples
+    samples: TrainingSet
     expansion: Expansion
     settings: Mapping[str, float]
     seed: int
@@ -60,7 +60,7 @@ class Surrogate(ABC):
         """Fit the method to inputs (n, d) in the unit cube and a standardised output (n,)."""
 
     @classmethod
-    def fit(cls, samples: Samples, *, seed: int = 0) -> Self:
+    def fit(cls, samples: TrainingSet, *, seed: int = 0) -> Self:
         """Fit this method to checked samples."""
         expansion, settings = cls._expand(samples.unit, samples.standardised, seed)
         return cls(samples, expansion, settings, seed)
