@@ -1,9 +1,4 @@
-"""Global sensitivity analysis of a tunnel boring machine's drive: surrogates, Sobol indices, studies, reports.
-
->>> model = fit_surrogate("svr", X, y, bounds=bounds, seed=0)
->>> model.cross_validate(10).r2
->>> sobol_closed_form(model).first
-"""
+"""Global sensitivity analysis of a tunnel boring machine's drive: surrogates, Sobol indices, studies, reports."""
 
 from importlib import import_module
 from typing import TYPE_CHECKING

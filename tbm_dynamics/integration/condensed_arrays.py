@@ -127,4 +127,4 @@ def zero_state(arrays: Arrays) -> State:
     working = [(4 * PATTERNS,), (4 * PATTERNS,), (4, lanes), (4, lanes), (2 * lanes,), (2 * lanes,), (1, 3, 2 * lanes)]
     lasting = [(3, 2, lanes), (3, 2 * PATTERNS), (3, 2, lanes), (2 * lanes,), (3, 2 * lanes)]
     workspace = Workspace(*(aligned(np.zeros(shape)) for shape in [*common, *working, (1, 2 * pairs)]))
-    return State(*(aligned(np.zeros(shape)) for shape in [*common, *lasting]), workspace)
+    return State._make([*(aligned(np.zeros(shape)) for shape in [*common, *lasting]), workspace])

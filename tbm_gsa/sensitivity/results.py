@@ -19,7 +19,8 @@ from pydantic import (
 )
 
 from tbm_gsa.provenance import package_versions
-from tbm_gsa.sensitivity.study.errors import StudyError, validated
+from tbm_gsa.sensitivity.study.errors import StudyError
+from tbm_gsa.sensitivity.study.problem import validated
 from tbm_msgs_py.base.files import write_json
 
 if TYPE_CHECKING:
@@ -34,6 +35,9 @@ INDICES: Final = (
     "closed form of the surrogate, sampled where its output was transformed; "
     "intervals: delete-a-group jackknife over the folds, 95 %"
 )
+STRONGEST: Final = 5
+"""Inputs that a table or figure shows of an output."""
+
 # Interactions below this share of the variance are left out.
 SMALLEST_INTERACTION: Final = 1e-3
 
@@ -47,14 +51,14 @@ def _by_code(given: object, info: ValidationInfo) -> object:
     return {} if given is None else given
 
 
-Number = Annotated[
+NullableNumber = Annotated[
     float,
     BeforeValidator(lambda given: math.nan if given is None else given),  # JSON has null for what is not finite
     WithJsonSchema({"type": ["number", "null"]}),
 ]
-Interval: TypeAlias = tuple[Number, Number]
-Values = Annotated[dict[str, Number], BeforeValidator(_by_code)]
-Intervals = Annotated[dict[str, Interval], BeforeValidator(_by_code)]
+Interval: TypeAlias = tuple[NullableNumber, NullableNumber]
+ByCode = Annotated[dict[str, NullableNumber], BeforeValidator(_by_code)]
+IntervalsByCode = Annotated[dict[str, Interval], BeforeValidator(_by_code)]
 
 
 class ResultPart(BaseModel):
@@ -66,10 +70,10 @@ class ResultPart(BaseModel):
 class IndexTable(ResultPart):
     """First-order (S1) and total (ST) indices with intervals, by input or group; no intervals where none are known."""
 
-    first: Values
-    total: Values
-    first_interval: Intervals
-    total_interval: Intervals
+    first: ByCode
+    total: ByCode
+    first_interval: IntervalsByCode
+    total_interval: IntervalsByCode
 
 
 class MethodIndices(IndexTable):
@@ -89,17 +93,17 @@ class Interaction(ResultPart):
     """Second-order index (S2) of two inputs."""
 
     inputs: tuple[str, str]
-    index: Number
+    index: NullableNumber
     interval: Interval
 
 
 class PathSpread(ResultPart):
     """An index over conditional Kriging paths, by input: mean, 95 %, deviations by the surrogate and by sampling."""
 
-    mean: Values
-    interval: Intervals
-    metamodel: Values
-    monte_carlo: Values
+    mean: ByCode
+    interval: IntervalsByCode
+    metamodel: ByCode
+    monte_carlo: ByCode
 
 
 class PathTable(ResultPart):
@@ -115,21 +119,21 @@ class PathTable(ResultPart):
 class MorrisTable(ResultPart):
     """Elementary effects by input, in the unit of the output per range of the input: μ, μ* with its 95 %, σ."""
 
-    mean: Values
-    mean_absolute: Values
-    mean_absolute_interval: Intervals
-    deviation: Values
+    mean: ByCode
+    mean_absolute: ByCode
+    mean_absolute_interval: IntervalsByCode
+    deviation: ByCode
 
 
 class SurrogateScores(ResultPart):
     """Quality of a surrogate in cross validation and on the test points; errors in the unit of the output."""
 
     transform: str
-    r2_cv: Number
+    r2_cv: NullableNumber
     r2_test: float | None
-    rmse_cv: Number
+    rmse_cv: NullableNumber
     rmse_test: float | None
-    largest_error_cv: Number
+    largest_error_cv: NullableNumber
     largest_error_test: float | None
 
 
@@ -141,7 +145,7 @@ class OutputResult(MethodIndices, SurrogateScores):
     """
 
     surrogate: str
-    r2_nested: Number
+    r2_nested: NullableNumber
     second: tuple[Interaction, ...]
     groups: Annotated[
         IndexTable | None,
@@ -154,6 +158,10 @@ class OutputResult(MethodIndices, SurrogateScores):
     fast: IndexTable
     morris: MorrisTable
     scores: dict[str, SurrogateScores]
+
+    def strongest(self) -> list[str]:
+        """Codes of the inputs with the largest total indices, largest first."""
+        return sorted(self.total, key=self.total.__getitem__, reverse=True)[:STRONGEST]
 
 
 class SampleCounts(ResultPart):

@@ -76,7 +76,7 @@ def test_a_cancelled_campaign_goes_on_in_processes(store, tmp_path, cluster):
     assert len(list(calls.iterdir())) == 36
 
 
-def test_a_scheduler_that_dies_is_one_line_and_what_finished_is_stored(store, tmp_path, capfd):
+def test_a_dying_scheduler_is_one_line_and_results_are_stored(store, tmp_path, capfd):
     calls = tmp_path / "calls"
     calls.mkdir()
     with dask_cluster(tmp_path) as mortal:

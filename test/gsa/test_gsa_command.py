@@ -127,7 +127,7 @@ def test_bad_input_is_one_line_and_leaves_no_folder(tmp_path, typed, arguments, 
     assert not (tmp_path / "study").exists()
 
 
-def test_a_range_that_no_machine_allows_is_refused_before_the_campaign(tmp_path, typed):
+def test_a_range_no_machine_allows_is_refused_at_once(tmp_path, typed):
     path = tmp_path / "study.yaml"
     path.write_text("inputs: {x6: {lower: 0.2, upper: 0.6}}")
     code, _, err = typed("gsa", "run", *QUICK, "--inputs", str(path), "--out", str(tmp_path / "study"))

@@ -32,7 +32,7 @@ def test_pairs_and_groups_of_ishigami_in_closed_form(fitted, method, budget):
 
 
 @pytest.mark.parametrize("method", ["krg", "svr", "prs"])
-def test_closed_form_is_what_sampling_of_the_same_surrogate_gives(fitted, method):
+def test_closed_form_equals_sampling_of_the_surrogate(fitted, method):
     model = fitted(method, "g")
     exact = sobol_closed_form(model, second=True)
     sampled = sobol_monte_carlo(model.predict, model.bounds, 2**14, second=True)

@@ -79,6 +79,15 @@ def test_the_analysis_is_that_of_the_public_functions(study):
     assert force.r2_cv == model.cross_validate(10).r2
 
 
+@pytest.mark.parametrize("text", ["", "[]", "{}", '{"outputs": {"force": 3}}', "[" * 10_000])
+def test_a_file_that_is_no_result_is_one_line(tmp_path, text):
+    (tmp_path / "result.json").write_text(text)
+    with pytest.raises(StudyError, match=r"result\.json: not the result of a study \([^\n]+\)$"):
+        StudyResult.read(tmp_path / "result.json")
+    with pytest.raises(StudyError, match=r"none\.json: No such file or directory, allowed: the result of a study"):
+        StudyResult.read(tmp_path / "none.json")
+
+
 def test_curves_follow_the_function(study):
     curve = study.analyses["peak"].curves[0]
     assert curve.code == "x2"

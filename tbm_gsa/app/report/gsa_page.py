@@ -12,7 +12,6 @@ from tbm_gsa.sensitivity.study.inputs import Input, InputSet
 from tbm_gsa.sensitivity.study.run import FinishedStudy
 from tbm_msgs_py.base.files import write_whole
 
-SHOWN: Final = 5
 # Below the lowest R² the paper accepts (its Table 6, PAcc_A) the page says so.
 POOR_R2: Final = 0.7
 
@@ -33,7 +32,7 @@ def gsa_page(result: StudyResult, analyses: Mapping[str, OutputAnalysis]) -> str
     ----------
     result : StudyResult
     analyses : mapping of str to OutputAnalysis
-        What the figures draw.
+        Curves and samples, which the figures draw beside the result.
 
     Returns
     -------
@@ -48,18 +47,13 @@ def gsa_page(result: StudyResult, analyses: Mapping[str, OutputAnalysis]) -> str
         "result": result,
         "poor": [name for name, output in result.outputs.items() if output.r2_cv < POOR_R2],
         "poor_limit": POOR_R2,
-        "strongest": {name: _strongest(output) for name, output in result.outputs.items()},
+        "strongest": {name: output.strongest() for name, output in result.outputs.items()},
         "inputs": {item.code: item for item in inputs.inputs},
         "distances": {name: _distances(output) for name, output in result.outputs.items()},
         "provenance": _provenance(result),
-        **_figures(list(analyses.values()), inputs),
+        **_figures(result.outputs, analyses, inputs),
     }
     return render_page("gsa.html", context)
-
-
-def _strongest(output: OutputResult) -> list[str]:
-    """Codes of the inputs with the largest total indices, largest first."""
-    return sorted(output.total, key=output.total.__getitem__, reverse=True)[:SHOWN]
 
 
 def _distances(output: OutputResult) -> list[tuple[float, float]]:
@@ -73,19 +67,22 @@ def _distances(output: OutputResult) -> list[tuple[float, float]]:
     ]
 
 
-def _figures(outputs: list[OutputAnalysis], inputs: InputSet) -> dict[str, str]:
+def _figures(
+    outputs: Mapping[str, OutputResult], analyses: Mapping[str, OutputAnalysis], inputs: InputSet
+) -> dict[str, str]:
     """Draw the figures as image elements."""
+    fits = list(analyses.values())
     drawn = {
-        "bars": (figures.index_bars(outputs, inputs), "Bars of the Sobol indices of every output"),
-        "curves": (figures.response_curves(outputs, inputs), "Response along the strongest inputs"),
-        "scores": (figures.score_bars(outputs), "Bars of R² by output and surrogate"),
-        "designs": (figures.design_points(outputs, inputs), "Training and test points"),
-        "interactions": (figures.interaction_bars(outputs, inputs), "Bars of second-order indices"),
-        "convergence": (figures.convergence(outputs, inputs), "First-order indices over the base size"),
-        "split": (figures.uncertainty_split(outputs, inputs), "Bars of metamodel and sampling error"),
-        "methods": (figures.method_comparison(outputs, inputs), "First-order indices by other methods"),
-        "morris": (figures.morris_scatter(outputs, inputs), "Elementary effects, mean and deviation"),
-        "predictions": (figures.prediction_scatter(outputs), "Simulated against predicted values"),
+        "bars": (figures.index_bars(fits, inputs), "Bars of the Sobol indices of every output"),
+        "curves": (figures.response_curves(fits, inputs), "Response along the strongest inputs"),
+        "scores": (figures.score_bars(fits), "Bars of R² by output and surrogate"),
+        "designs": (figures.design_points(fits, inputs), "Training and test points"),
+        "interactions": (figures.interaction_bars(outputs), "Bars of second-order indices"),
+        "convergence": (figures.convergence(outputs), "First-order indices over the base size"),
+        "split": (figures.uncertainty_split(outputs), "Bars of metamodel and sampling error"),
+        "methods": (figures.method_comparison(outputs), "First-order indices by other methods"),
+        "morris": (figures.morris_scatter(outputs), "Elementary effects, mean and deviation"),
+        "predictions": (figures.prediction_scatter(fits), "Simulated against predicted values"),
     }
     return {name: embed_figure(figure, description) for name, (figure, description) in drawn.items()}
 

@@ -130,8 +130,8 @@ def sobol_of_paths(
         mixed = functions.evaluate(points) - centre
         first.append(weights @ (b * (mixed - a)) / variance)
         total.append(weights @ (0.5 * (a - mixed) ** 2) / variance)
-    alone, together = (Spread.of(np.stack(parts, axis=-1).transpose(1, 0, 2)) for parts in (first, total))
-    return PathIndices(alone, together, samples, paths, resamples)
+    spreads = [Spread.of(np.stack(parts, axis=-1).transpose(1, 0, 2)) for parts in (first, total)]
+    return PathIndices(spreads[0], spreads[1], samples, paths, resamples)
 
 
 @dataclass(frozen=True, eq=False)

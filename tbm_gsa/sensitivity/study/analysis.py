@@ -4,10 +4,11 @@ from collections import deque
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, wait
 from dataclasses import dataclass
-from typing import Final, TypeVar
+from typing import TypeVar
 
 import numpy as np
 
+from tbm_gsa.sensitivity.results import STRONGEST
 from tbm_gsa.sensitivity.screening import ElementaryEffects, fast_indices, morris_effects
 from tbm_gsa.sensitivity.sobol.indices import SobolIndices, of_a_constant
 from tbm_gsa.sensitivity.sobol.monte_carlo import ConvergenceStep, convergence_sizes, sobol_convergence
@@ -23,8 +24,6 @@ from tbm_gsa.sensitivity.study.workers import local_processes
 from tbm_gsa.sensitivity.surrogates import SURROGATES
 from tbm_gsa.sensitivity.surrogates.krg import Kriging
 from tbm_msgs_py.base.errors import InputError
-
-STRONGEST: Final = 5
 
 
 @dataclass(frozen=True, eq=False)

@@ -5,8 +5,9 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
+from sklearn.metrics import r2_score
 
-from tbm_gsa.sensitivity.surrogates import CrossValidation, Surrogate, fit_surrogate, r_squared
+from tbm_gsa.sensitivity.surrogates import CrossValidation, Surrogate, fit_surrogate
 from tbm_gsa.sensitivity.surrogates.samples import Transform
 from tbm_msgs_py.base.arrays import Array
 
@@ -93,7 +94,7 @@ class Candidate:
         """R² on the test points; None where there are fewer than two or they do not vary."""
         if len(self.test_actual) < 2 or np.ptp(self.test_actual) == 0.0:
             return None
-        return r_squared(self.test_actual, self.test_predicted)
+        return float(r2_score(self.test_actual, self.test_predicted))
 
     @property
     def rmse_test(self) -> float | None:

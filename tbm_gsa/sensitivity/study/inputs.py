@@ -6,15 +6,15 @@ from typing import Annotated, Final, Literal, Self
 
 import numpy as np
 from numpy.typing import ArrayLike
-from pydantic import BeforeValidator, Field
+from pydantic import BeforeValidator
 
+from tbm_gsa.reading import Name
 from tbm_gsa.sensitivity.study.distributions import Distribution, Uniform, distribution_from, number
 from tbm_gsa.sensitivity.study.errors import StudyError
 from tbm_msgs_py.base.arrays import Array
-from tbm_msgs_py.base.texts import LONGEST_LINE, LONGEST_NAME, quoted
+from tbm_msgs_py.base.texts import LONGEST_LINE, quoted
 
 Kind = Literal["absolute", "multiplier"]
-Name = Annotated[str, Field(min_length=1, max_length=LONGEST_NAME)]
 KINDS: Final[tuple[Kind, ...]] = ("absolute", "multiplier")
 TEXTS: Final = ("code", "name", "symbol", "unit")
 

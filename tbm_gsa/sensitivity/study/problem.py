@@ -3,18 +3,32 @@
 import json
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
-from typing import Annotated, ClassVar, Final
+from typing import Annotated, ClassVar, Final, TypeVar
 
-from pydantic import ConfigDict, Field, TypeAdapter
+from pydantic import ConfigDict, Field, TypeAdapter, ValidationError
 
+from tbm_gsa.reading import Line, Name, Seed
 from tbm_gsa.sensitivity.study.design import check_kind
-from tbm_gsa.sensitivity.study.errors import StudyError, validated
-from tbm_gsa.sensitivity.study.inputs import InputSet, Name
-from tbm_msgs_py.base.texts import LONGEST_LINE, shortened
+from tbm_gsa.sensitivity.study.errors import StudyError
+from tbm_gsa.sensitivity.study.inputs import InputSet
+from tbm_msgs_py.base.texts import LONGEST_NAME, shortened
 
-Setting = Annotated[str, Field(max_length=LONGEST_LINE)] | float | int
+Setting = Line | float | int
 Count = Annotated[int, Field(ge=0, lt=2**31)]
 FORMAT: Final = 2
+
+Stored = TypeVar("Stored")
+
+
+def validated(adapter: TypeAdapter[Stored], text: str | bytes, refusal: str) -> Stored:
+    """Read JSON of a study that may have been edited since; raise a StudyError with the refusal and what is wrong."""
+    try:
+        return adapter.validate_json(text)
+    except ValidationError as error:
+        first = error.errors(include_url=False)[0]
+        place = shortened(".".join(map(str, first["loc"])), LONGEST_NAME)
+        problem = first["msg"].removeprefix("Value error, ")
+        raise StudyError(f"{refusal} ({place + ': ' if place else ''}{problem})") from None
 
 
 @dataclass(frozen=True)
@@ -41,7 +55,7 @@ class Problem:
     outputs: tuple[Name, ...]
     train: Count
     test: Count
-    seed: Count
+    seed: Seed
     settings: Mapping[Name, Setting] = field(default_factory=dict)
     design: str = "lhs"
     added: tuple[Count, ...] = ()

@@ -15,8 +15,8 @@ from pydantic import ConfigDict, TypeAdapter
 
 from tbm_gsa.reading import Number
 from tbm_gsa.sensitivity.study.design import add_points, make_design
-from tbm_gsa.sensitivity.study.errors import StudyError, validated
-from tbm_gsa.sensitivity.study.problem import Problem, difference
+from tbm_gsa.sensitivity.study.errors import StudyError
+from tbm_gsa.sensitivity.study.problem import Problem, difference, validated
 from tbm_gsa.sensitivity.study.workers import Outcome
 from tbm_msgs_py.base.arrays import Array
 from tbm_msgs_py.base.files import unfinished

@@ -4,7 +4,7 @@ from pathlib import Path
 
 from numpy.typing import ArrayLike
 
-from tbm_gsa.sensitivity.surrogates.base import CrossValidation, Surrogate, r_squared
+from tbm_gsa.sensitivity.surrogates.base import CrossValidation, Surrogate
 from tbm_gsa.sensitivity.surrogates.files import read_surrogate, save_surrogate
 from tbm_gsa.sensitivity.surrogates.krg import Kriging
 from tbm_gsa.sensitivity.surrogates.prs import PolynomialResponseSurface
@@ -19,7 +19,6 @@ __all__ = [
     "Surrogate",
     "fit_surrogate",
     "load_surrogate",
-    "r_squared",
     "save_surrogate",
 ]
 
@@ -57,6 +56,13 @@ def fit_surrogate(
     ------
     InputError
         An unknown method, or samples no surrogate can be fitted to; the message says which and where.
+
+    Examples
+    --------
+    >>> X = np.random.default_rng(0).random((40, 2))
+    >>> model = fit_surrogate("prs", X, 2.0 * X[:, 0] + X[:, 1], bounds=[[0.0, 1.0], [0.0, 1.0]])
+    >>> model.predict([[0.5, 0.5]]).round(6), round(model.cross_validate(10).r2, 6)
+    (array([1.5]), 1.0)
     """
     if method not in SURROGATES:
         raise InputError(f"unknown surrogate {method!r}, allowed: {', '.join(SURROGATES)}")

@@ -7,9 +7,10 @@ from typing import ClassVar, Self
 
 import numpy as np
 from numpy.typing import ArrayLike
+from sklearn.metrics import r2_score
 
 from tbm_gsa.sensitivity.surrogates.expansion import Expansion
-from tbm_gsa.sensitivity.surrogates.samples import Samples, checked_points, to_unit
+from tbm_gsa.sensitivity.surrogates.samples import TrainingSet, checked_points, to_unit
 from tbm_msgs_py.base.arrays import Array, Integers
 from tbm_msgs_py.base.errors import InputError
 
@@ -37,7 +38,7 @@ class Surrogate(ABC):
 
     Parameters
     ----------
-    samples : Samples
+    samples : TrainingSet
         What the surrogate was trained on.
     expansion : KernelExpansion or PolynomialExpansion
         The fitted function from the unit cube to the standardised output.
@@ -47,7 +48,7 @@ class Surrogate(ABC):
         Seed of whatever is random in the fit and of the shuffling of cross validation.
     """
 
-    samples: Samples
+    samples: TrainingSet
     expansion: Expansion
     settings: Mapping[str, float]
     seed: int
@@ -59,7 +60,7 @@ class Surrogate(ABC):
         """Fit the method to inputs (n, d) in the unit cube and a standardised output (n,)."""
 
     @classmethod
-    def fit(cls, samples: Samples, *, seed: int = 0) -> Self:
+    def fit(cls, samples: TrainingSet, *, seed: int = 0) -> Self:
         """Fit this method to checked samples."""
         expansion, settings = cls._expand(samples.unit, samples.standardised, seed)
         return cls(samples, expansion, settings, seed)
@@ -137,7 +138,7 @@ class CrossValidation:
     @property
     def r2(self) -> float:
         """R² over all held-out predictions, equation (6) of the paper."""
-        return r_squared(self.actual, self.predicted)
+        return float(r2_score(self.actual, self.predicted))
 
     @property
     def rmse(self) -> float:
@@ -148,8 +149,3 @@ class CrossValidation:
     def largest_error(self) -> float:
         """Largest error of a held-out prediction, in the unit of the output."""
         return float(np.abs(self.actual - self.predicted).max())
-
-
-def r_squared(actual: Array, predicted: Array) -> float:
-    """R² = 1 − Σ(y − ŷ)²/Σ(y − ȳ)² of predictions (n,), equation (6) of the paper."""
-    return float(1.0 - np.sum((actual - predicted) ** 2) / np.sum((actual - actual.mean()) ** 2))

@@ -19,7 +19,7 @@ CONSTANT_TOLERANCE = 1e-12
 
 
 @dataclass(frozen=True, eq=False)
-class Samples:
+class TrainingSet:
     """A design and one output.
 
     Parameters
@@ -71,7 +71,7 @@ class Samples:
         values: Array = self.mean + self.spread * standardised
         return np.exp(values) if self.transform == "log" else values
 
-    def under(self, transform: Transform) -> "Samples":
+    def under(self, transform: Transform) -> "TrainingSet":
         """Return the same samples with another transformation; an InputError where the output has no logarithm."""
         if transform not in TRANSFORMS:
             raise InputError(f"unknown transformation {transform!r}, allowed: {', '.join(TRANSFORMS)}")
@@ -80,7 +80,7 @@ class Samples:
             raise InputError(f"y[{row}] = {self.y[row]:g} has no logarithm, allowed: above 0, or transform='none'")
         return replace(self, transform=transform)
 
-    def subset(self, rows: Integers) -> "Samples":
+    def subset(self, rows: Integers) -> "TrainingSet":
         """Keep the samples of the given rows; they may be fewer than `MINIMUM_SAMPLES`."""
         _refuse_constant(self.y[rows])
         return replace(self, X=self.X[rows], y=self.y[rows])
@@ -121,7 +121,7 @@ def checked_points(X: ArrayLike, bounds: Array) -> Array:
     return points
 
 
-def checked_samples(X: ArrayLike, y: ArrayLike, bounds: ArrayLike) -> Samples:
+def checked_samples(X: ArrayLike, y: ArrayLike, bounds: ArrayLike) -> TrainingSet:
     """Check a training set.
 
     Parameters
@@ -132,7 +132,7 @@ def checked_samples(X: ArrayLike, y: ArrayLike, bounds: ArrayLike) -> Samples:
 
     Returns
     -------
-    Samples
+    TrainingSet
 
     Raises
     ------
@@ -152,7 +152,7 @@ def checked_samples(X: ArrayLike, y: ArrayLike, bounds: ArrayLike) -> Samples:
         raise InputError(f"{len(points)} samples for a surrogate, allowed: at least {MINIMUM_SAMPLES}")
     _refuse_constant(values)
     _refuse_contradictions(points, values)
-    return Samples(points, values, box)
+    return TrainingSet(points, values, box)
 
 
 def _refuse_constant(values: Array) -> None:
