@@ -5,6 +5,8 @@ from __future__ import annotations
 import numpy as np
 import scipy.signal
 
+from tbm_msgs_py.base.causal_filter import CausalFilter
+
 _ORDER = 6
 _CORNER = 0.4
 """Corner of the low-pass over the slow rate."""
@@ -23,17 +25,14 @@ class LiveFilter:
 
     def __init__(self, rate_hz: float, stride: int) -> None:
         self._stride = stride
-        self._sos = (
-            scipy.signal.butter(_ORDER, _CORNER * rate_hz / stride, fs=rate_hz, output="sos") if stride > 1 else None
-        )
-        self._state: np.ndarray | None = None
+        self._filter: CausalFilter | None = None
+        if stride > 1:
+            corner = _CORNER * rate_hz / stride
+            self._filter = CausalFilter(scipy.signal.butter(_ORDER, corner, fs=rate_hz, output="sos"))
 
     def process(self, first_step: int, values: np.ndarray) -> list[tuple[int, np.ndarray]]:
         """Filter consecutive samples (n, c); return (step, sample (c,)) at every multiple of the stride."""
-        if self._sos is not None:
-            if self._state is None:
-                # Starts as if the first sample had always been there.
-                self._state = scipy.signal.sosfilt_zi(self._sos)[:, :, None] * values[0]
-            values, self._state = scipy.signal.sosfilt(self._sos, values, axis=0, zi=self._state)
+        if self._filter is not None:
+            values = self._filter.process(values)
         first = -first_step % self._stride
         return [(first_step + i, values[i]) for i in range(first, len(values), self._stride)]

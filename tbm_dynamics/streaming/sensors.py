@@ -14,6 +14,7 @@ from pydantic import BaseModel, ConfigDict, Field, FiniteFloat, model_validator
 from scipy.spatial.transform import Rotation
 
 from tbm_dynamics.loads.noise import hashed_generator
+from tbm_msgs_py.base.causal_filter import CausalFilter
 from tbm_msgs_py.base.errors import InputError
 from tbm_msgs_py.base.units import NANOSECONDS, STANDARD_GRAVITY
 
@@ -125,7 +126,9 @@ class SensorModel:
         self._decimation = input_rate_hz // rate
         self._rotation = Rotation.from_euler("xyz", parameters.mounting_rotation, degrees=True).as_matrix()
         self._offset = GRAVITY * parameters.gravity
-        self._filter = _AntiAlias(parameters.anti_alias_hz, input_rate_hz) if parameters.anti_alias_hz else None
+        self._filter: CausalFilter | None = None
+        if corner_hz := parameters.anti_alias_hz:
+            self._filter = CausalFilter(scipy.signal.butter(FILTER_ORDER, corner_hz, fs=input_rate_hz, output="sos"))
         self._next_step: int | None = None
         self._first = 0  # absolute index of the first pending sample
         self._pending = np.empty((0, 3))
@@ -213,24 +216,3 @@ class SensorModel:
         true = sample * NANOSECONDS // self.parameters.rate_hz
         drift = round(true * self.parameters.clock_drift * 1e-6)
         return true + drift + round(self.parameters.clock_offset * NANOSECONDS)
-
-
-class _AntiAlias:
-    """Causal low-pass of three channels, its state carried; it starts as if the first value had always been there."""
-
-    def __init__(self, corner_hz: float, rate_hz: float) -> None:
-        self._sections = scipy.signal.butter(FILTER_ORDER, corner_hz, fs=rate_hz, output="sos")
-        self._steady = scipy.signal.sosfilt_zi(self._sections)[:, :, None]
-        self._state: FloatArray | None = None
-
-    def reset(self) -> None:
-        self._state = None
-
-    def process(self, values: FloatArray) -> FloatArray:
-        if not len(values):
-            return values
-        if self._state is None:
-            self._state = self._steady * values[0]
-        filtered: FloatArray
-        filtered, self._state = scipy.signal.sosfilt(self._sections, values, axis=0, zi=self._state)
-        return filtered
