@@ -14,7 +14,8 @@ from pydantic import BaseModel, ConfigDict, Field, FiniteFloat, model_validator
 from scipy.spatial.transform import Rotation
 
 from tbm_dynamics.loads.noise import hashed_generator
-from tbm_msgs_py.base.causal_filter import CausalFilter, FloatArray
+from tbm_msgs_py.base.arrays import Array
+from tbm_msgs_py.base.causal_filter import CausalFilter
 from tbm_msgs_py.base.errors import InputError
 from tbm_msgs_py.base.units import NANOSECONDS, STANDARD_GRAVITY
 
@@ -92,8 +93,8 @@ class SensorPacket:
     """
 
     stamp_ns: int
-    time: FloatArray
-    values: FloatArray
+    time: Array
+    values: Array
 
 
 class SensorModel:
@@ -170,7 +171,7 @@ class SensorModel:
             self._filter.reset()
         return self._send(len(self._pending)) if len(self._pending) else []
 
-    def _sample(self, first_step: int, rows: FloatArray) -> tuple[FloatArray, int]:
+    def _sample(self, first_step: int, rows: Array) -> tuple[Array, int]:
         """Sample before the converter: (m, 3) in the sensor axes, and the absolute index of the first."""
         total = rows + self._offset
         # Written out, because a BLAS product may round differently for another number of rows.
@@ -196,10 +197,10 @@ class SensorModel:
             )
         ]
 
-    def _convert(self, samples: FloatArray, first: int) -> FloatArray:
+    def _convert(self, samples: Array, first: int) -> Array:
         """Bias, noise, range and converter, for samples (n, 3) of one packet."""
         parameters, size = self.parameters, self.parameters.packet_samples
-        values: FloatArray = samples + np.array(parameters.bias)
+        values: Array = samples + np.array(parameters.bias)
         if parameters.noise_density:
             packet = hashed_generator(self._seed, f"{self._name}/noise", first // size).standard_normal((size, 3))
             deviation = parameters.noise_density * np.sqrt(parameters.rate_hz / 2.0)
@@ -232,7 +233,7 @@ class LiveFilter:
         self._stride = stride
         self._filter = _low_pass(LIVE_ORDER, LIVE_CORNER * rate_hz / stride, rate_hz) if stride > 1 else None
 
-    def process(self, first_step: int, values: FloatArray) -> list[tuple[int, FloatArray]]:
+    def process(self, first_step: int, values: Array) -> list[tuple[int, Array]]:
         """Filter consecutive samples (n, c); returns (step, sample (c,)) at every multiple of the stride."""
         if self._filter:
             values = self._filter.process(values)

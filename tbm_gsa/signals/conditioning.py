@@ -13,6 +13,7 @@ import scipy  # its parts load on first use
 
 from tbm_gsa.signals.clock import Run, UniformClock
 from tbm_msgs_py.base.arrays import Array
+from tbm_msgs_py.base.causal_filter import CausalFilter
 from tbm_msgs_py.base.errors import InputError
 
 Frame = Literal["fixed", "rotating"]
@@ -178,21 +179,15 @@ class CausalConditioner:
 
     def __init__(self, rate_hz: float, band: Band) -> None:
         once = _sections(rate_hz, band)
-        self._sections = np.vstack([once, once])
-        self._steady = scipy.signal.sosfilt_zi(self._sections)[:, :, None]
-        self._state: Array | None = None
+        self._filter = CausalFilter(np.vstack([once, once]))
 
     def reset(self) -> None:
         """Forget the state."""
-        self._state = None
+        self._filter.reset()
 
     def process(self, values: Array) -> Array:
         """Condition the next values (n, 3), m/s², n ≥ 1."""
-        if self._state is None:
-            self._state = self._steady * values.mean(axis=0)
-        conditioned: Array
-        conditioned, self._state = scipy.signal.sosfilt(self._sections, values, axis=0, zi=self._state)
-        return conditioned
+        return self._filter.process(values, values.mean(axis=0))
 
 
 def _sections(rate_hz: float, band: Band) -> Array:

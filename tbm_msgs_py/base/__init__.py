@@ -1,1 +1,1 @@
-"""What everything stands on: errors, units, the operating point, texts, files, strict YAML, validation, arrays."""
+"""Ground floor: errors, units, the operating point, texts, files, strict YAML, validation, arrays, filter."""

@@ -22,10 +22,9 @@ from tbm_msgs_py.base.units import NANOSECONDS
 from tbm_msgs_py.blocks import ACCELERATION
 from tbm_msgs_py.importing.csv_file import CsvFile
 from tbm_msgs_py.importing.description import Description, TimeColumn, same_unit
-from tbm_msgs_py.importing.library_warnings import library_warnings
 from tbm_msgs_py.importing.matlab_file import MatlabFile
 from tbm_msgs_py.importing.mdf_file import MdfFile
-from tbm_msgs_py.importing.measurement_file import MeasurementFile
+from tbm_msgs_py.importing.measurement_file import MeasurementFile, library_warnings
 from tbm_msgs_py.importing.tdms_file import TdmsFile
 from tbm_msgs_py.importing.timing import RowTimes
 from tbm_msgs_py.importing.wav_file import WavFile

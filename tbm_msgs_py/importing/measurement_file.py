@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import logging
+import warnings
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Collection, Iterator, Sequence
 from contextlib import contextmanager
@@ -22,6 +24,8 @@ from tbm_msgs_py.importing.description import TimeBase, TimeColumn
 
 PIECE_ROWS = 50_000  # read at a time; a multiple of the samples of a block
 _EXTRA = "import"
+_IGNORED = (DeprecationWarning, PendingDeprecationWarning, FutureWarning, ResourceWarning, ImportWarning)
+_LIBRARIES = ("nptdms", "asammdf", "canmatrix")
 _SECONDS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
 
 
@@ -190,3 +194,30 @@ def library(name: str) -> ModuleType:
             f"{name.partition('.')[0]} is not installed ({error}), allowed: a format that does not need it, "
             f"or this one after pip install 'tbm_monitor[{_EXTRA}]'"
         ) from error
+
+
+@contextmanager
+def library_warnings(path: Path) -> Iterator[list[str]]:
+    """Collect what libraries warn of, such as a file that ends too early, instead of printing it."""
+    texts: list[str] = []
+    listener = _WarningCollector(texts)
+    logging.getLogger().addHandler(listener)
+    try:
+        with warnings.catch_warnings(record=True) as caught:
+            warnings.simplefilter("always")
+            yield texts
+            texts += [str(warning.message) for warning in caught if not issubclass(warning.category, _IGNORED)]
+            texts[:] = [f"{path}: {' '.join(text.split())}" for text in dict.fromkeys(texts)]
+    finally:
+        logging.getLogger().removeHandler(listener)
+
+
+class _WarningCollector(logging.Handler):
+    def __init__(self, texts: list[str]) -> None:
+        super().__init__(logging.WARNING)
+        self._texts = texts
+
+    def emit(self, record: logging.LogRecord) -> None:
+        """Add what one of the libraries logs."""
+        if record.name.partition(".")[0] in _LIBRARIES:
+            self._texts.append(record.getMessage())
