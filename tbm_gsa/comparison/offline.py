@@ -132,9 +132,7 @@ def _axis(
         values |= {f"{side}_{name}": finite(found.values[name]) for name in STATISTICS}
         intervals |= {f"{side}_{name}": finite_interval(found.intervals[name]) for name in STATISTICS}
         values[f"{side}_band_rms"] = {name: finite(found.values[name]) for name in bands}
-        intervals[f"{side}_band_rms"] = {
-            name: finite_interval(found.intervals[name]) for name in windows.field_band_rms
-        }
+        intervals[f"{side}_band_rms"] = {name: finite_interval(found.intervals[name]) for name in bands}
         values[f"{side}_rms_g"] = finite(found.rms / STANDARD_GRAVITY)
         values[f"{side}_lines"] = _peaks(found)
     return AxisResult.model_validate({**values, "intervals": intervals, "windows": windows})
