@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from tbm_dynamics import Machine
-from tbm_gsa.comparison.results import Kind, OperatingLevel
+from tbm_gsa.comparison.results import OperatingKind, OperatingLevel
 from tbm_gsa.signals.spectrum import LevelOf
 from tbm_msgs_py.base.arrays import Array, Integers
 from tbm_msgs_py.base.errors import InputError
@@ -51,7 +51,7 @@ class OperatingSegment:
     begin_ns: int
     end_ns: int
     mean: Array
-    kind: Kind
+    kind: OperatingKind
     level: int | None = None
 
     @property
@@ -145,7 +145,7 @@ def _segments(record: OperatingRecord, begin_ns: int, end_ns: int) -> Iterator[O
 
 def _segment(begin_ns: int, end_ns: int, mean: Array) -> OperatingSegment:
     long = (end_ns - begin_ns) * 1e-9 >= SHORTEST_SEGMENT_S
-    kind: Kind = ("steady" if long else "transient") if (mean > 0.0).all() else "standstill"
+    kind: OperatingKind = ("steady" if long else "transient") if (mean > 0.0).all() else "standstill"
     return OperatingSegment(begin_ns, end_ns, mean, kind)
 
 
@@ -200,7 +200,7 @@ class LiveOperation:
         old = max(0, bisect_right(self._stamps, stamp_ns - KEPT_NS) - 1)
         del self._stamps[:old], self._points[:old]
 
-    def kind(self, begin_ns: int, end_ns: int) -> Kind:
+    def kind(self, begin_ns: int, end_ns: int) -> OperatingKind:
         """How the machine was driven from begin to end; before the first operating point as it is then."""
         first = max(0, bisect_right(self._stamps, begin_ns) - 1)
         held = self._points[first : max(first + 1, bisect_right(self._stamps, end_ns - 1))]

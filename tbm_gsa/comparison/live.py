@@ -11,8 +11,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from tbm_gsa.comparison.rate import StreamCounters
-from tbm_gsa.comparison.results import Kind
-from tbm_gsa.comparison.streams import SOURCES, LiveWindow, PointStreams, Source
+from tbm_gsa.comparison.results import OperatingKind
+from tbm_gsa.comparison.streams import SIDES, LiveWindow, PointStreams, Side
 from tbm_gsa.signals.statistics import kurtosis, ratio, relative_error, rms
 from tbm_msgs_py.base.arrays import Array
 from tbm_msgs_py.base.errors import InputError
@@ -55,7 +55,7 @@ class WindowResult:
     field_coverage: float
     field_peak: Array
     field_kurtosis: Array
-    operation: Kind = "steady"
+    operation: OperatingKind = "steady"
 
     @property
     def coverage(self) -> float:
@@ -96,13 +96,13 @@ class WindowedComparison:
     ) -> None:
         if not window_s > 0.0:
             raise InputError(f"window_s must be positive, not {window_s}")
-        self.counters: dict[str, dict[Source, StreamCounters]] = {}
+        self.counters: dict[str, dict[Side, StreamCounters]] = {}
         self._window_ns = round(window_s * NANOSECONDS)
         self._rotating, self._high_hz, self._patience = frozenset(rotating), high_hz, patience
         self._least_coverage = least_coverage
         self._points: dict[str, PointStreams] = {}
 
-    def feed(self, point: str, source: Source, stamp_ns: int, t: ArrayLike, values: ArrayLike) -> list[WindowResult]:
+    def feed(self, point: str, source: Side, stamp_ns: int, t: ArrayLike, values: ArrayLike) -> list[WindowResult]:
         """Windows that a block completes.
 
         Parameters
@@ -128,7 +128,7 @@ class WindowedComparison:
             raise InputError(
                 f"test point {point}: t and values must be (n,) and (n, 3), not {offsets.shape} and {rows.shape}"
             )
-        counters = self.counters.setdefault(point, {name: StreamCounters() for name in SOURCES})
+        counters = self.counters.setdefault(point, {name: StreamCounters() for name in SIDES})
         finite = np.isfinite(offsets) & (np.abs(rows) <= LARGEST).all(axis=1)
         counters[source].rejected += int(np.count_nonzero(~finite))
         times = stamp_ns + np.rint(offsets[finite] * NANOSECONDS).astype(np.int64)
@@ -149,7 +149,7 @@ class WindowedComparison:
         """How far the model's stamps are ahead of the field's, ns, at the points where no window can hold both."""
         ahead: dict[str, int] = {}
         for point, both in self._points.items():
-            model, field = (both.streams[source].queue.latest_ns for source in SOURCES)
+            model, field = (both.streams[source].queue.latest_ns for source in SIDES)
             if model is not None and field is not None:
                 ahead[point] = model - field
         return {point: ns for point, ns in ahead.items() if abs(ns) > (self._patience + 1) * self._window_ns}
@@ -158,8 +158,8 @@ class WindowedComparison:
         """Begin a point anew: its signals come from elsewhere now, at another rate perhaps."""
         self._points.pop(point, None)
 
-    def _result(self, point: str, index: int, sums: Mapping[Source, LiveWindow]) -> WindowResult:
-        length_ns, (model, field) = self._window_ns, (sums[source] for source in SOURCES)
+    def _result(self, point: str, index: int, sums: Mapping[Side, LiveWindow]) -> WindowResult:
+        length_ns, (model, field) = self._window_ns, (sums[source] for source in SIDES)
         shares = model.coverage(length_ns), field.coverage(length_ns)
         model_rms, field_rms = (rms(side.count, side.moments) for side in (model, field))
         error = relative_error(field_rms, model_rms) if min(shares) >= self._least_coverage else np.full(3, np.nan)

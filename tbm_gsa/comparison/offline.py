@@ -14,9 +14,9 @@ from tbm_gsa.comparison.results import (
     SpectralPeak,
     SpectrumResult,
     WindowColumns,
-    known,
-    limits,
-    numbers,
+    finite,
+    finite_interval,
+    rounded,
 )
 from tbm_gsa.signals.conditioning import Band, common_band
 from tbm_gsa.signals.estimates import STATISTICS, SignalStatistics, estimate, level_shares
@@ -106,15 +106,16 @@ def _statistics(
 
 
 def _level_axis(field: SignalStatistics, model: SignalStatistics) -> LevelAxis:
+    error_limits = error_interval(field.rms, model.rms, (field.rms_width, model.rms_width))
     return LevelAxis.model_validate(
         {
-            "field_rms": known(field.rms),
-            "model_rms": known(model.rms),
-            "relative_error": known(float(relative_error(field.rms, model.rms))),
+            "field_rms": finite(field.rms),
+            "model_rms": finite(model.rms),
+            "relative_error": finite(float(relative_error(field.rms, model.rms))),
             "intervals": {
-                "field_rms": limits(field.intervals["rms"]),
-                "model_rms": limits(model.intervals["rms"]),
-                "relative_error": limits(error_interval(field.rms, model.rms, (field.rms_width, model.rms_width))),
+                "field_rms": finite_interval(field.intervals["rms"]),
+                "model_rms": finite_interval(model.intervals["rms"]),
+                "relative_error": finite_interval(error_limits),
             },
         }
     )
@@ -126,12 +127,13 @@ def _axis(
     whole = _level_axis(field, model)
     values: dict[str, object] = {"relative_error": whole.relative_error, "coverage": recorded_share}
     intervals: dict[str, object] = {"relative_error": whole.intervals.relative_error}
+    bands = windows.field_band_rms.keys()
     for side, found in (("field", field), ("model", model)):
-        values |= {f"{side}_{name}": known(found.values[name]) for name in STATISTICS}
-        intervals |= {f"{side}_{name}": limits(found.intervals[name]) for name in STATISTICS}
-        values[f"{side}_band_rms"] = {name: known(found.values[name]) for name in windows.field_band_rms}
-        intervals[f"{side}_band_rms"] = {name: limits(found.intervals[name]) for name in windows.field_band_rms}
-        values[f"{side}_rms_g"] = known(found.rms / STANDARD_GRAVITY)
+        values |= {f"{side}_{name}": finite(found.values[name]) for name in STATISTICS}
+        intervals |= {f"{side}_{name}": finite_interval(found.intervals[name]) for name in STATISTICS}
+        values[f"{side}_band_rms"] = {name: finite(found.values[name]) for name in bands}
+        intervals[f"{side}_band_rms"] = {name: finite_interval(found.intervals[name]) for name in bands}
+        values[f"{side}_rms_g"] = finite(found.rms / STANDARD_GRAVITY)
         values[f"{side}_lines"] = _peaks(found)
     return AxisResult.model_validate({**values, "intervals": intervals, "windows": windows})
 
@@ -141,9 +143,9 @@ def _peaks(statistics: SignalStatistics) -> tuple[SpectralPeak, ...]:
     return tuple(
         SpectralPeak(
             frequency_hz=line.frequency,
-            rms=known(line.rms),
+            rms=finite(line.rms),
             match=line.match,
-            interval=limits((low * line.rms, high * line.rms)),
+            interval=finite_interval((low * line.rms, high * line.rms)),
         )
         for line in statistics.lines
     )
@@ -153,7 +155,7 @@ def _spectrum(statistics: SignalStatistics) -> SpectrumResult:
     spectrum = statistics.spectrum
     return SpectrumResult(
         resolution_hz=float(spectrum.frequency[1]),
-        density=numbers(spectrum.density.tolist()),
+        density=rounded(spectrum.density.tolist()),
         segments=float(spectrum.segments),
         interval_factors=statistics.density_factors,
     )
@@ -178,16 +180,16 @@ def _windows(
         return whole
 
     def column(values: Array) -> tuple[float | None, ...]:
-        return numbers(dense(values).tolist())
+        return rounded(dense(values).tolist())
 
     level = dense(np.where(field.level < 0, np.nan, field.level)).tolist()
     computed = np.array([model_rms.get(int(one)) if one == one else None for one in level], dtype=np.float64)  # noqa: PLR0124
     root = rms(table.count, table.moments)[:, axis]
     bands = np.sqrt(ratio(table.bands[:, :, axis], table.count[:, None]))
     return WindowColumns(
-        start=numbers((length * np.arange(count, dtype=np.float64)).tolist()),
-        coverage=numbers(np.minimum(1.0, np.nan_to_num(dense(table.count)) / (field.rate_hz * length)).tolist()),
-        relative_error=numbers(relative_error(dense(root), computed).tolist()),
+        start=rounded((length * np.arange(count, dtype=np.float64)).tolist()),
+        coverage=rounded(np.minimum(1.0, np.nan_to_num(dense(table.count)) / (field.rate_hz * length)).tolist()),
+        relative_error=rounded(relative_error(dense(root), computed).tolist()),
         field_rms=column(root),
         field_peak=column(table.peak[:, axis]),
         field_crest_factor=column(ratio(table.peak[:, axis], root)),

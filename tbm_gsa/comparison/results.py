@@ -20,30 +20,30 @@ BAND = r"^\d+(\.\d+)?-\d+(\.\d+)?_hz$"
 LONGEST_PATH = 4096
 DIGITS = 8  # significant ones of what is written by the thousand
 
-Kind = Literal["steady", "transient", "standstill"]
+OperatingKind = Literal["steady", "transient", "standstill"]
 LineKind = Literal["load", "mesh", "axial"]
-Band = Annotated[str, Field(max_length=40, pattern=BAND)]
-Path = Annotated[str, Field(max_length=LONGEST_PATH)]
+BandName = Annotated[str, Field(max_length=40, pattern=BAND)]
+PathText = Annotated[str, Field(max_length=LONGEST_PATH)]
 # From JSON a tuple comes as a list.
 Limits = Annotated[tuple[Number, Number], Strict(False)]
 Numbers = Annotated[tuple[Number | None, ...], Strict(False)]
-BandValues = dict[Band, Size | None]
-BandLimits = dict[Band, Limits | None]
+BandValues = dict[BandName, Size | None]
+BandLimits = dict[BandName, Limits | None]
 
 
-def known(value: float) -> float | None:
+def finite(value: float) -> float | None:
     """Value as JSON has it: None of one that is not finite, or too large to go on with."""
     return float(value) if abs(value) <= LARGEST_NUMBER else None
 
 
-def limits(interval: tuple[float, float]) -> tuple[float, float] | None:
+def finite_interval(interval: tuple[float, float]) -> tuple[float, float] | None:
     """Interval as JSON has it: None unless both ends are known."""
-    return None if None in map(known, interval) else interval
+    return None if None in map(finite, interval) else interval
 
 
-def numbers(values: Iterable[float]) -> tuple[float | None, ...]:
+def rounded(values: Iterable[float]) -> tuple[float | None, ...]:
     """Numbers to eight digits, for there are thousands."""
-    return tuple(known(float(f"{value:.{DIGITS}g}")) for value in values)
+    return tuple(finite(float(f"{value:.{DIGITS}g}")) for value in values)
 
 
 class SpectralPeak(Part):
@@ -68,7 +68,7 @@ class WindowColumns(Part):
     field_velocity_rms: Numbers
     field_line_hz: Numbers
     level: Annotated[tuple[int | None, ...], Strict(False)]
-    field_band_rms: dict[Band, Numbers]
+    field_band_rms: dict[BandName, Numbers]
 
 
 class LevelIntervals(Part):
@@ -153,7 +153,7 @@ class AxisSpectra(Part):
 
 
 class PointBand(Part):
-    """Band in which a test point was compared, and the sampling rates of both signals."""
+    """BandName in which a test point was compared, and the sampling rates of both signals."""
 
     low_hz: Size
     high_hz: Annotated[float, Field(gt=0.0, le=LARGEST_NUMBER)]
@@ -189,7 +189,7 @@ class DwellResult(Part):
 
     begin: Number
     end: Number
-    kind: Kind
+    kind: OperatingKind
     level: int | None
 
 
@@ -240,7 +240,7 @@ class RecordedPoint(Part):
 class RecordingResult(Part):
     """The recording as it was read."""
 
-    path: Path
+    path: PathText
     messages: int
     lost: int
     truncated: bool
@@ -253,7 +253,7 @@ class RecordingResult(Part):
 class MachineFile(Part):
     """Machine file: where it is from, and the digest of what it says."""
 
-    origin: Path
+    origin: PathText
     sha256: Name
 
 

@@ -14,8 +14,8 @@ from tbm_gsa.signals.windows import WindowSums
 from tbm_msgs_py.base.arrays import Array, Integers
 from tbm_msgs_py.base.units import NANOSECONDS
 
-Source = Literal["model", "field"]
-SOURCES: tuple[Source, Source] = ("model", "field")
+Side = Literal["model", "field"]
+SIDES: tuple[Side, Side] = ("model", "field")
 
 BATCH_NS = 200_000_000  # samples are worked off in batches; the first one gives the rate and the mean to start from
 LEAST_BATCH = 8  # samples
@@ -53,7 +53,7 @@ class PointStreams:
     ----------
     window_ns : int
         Length of a window.
-    counters : mapping of Source to StreamCounters
+    counters : mapping of Side to StreamCounters
         They outlive a restart.
     rotating : bool
         The sensor turns with the head: y and z both become √(y² + z²), as `compared_axes` says.
@@ -66,7 +66,7 @@ class PointStreams:
     def __init__(
         self,
         window_ns: int,
-        counters: Mapping[Source, StreamCounters],
+        counters: Mapping[Side, StreamCounters],
         *,
         rotating: bool,
         high_hz: float | None,
@@ -78,11 +78,11 @@ class PointStreams:
         self._restart()
 
     def _restart(self) -> None:
-        self.streams = {source: _Stream(self._window_ns, self._counters[source], self._axes) for source in SOURCES}
+        self.streams = {source: _Stream(self._window_ns, self._counters[source], self._axes) for source in SIDES}
         self._band = self._given
         self._closed: int | None = None  # the last closed window
 
-    def feed(self, source: Source, times: Integers, rows: Array) -> Iterator[tuple[int, dict[Source, LiveWindow]]]:
+    def feed(self, source: Side, times: Integers, rows: Array) -> Iterator[tuple[int, dict[Side, LiveWindow]]]:
         """Windows, by number and signal, that finite samples complete: times (n,) ns, rows (n, 3) m/s²."""
         for stamps, part in self.streams[source].admit(times, rows):
             if self.streams[source].queue.is_behind(stamps, self._window_ns):
@@ -90,13 +90,13 @@ class PointStreams:
                 self._restart()
             self.streams[source].push(stamps, part)
             rates = [stream.rate.hz for stream in self.streams.values() if stream.rate.hz]
-            if self._given is None and len(rates) == len(SOURCES):
+            if self._given is None and len(rates) == len(SIDES):
                 self._band = common_band(*rates)
             for stream in self.streams.values():
                 stream.work_off(self._band, self._closed)
             yield from self._close()
 
-    def _close(self) -> Iterator[tuple[int, dict[Source, LiveWindow]]]:
+    def _close(self) -> Iterator[tuple[int, dict[Side, LiveWindow]]]:
         reached = [stream.reached_ns for stream in self.streams.values()]
         for index in sorted(set().union(*(stream.sums for stream in self.streams.values()))):
             end = (index + 1) * self._window_ns

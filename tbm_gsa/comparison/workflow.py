@@ -1,7 +1,7 @@
 """From a recording on disk to a comparison: reduce it, run the model at its levels of operation, compare."""
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
@@ -104,18 +104,11 @@ def compare_recording(
     described = machine if isinstance(machine, Machine) else load_machine(machine)
     reader = open_recording(bag, mapping)
     shared = _shared_points(reader, described)
-    field = reduce_field(reader, shared, chosen, progress=lambda seconds: progress(f"reading, {seconds:.0f} s", None))
-    history = _history(reader, described, field)
-    if len(history.segments) > 1:
-        # Now that the levels are known, once more: each has a spectrum of its own.
-        field = reduce_field(
-            reader, shared, chosen, history, lambda seconds: progress(f"levels, {seconds:.0f} s", None)
-        )
+    field, history = _read(reader, described, shared, chosen, progress)
     machines = _machines(reader.path, history, described)
     lines = lines_of_levels(machines)
-    chosen = replace(
-        chosen, expected_lines={**{line.name: line.frequency_hz for line in lines}, **chosen.expected_lines}
-    )
+    named = {**{line.name: line.frequency_hz for line in lines}, **chosen.expected_lines}
+    chosen = replace(chosen, expected_lines=named)
     predicted = _model_side(machines, field.signals, chosen, (model_duration, seed), progress)
     points, failed = _compare_each(reader, field, predicted, chosen)
     unknown = {
@@ -167,6 +160,18 @@ def _shared_points(reader: RecordingReader, machine: Machine) -> list[str]:
             f"{machine.name}, allowed: {listed(machine.description.test_points)}"
         )
     return shared
+
+
+def _read(
+    reader: RecordingReader, machine: Machine, points: Sequence[str], settings: Settings, progress: Progress
+) -> tuple[FieldSide, OperatingHistory]:
+    """Read the recorded side, and how the machine was driven."""
+    field = reduce_field(reader, points, settings, progress=lambda done: progress(f"reading, {done:.0f} s", None))
+    history = _history(reader, machine, field)
+    if len(history.segments) > 1:
+        # Now that the levels are known, once more: each has a spectrum of its own.
+        field = reduce_field(reader, points, settings, history, lambda done: progress(f"levels, {done:.0f} s", None))
+    return field, history
 
 
 def _history(reader: RecordingReader, machine: Machine, field: FieldSide) -> OperatingHistory:

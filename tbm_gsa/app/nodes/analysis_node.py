@@ -32,7 +32,7 @@ from tbm_gsa.app.nodes.statuses import (
     surrogate_quality,
 )
 from tbm_gsa.comparison import AlarmRule, LiveOperation, WindowedComparison, WindowResult
-from tbm_gsa.comparison.results import Kind
+from tbm_gsa.comparison.results import OperatingKind
 from tbm_gsa.history import Source
 from tbm_gsa.provenance import machine_sha256
 from tbm_msgs_py import blocks, topics
@@ -45,7 +45,7 @@ from tbm_msgs_py.nodes.managed import ManagedNode, run_node
 from tbm_msgs_py.recordings.mapping import SensorMapping, TopicMapping, contract_sensor, load_mapping
 
 _AXES = ("x", "y", "z")
-_APART: tuple[Kind, ...] = ("standstill", "transient")  # what says more comes first
+_APART: tuple[OperatingKind, ...] = ("standstill", "transient")  # what says more comes first
 
 
 class AnalysisNode(ManagedNode):

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from tbm_gsa.comparison import StreamCounters
-from tbm_gsa.comparison.streams import SOURCES
+from tbm_gsa.comparison.streams import SIDES
 from tbm_msgs_py.nodes.faults import Faults
 from tbm_msgs_py.nodes.rate import Rate
 
@@ -127,7 +127,7 @@ class StreamHealth:
         """Say where both signals come, but with stamps too far apart to be compared; a jump takes a look or two."""
         before, self._apart = self._apart, set(apart_ns)
         for point in before | self._apart:
-            both = all((point, source) in self._came and (point, source) not in silences for source in SOURCES)
+            both = all((point, source) in self._came and (point, source) not in silences for source in SIDES)
             if both and point in before & self._apart:
                 ahead = apart_ns[point]
                 away = f"{_span(abs(ahead) * 1e-9)} {'behind' if ahead > 0 else 'ahead of'} the model's"

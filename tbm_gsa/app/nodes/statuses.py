@@ -12,7 +12,7 @@ from tbm_gsa.app.nodes.gsa_process import GsaStatus
 from tbm_gsa.app.nodes.health import Condition
 from tbm_gsa.app.nodes.history_writer import HistoryWriter
 from tbm_gsa.comparison import StreamCounters, WindowResult, dead_axes
-from tbm_gsa.comparison.results import Kind
+from tbm_gsa.comparison.results import OperatingKind
 from tbm_msgs_py.base.units import STANDARD_GRAVITY
 from tbm_msgs_py.nodes import messages
 
@@ -25,7 +25,7 @@ _UNIT_FACTORS = {
     1e3: "values in mm/s²",
     1e-3: "values in 1000 m/s²",
 }
-_OPERATION: dict[Kind, str] = {
+_OPERATION: dict[OperatingKind, str] = {
     "steady": "compared",
     "transient": "not compared: the operating point changes",
     "standstill": "not compared: the machine stands still",
