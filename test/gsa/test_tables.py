@@ -69,7 +69,8 @@ def test_what_a_history_prints_fits(typed, tmp_path, monkeypatch):
 
 def test_what_a_study_prints_fits(capsys):
     output = OutputResult.model_construct(surrogate="krg", r2_test=-0.123, r2_cv=0.997, first=FIRST)
-    results.print(gsa.strongest_table(StudyResult.model_construct(outputs={"RDef_A": output, LONG_OUTPUT: output})))
+    untested = output.model_copy(update={"r2_test": None})  # all test simulations failed
+    results.print(gsa.strongest_table(StudyResult.model_construct(outputs={"RDef_A": untested, LONG_OUTPUT: output})))
     pairs = [f"{code}:{share:.2f}" for code, share in FIRST.items()]
     _fits(capsys.readouterr().out, LONG_OUTPUT, "-0.123", "0.997", *pairs)
 

@@ -171,5 +171,6 @@ def strongest_table(result: StudyResult, count: int = 5) -> Table:
     table = narrow_table("Strongest inputs, first-order index S1", *headings)
     for name, output in result.outputs.items():
         ranked = sorted(output.first.items(), key=lambda item: item[1], reverse=True)[:count]
-        add_row(table, name, output.surrogate, f"{output.r2_test:.3f}", f"{output.r2_cv:.3f}", ranked_inputs(ranked))
+        quality = ("–" if r2 is None else f"{r2:.3f}" for r2 in (output.r2_test, output.r2_cv))
+        add_row(table, name, output.surrogate, *quality, ranked_inputs(ranked))
     return table

@@ -94,7 +94,7 @@ def fitted_study(campaign: Campaign, folder: Path, workers: int, progress: Progr
     """Run or go on with a campaign, and fit and rank only."""
     with Store.create_or_open(folder / STORE_NAME, campaign.problem) as store:
         run_campaign(store, campaign.evaluation, workers=workers, progress=progress)
-        outputs = fit_outputs(store, METHODS, seed=campaign.seed, workers=workers)
+        outputs = fit_outputs(store, METHODS, seed=campaign.seed, workers=workers, progress=progress)
         return Study(outputs, campaign.train, campaign.test, store.counts().failed, None)
 
 

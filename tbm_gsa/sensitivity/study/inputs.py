@@ -122,14 +122,13 @@ class InputSet:
         StudyError
             A value that is missing or outside the range of its input; the message names the first.
         """
-        values = self._columns(points)
-        for item, column in zip(self.inputs, values.T, strict=True):
+        unit = []
+        for item, column in zip(self.inputs, self._columns(points).T, strict=True):
             outside = column[~((column >= item.lower) & (column <= item.upper))]
             if outside.size:
                 raise StudyError(f"input {item.code}: {outside[0]:g}, allowed: {item.lower:g} to {item.upper:g}")
-        return np.column_stack(
-            [item.distribution.to_unit(column) for item, column in zip(self.inputs, values.T, strict=True)]
-        )
+            unit.append(item.distribution.to_unit(column))
+        return np.column_stack(unit)
 
     def from_unit(self, unit: ArrayLike) -> Array:
         """Map points (n, d) of the unit cube to values; inverse of `to_unit`."""
