@@ -30,9 +30,9 @@ from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import PointCloud2
 
 from tbm_gsa.app.cli.processes import NodeCommand, NodeProcesses, ParameterValue, settle_ros_environment
-from tbm_gsa.app.nodes.start import NODES
 from tbm_msgs_py import topics
 from tbm_msgs_py.nodes import qos
+from tbm_msgs_py.nodes.registry import NODES
 from tbm_msgs_py.nodes.running import fastest_executor
 
 HELP_TARGET_S, NODE_TARGET_S = 0.5, 2.0
@@ -152,12 +152,12 @@ def node_seconds(watcher: Watcher, name: str) -> dict[str, float]:
         for other in filter(None, (case.after, name)):
             watcher.wait(watcher.gone(other), nodes, f"another {other} in this ROS domain did not end")
         if case.after:
-            nodes.start(NodeCommand(case.after, NODES[case.after]))
+            nodes.start(NodeCommand(case.after))
             watcher.wait(watcher.active(case.after), nodes, f"{case.after} did not become active")
         active = watcher.active(name)
         arrived = watcher.first_message(*case.first) if case.first else None
         start = time.perf_counter()
-        nodes.start(NodeCommand(name, NODES[name], case.parameters))
+        nodes.start(NodeCommand(name, case.parameters))
         watcher.wait(active, nodes, f"{name} did not become active")
         found = {"active": time.perf_counter() - start, "cpu": nodes.cpu(name)}
         if arrived:

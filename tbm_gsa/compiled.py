@@ -14,7 +14,13 @@ from pathlib import Path
 from tbm_msgs_py.base.errors import InputError
 
 _VARIABLE = "NUMBA_CACHE_DIR"
-COMPILED = ("tbm_dynamics/integration", "tbm_dynamics/loads", "tbm_dynamics/loads/cutters", "tbm_msgs_py/bags")
+COMPILED = (
+    "tbm_dynamics/integration",
+    "tbm_dynamics/loads",
+    "tbm_dynamics/loads/cutters",
+    "tbm_msgs_py/bags",
+    "tbm_msgs_py/recordings",
+)
 
 
 def settle_compiled_folder() -> None:

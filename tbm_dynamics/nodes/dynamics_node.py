@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import sys
 import time
 from typing import Any
 
@@ -28,7 +27,7 @@ from tbm_msgs_py.base.units import NANOSECONDS
 from tbm_msgs_py.blocks import BlockError
 from tbm_msgs_py.nodes import messages, qos
 from tbm_msgs_py.nodes.faults import Faults
-from tbm_msgs_py.nodes.managed import ManagedNode, Parameter, run_node
+from tbm_msgs_py.nodes.managed import ManagedNode, Parameter
 from tbm_msgs_py.nodes.rate import Rate
 
 PARAMETERS = (
@@ -86,6 +85,7 @@ class DynamicsNode(ManagedNode):
 
     def configure(self) -> None:
         """Assemble the machine, compile the kernel, create publishers and subscriptions."""
+        threadpool_limits(1)  # small matrices: more threads only compete with the other nodes for the cores
         self._machine: Machine = load_machine(self.value("machine"))
         self._rate = float(self.value("load_rate"))
         self._step = step_ns(self._rate)
@@ -269,14 +269,3 @@ class DynamicsNode(ManagedNode):
         """Name two publishers of loads; asked only when there were any: one that was killed is listed for 20 s more."""
         names = sorted(p.node_name for p in self.get_publishers_info_by_topic(topics.LOADS_BLOCK))
         return f": {len(names)} publishers, {', '.join(names)}" if len(names) > 1 else ""
-
-
-def main() -> None:
-    """Run the node."""
-    # Small matrices: more BLAS threads only fight the other nodes for the cores.
-    threadpool_limits(1)
-    sys.exit(run_node(DynamicsNode))
-
-
-if __name__ == "__main__":
-    main()

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import sys
 import time
 from collections.abc import Mapping
 from typing import Any
@@ -22,7 +21,7 @@ from tbm_msgs_py.base.operating_point import OperatingPointError
 from tbm_msgs_py.base.units import NANOSECONDS, R_MIN
 from tbm_msgs_py.nodes import messages, qos
 from tbm_msgs_py.nodes.faults import Faults
-from tbm_msgs_py.nodes.managed import ManagedNode, Parameter, run_node
+from tbm_msgs_py.nodes.managed import ManagedNode, Parameter
 from tbm_msgs_py.nodes.rate import Rate
 
 # A clock that leaps further than this (a bag that loops, a suspended computer), or than readers have room for, starts
@@ -253,12 +252,3 @@ class LoadNode(ManagedNode):
             going = "the clock stands"
         level: messages.Level = "ok" if running and not problems else "warn"
         return [self.status("loads", level, "; ".join([going, *problems]), values, self._machine.name)]
-
-
-def main() -> None:
-    """Run the node."""
-    sys.exit(run_node(LoadNode))
-
-
-if __name__ == "__main__":
-    main()

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import sys
 import time
 from collections.abc import Iterator
 from pathlib import Path
@@ -23,7 +22,7 @@ from tbm_msgs_py.base.bounds import listed
 from tbm_msgs_py.base.files import write_whole
 from tbm_msgs_py.base.units import NANOSECONDS
 from tbm_msgs_py.nodes import messages, qos
-from tbm_msgs_py.nodes.managed import ManagedNode, Parameter, run_node
+from tbm_msgs_py.nodes.managed import ManagedNode, Parameter
 
 TICK = 0.005  # s of wall time: messages are at most this late, /clock comes at 200 Hz
 DELIVERY = 2.0  # s that subscribers get to acknowledge the last messages
@@ -253,12 +252,3 @@ class BagPlayer(ManagedNode):
     def _advance(self) -> None:
         following = next(self._recorded, None)
         self._next = following if following is not None and following.log_ns <= self._end_ns else None
-
-
-def main(args: list[str] | None = None) -> int:
-    """Entry point of the executable."""
-    return run_node(BagPlayer, args)
-
-
-if __name__ == "__main__":
-    sys.exit(main())

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import sys
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -20,7 +19,7 @@ from tbm_msgs_py.nodes import messages, qos
 from tbm_msgs_py.nodes.faults import Faults
 from tbm_msgs_py.nodes.following import Offer, TopicFollower
 from tbm_msgs_py.nodes.logs import get_logger
-from tbm_msgs_py.nodes.managed import ManagedNode, Parameter, run_node
+from tbm_msgs_py.nodes.managed import ManagedNode, Parameter
 from tbm_msgs_py.nodes.parameters import ROOT
 from tbm_msgs_py.topics import Quality
 
@@ -249,12 +248,3 @@ class BagRecorder(ManagedNode):
         }
         level: messages.Level = "error" if errors else "warn" if troubles else "ok"
         return [self.status("recorder", level, "; ".join(troubles) or "recording", values, self.value("output"))]
-
-
-def main(args: list[str] | None = None) -> int:
-    """Entry point of the executable."""
-    return run_node(BagRecorder, args)
-
-
-if __name__ == "__main__":
-    sys.exit(main())

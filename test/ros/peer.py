@@ -23,9 +23,9 @@ from rclpy.executors import SingleThreadedExecutor, TimeoutException
 from rclpy.parameter import Parameter
 from rosgraph_msgs.msg import Clock
 
-from tbm_gsa.app.nodes.start import NODES
 from tbm_msgs_py.nodes import messages, qos
 from tbm_msgs_py.nodes.parameters import AUTOSTART
+from tbm_msgs_py.nodes.registry import NODES
 
 NOT_OURS = ("qos_overrides", "use_sim_time", "start_type_description")  # parameters that rclpy declares
 TRANSITIONS = {"configure": 1, "cleanup": 2, "activate": 3, "deactivate": 4}
@@ -211,7 +211,7 @@ class Peer:
         """
         names = self.call(ListParameters, f"{namespace}/{node}/list_parameters").result.names
         own = [name for name in names if not name.startswith(NOT_OURS)]
-        known = {one.name: one for one in (AUTOSTART, *import_module(NODES[node]).PARAMETERS)}
+        known = {one.name: one for one in (AUTOSTART, *import_module(NODES[node].module).PARAMETERS)}
         assert set(own) == set(known)
         request = DescribeParameters.Request(names=own)
         found = self.call(DescribeParameters, f"{namespace}/{node}/describe_parameters", request).descriptors

@@ -29,7 +29,7 @@ from tbm_msgs_py.nodes.bag_recorder import BagRecorder  # noqa: E402
 
 pytestmark = pytest.mark.ros
 
-RECORDER = "tbm_msgs_py.nodes.bag_recorder"
+RECORDER = "bag_recorder"
 COMMAND = [sys.executable, "-m", "tbm_gsa.app.cli.main", "bag"]
 TOPIC = "/tbm/field/cutterhead/block"
 START_NS = 1_700_000_000_000_000_000

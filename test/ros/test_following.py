@@ -106,7 +106,7 @@ class Clash:
 
 def test_types_that_clash_do_not_end_the_analysis(run_node, peer, tmp_path):
     (tmp_path / "mapping.yaml").write_text(MAPPING)
-    node = run_node("tbm_gsa.app.nodes.analysis_node", history="none", mapping=tmp_path / "mapping.yaml")
+    node = run_node("analysis_node", history="none", mapping=tmp_path / "mapping.yaml")
     girder, shield = (Clash(peer, f"tbm: comparison {point}") for point in ("girder", "shield"))
     girder.is_over()
     accel, imu = "geometry_msgs/msg/AccelStamped", "sensor_msgs/msg/Imu"

@@ -17,7 +17,6 @@ from rigs import Rig  # noqa: E402
 from sensor_msgs.msg import Imu, JointState, PointCloud2  # noqa: E402
 from std_msgs.msg import String  # noqa: E402
 
-from tbm_gsa.app.nodes.start import NODES  # noqa: E402
 from tbm_msgs_py import ACCELERATION, LOADS  # noqa: E402
 from tbm_msgs_py.nodes import messages, qos  # noqa: E402
 
@@ -113,7 +112,7 @@ class Nodes:
             "bag_recorder": {"output": folder / "bag", "topics": f"[{','.join(TOPICS)}]"},
             "live_view": {"port": 0, "blocks": True},
         }
-        self._processes = {name: run_node(NODES[name], **parameters.get(name, {})) for name in names}
+        self._processes = {name: run_node(name, **parameters.get(name, {})) for name in names}
         self.wait_until(self._active)
 
     def wait_until(self, condition):

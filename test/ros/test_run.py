@@ -130,7 +130,7 @@ def test_run_and_its_nodes_end_within_three_seconds(tmp_path, peer):
 
 def test_a_node_that_ends_by_itself_is_noticed(tmp_path):
     with NodeProcesses(tmp_path) as nodes:
-        nodes.start(NodeCommand("one", "timeit"))  # its main just returns
+        nodes.start(NodeCommand("one", module="timeit"))  # its main just returns
         wait_for(lambda: not nodes.running("one"))
         nodes.check(ending="one")
         with pytest.raises(RuntimeError, match="one was ended"):
@@ -144,9 +144,9 @@ def test_nodes_are_ended_before_and_after_they_can_hear_of_it(tmp_path, monkeypa
         (tmp_path / f"{name}.py").write_text(f"import signal, time\ndef main():\n    {does}\n    time.sleep(60)\n")
     monkeypatch.setenv("PYTHONPATH", str(tmp_path))
     with NodeProcesses(tmp_path) as nodes:
-        nodes.start(NodeCommand("deaf", "deaf"))
+        nodes.start(NodeCommand("deaf", module="deaf"))
         wait_for(lambda: (tmp_path / "deaf.log").read_text() == "deaf\n")
-        nodes.start(NodeCommand("early", "hears"))
+        nodes.start(NodeCommand("early", module="hears"))
     assert not nodes.running("early")
     assert (tmp_path / "early.log").read_text() == ""
     with pytest.raises(RuntimeError, match="deaf ended with exit code -9"):

@@ -12,7 +12,8 @@ pytestmark = pytest.mark.ros
 
 IMPORTING = """
 import signal
-from tbm_msgs_py.nodes.managed import ManagedNode, run_node
+from tbm_msgs_py.nodes.managed import ManagedNode
+from tbm_msgs_py.nodes.running import run_node
 
 class Importing(ManagedNode):
     def __init__(self):

@@ -26,8 +26,8 @@ from tbm_gsa.app.cli.output import (
     split_names,
 )
 from tbm_gsa.app.cli.processes import NodeCommand, NodeProcesses, ParameterValue, settle_ros_environment
-from tbm_gsa.app.cli.ros import ANALYSIS_NODE, BAG_PLAYER, DYNAMICS_NODE, LOAD_NODE, SAID, watch
 from tbm_gsa.app.cli.shipped import shipped_bag
+from tbm_gsa.app.cli.supervision import ACTIVE_STATUSES, watch
 from tbm_gsa.sensitivity.study.outputs import parse_outputs
 from tbm_msgs_py.bags.marks import is_synthetic
 from tbm_msgs_py.base.errors import RunError
@@ -98,23 +98,23 @@ def node_commands(
     mapping = default_mapping_file(recording.path)
     stated: dict[str, ParameterValue] = {"mapping": str(mapping)} if mapping else {}
     return [
-        NodeCommand("analysis_node", ANALYSIS_NODE, {**common, **study, **stated}),
-        NodeCommand("dynamics_node", DYNAMICS_NODE, {**common, "seed": seed}),
+        NodeCommand("analysis_node", {**common, **study, **stated}),
+        NodeCommand("dynamics_node", {**common, "seed": seed}),
         # Dynamics and this process: both see the stream from its first block.
-        NodeCommand("load_node", LOAD_NODE, {**common, "seed": seed, "wait_for_subscribers": 2}),
+        NodeCommand("load_node", {**common, "seed": seed, "wait_for_subscribers": 2}),
     ]
 
 
 def player_command(recording: Recording) -> NodeCommand:
     """Name the player; the comparison sees every topic from its first message."""
     play: dict[str, ParameterValue] = {"wait_for_subscribers": max(2, len(recording.points)), "wait_timeout": 30.0}
-    return NodeCommand("bag_player", BAG_PLAYER, {"bag": str(recording.path), **play})
+    return NodeCommand("bag_player", {"bag": str(recording.path), **play})
 
 
 def _wait_until_active(watching: Watch, nodes: NodeProcesses) -> None:
     """Wait until every node says how it is: on a computer that still compiles the recording would be over before."""
-    _wait_while(watching, nodes, lambda: not watching.seen.diagnostics.keys() >= SAID, _START_S)
-    if missing := sorted(SAID - watching.seen.diagnostics.keys()):
+    _wait_while(watching, nodes, lambda: not watching.seen.diagnostics.keys() >= ACTIVE_STATUSES, _START_S)
+    if missing := sorted(ACTIVE_STATUSES - watching.seen.diagnostics.keys()):
         raise RunError(f"{missing[0]}: nothing on /diagnostics for {_START_S:g} s; see the logs")
 
 

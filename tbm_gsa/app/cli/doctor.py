@@ -16,12 +16,12 @@ import typer
 
 from tbm_gsa.app.cli.output import JSON_OPTION, print_json, results
 from tbm_gsa.app.cli.processes import NodeCommand, NodeProcesses, settle_ros_environment
-from tbm_gsa.app.cli.ros import SENDER
 from tbm_gsa.app.cli.shipped import shipped_bag
 from tbm_msgs_py.base.errors import RunError
 from tbm_msgs_py.nodes.transport import DISCOVERY_RANGE
 from tbm_msgs_py.topics import absolute
 
+SENDER = "tbm_gsa.app.nodes.exchange"
 _PATIENCE_S = 60.0  # for a block of another process; it starts in seconds, on a busy computer too
 
 _PACKAGES = (
@@ -85,7 +85,7 @@ def _ros() -> str:
     discovery = os.environ.get(DISCOVERY_RANGE) or "LOCALHOST, as for run and demo"
     settle_ros_environment()
     topic = absolute(f"doctor/block_{os.getpid()}")  # beside another doctor
-    seconds = exchange(NodeCommand("doctor_sender", SENDER, {"topic": topic}), topic, _PATIENCE_S)
+    seconds = exchange(NodeCommand("doctor_sender", {"topic": topic}, module=SENDER), topic, _PATIENCE_S)
     return f"a block of another process came after {seconds:.1f} s; domain {_domain()}, discovery {discovery}"
 
 

@@ -14,9 +14,10 @@ import typer
 import tbm_gsa
 from tbm_gsa.app.cli.commands import CommandLine
 from tbm_gsa.app.cli.output import notes, results
-from tbm_gsa.app.cli.start import ENDING, INTERRUPTED
+from tbm_gsa.app.cli.start import INTERRUPTED
 from tbm_msgs_py.base.bounds import shortened
 from tbm_msgs_py.base.errors import InputError, RunError
+from tbm_msgs_py.nodes.processes import handle_signals
 
 app = typer.Typer(
     name="tbm-monitor",
@@ -69,10 +70,7 @@ def main() -> None:
 
     After Ctrl-C 130, but 0 for a command that goes on until it is told to end.
     """
-    # What was started is ended in order, whichever signal comes.
-    for number in ENDING:
-        if signal.getsignal(number) != signal.SIG_IGN:  # nohup
-            signal.signal(number, _Interruption.handle)
+    handle_signals(_Interruption.handle)  # what was started is ended in order, whichever comes
     code = _run()
     if _Interruption.received and code != 0:
         code = INTERRUPTED  # a library may have turned the interruption into an error of its own

@@ -30,15 +30,15 @@ from tbm_gsa.app.cli.output import (
     progress_bar,
     results,
 )
-from tbm_gsa.app.cli.processes import NodeCommand, NodeProcesses, ParameterValue, settle_ros_environment, until_told
-from tbm_gsa.app.cli.ros import ANALYSIS_NODE, DYNAMICS_NODE, LIVE_VIEW, LOAD_NODE, SAID, watch
+from tbm_gsa.app.cli.processes import NodeCommand, NodeProcesses, ParameterValue, settle_ros_environment
 from tbm_gsa.app.cli.simulate import schedule_of
 from tbm_gsa.app.cli.site import Site
-from tbm_gsa.app.cli.supervision import Supervision
+from tbm_gsa.app.cli.supervision import ACTIVE_STATUSES, Supervision, watch
 from tbm_gsa.sensitivity.study.errors import StudyError
 from tbm_msgs_py import topics
 from tbm_msgs_py.base.errors import RunError
 from tbm_msgs_py.base.units import R_MIN
+from tbm_msgs_py.nodes.processes import record_signals
 
 if TYPE_CHECKING:
     from tbm_gsa.app.nodes.watch import Watch
@@ -108,7 +108,7 @@ def run(
         driven |= {"schedule_where": schedule_where or [""]}
     commands = node_commands(driven, seed, out, site)
     if foxglove:
-        commands.append(NodeCommand("live_view", LIVE_VIEW, {"port": foxglove}))
+        commands.append(NodeCommand("live_view", {"port": foxglove}))
     if sim_time:
         notes.print("the nodes follow /clock, as `tbm-monitor bag play` gives it", highlight=False)
         commands = [replace(one, parameters={**one.parameters, "use_sim_time": True}) for one in commands]
@@ -154,10 +154,10 @@ def node_commands(driven: Mapping[str, ParameterValue], seed: int | None, out: P
     if seed is not None:
         common["seed"] = analysis["gsa.seed"] = seed
     return [
-        NodeCommand("analysis_node", ANALYSIS_NODE, analysis, site.file),
-        NodeCommand("dynamics_node", DYNAMICS_NODE, common, site.file),
+        NodeCommand("analysis_node", analysis, site.file),
+        NodeCommand("dynamics_node", common, site.file),
         # Dynamics and this process: both see the stream from its first block.
-        NodeCommand("load_node", LOAD_NODE, {**common, **driven, "wait_for_subscribers": 2}, site.file),
+        NodeCommand("load_node", {**common, **driven, "wait_for_subscribers": 2}, site.file),
     ]
 
 
@@ -170,26 +170,26 @@ def _run(
     patience: float,
 ) -> tuple[float | None, bool]:
     """Seconds to the first block, and whether a signal ended it."""
-    start, told = time.monotonic(), until_told()
+    start, stopping = time.monotonic(), record_signals()
     with watching, NodeProcesses(logs) as processes:
         nodes = Supervision(processes, watching.seen.diagnostics)
         if point is not None:
             watching.operate(point.speed, point.torque, point.thrust)
         for command in commands:
             nodes.start(command)
-        first_block = _wait_for_blocks(watching, nodes, start, told, patience)
-        _follow(watching, nodes, duration, told)
-        stopped = told()
+        first_block = _wait_for_blocks(watching, nodes, start, stopping, patience)
+        _follow(watching, nodes, duration, stopping)
+        stopped = stopping()
     return first_block, stopped
 
 
 def _wait_for_blocks(
-    watching: Watch, nodes: Supervision, start: float, told: Callable[[], bool], patience: float
+    watching: Watch, nodes: Supervision, start: float, stopping: Callable[[], bool], patience: float
 ) -> float | None:
-    """Seconds from the start to the first block of the model; None when told to end before it."""
+    """Seconds from the start to the first block of the model; None when stopped before it."""
     first = watching.seen.blocks[topics.MODEL_MESH_FORCES]
     while first.received == 0:
-        if told():
+        if stopping():
             return None
         nodes.check()
         if time.monotonic() - start > patience:
@@ -200,13 +200,13 @@ def _wait_for_blocks(
     return time.monotonic() - start
 
 
-def _follow(watching: Watch, nodes: Supervision, duration: float | None, told: Callable[[], bool]) -> None:
-    """Watch until every stream has the duration and all nodes have said how they are then, or until told to end."""
+def _follow(watching: Watch, nodes: Supervision, duration: float | None, stopping: Callable[[], bool]) -> None:
+    """Watch until every stream has the duration and all nodes have said how they are then, or until stopped."""
     counts, diagnostics = watching.seen.blocks.values(), watching.seen.diagnostics
     with progress_bar("running") as bar:
         task = bar.add_task("", total=duration)
         reached, asked = 0.0, False
-        while not told() and not (asked and diagnostics.keys() >= SAID):
+        while not stopping() and not (asked and diagnostics.keys() >= ACTIVE_STATUSES):
             nodes.check()
             watching.spin(_LOOK_S)
             reached = min(count.stream_time for count in counts)

@@ -1,15 +1,41 @@
-"""What becomes of the nodes that a command has started: their processes, and what they say of themselves."""
+"""The nodes that a command has started: their processes, and what they report on `/diagnostics`."""
 
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
+from typing import TYPE_CHECKING
+
+import typer
 
 from tbm_gsa.app.cli.output import notes
 from tbm_gsa.app.cli.processes import NodeCommand, NodeProcesses
 from tbm_msgs_py.topics import status_name
 
+if TYPE_CHECKING:
+    from tbm_gsa.app.nodes.watch import Watch
+
+ACTIVE_STATUSES = frozenset({"tbm: loads", "tbm: dynamics", "tbm: history"})
+"""Statuses that the nodes of a machine publish once a second while they are active."""
+
 _SILENT_S = 10.0  # of a node that speaks once a second, and less often while it compiles
+
+
+def watch(points: Iterable[str]) -> Watch:
+    """Watch over the running system.
+
+    Raises
+    ------
+    click.UsageError
+        There is no ROS 2 here.
+    """
+    try:
+        from tbm_gsa.app.nodes.watch import Watch  # noqa: PLC0415 - only these commands need ROS
+    except ImportError as error:
+        raise typer.BadParameter(
+            f"ROS 2 is not installed here ({error}); install ros-jazzy-rclpy or source a workspace"
+        ) from None
+    return Watch(points)
 
 
 class Supervision:

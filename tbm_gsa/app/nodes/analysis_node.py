@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import sys
 import time
 from collections.abc import Mapping as AnyMapping
 from collections.abc import Sequence
@@ -41,7 +40,7 @@ from tbm_msgs_py.base.errors import InputError
 from tbm_msgs_py.base.operating_point import OperatingPointError
 from tbm_msgs_py.blocks import BlockError
 from tbm_msgs_py.nodes import messages, qos
-from tbm_msgs_py.nodes.managed import ManagedNode, run_node
+from tbm_msgs_py.nodes.managed import ManagedNode
 from tbm_msgs_py.recordings.mapping import Mapping, SensorMapping, contract_sensor, load_mapping
 
 _AXES = ("x", "y", "z")
@@ -334,12 +333,3 @@ class AnalysisNode(ManagedNode):
 def _check_axes(axes: Sequence[str]) -> None:
     if not axes or not set(axes) <= set(_AXES):
         raise InputError(f"parameter alarm_axes: {list(axes)}, allowed: one or more of x, y, z")
-
-
-def main() -> None:
-    """Run the node."""
-    sys.exit(run_node(AnalysisNode))
-
-
-if __name__ == "__main__":
-    main()

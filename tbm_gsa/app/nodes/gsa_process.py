@@ -7,18 +7,17 @@ import math
 import os
 import signal
 import sqlite3
-import subprocess
-import sys
 import time
 from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any, Literal
 
-from tbm_gsa.app.nodes.start import WITH_PARENT
+from tbm_gsa.app.nodes.start import child_command
 from tbm_gsa.sensitivity.study.errors import StudyError
 from tbm_gsa.sensitivity.study.files import REPORT_NAME, RESULT_NAME, STORE_NAME
 from tbm_gsa.sensitivity.study.store import Store
+from tbm_msgs_py.nodes.processes import ChildProcess
 
 State = Literal["idle", "running", "finished", "failed", "cancelled"]
 _LOG_NAME = "gsa.log"
@@ -82,7 +81,7 @@ class GsaProcess:
     options: GsaOptions
     status: GsaStatus = GsaStatus()
     started: float = -math.inf
-    _process: subprocess.Popen[bytes] | None = field(default=None, repr=False)
+    _process: ChildProcess | None = field(default=None, repr=False)
 
     @property
     def running(self) -> bool:
@@ -95,22 +94,13 @@ class GsaProcess:
             return False
         options = self.options
         folder = _new_folder(options.folder)
-        command = [sys.executable, "-m", "tbm_gsa.app.nodes.start", WITH_PARENT, "tbm_gsa.app.cli.main"]
-        command += ["gsa", "run", "--machine", options.machine]
+        command = child_command("tbm_gsa.app.cli.main", "gsa", "run", "--json", "--machine", options.machine)
         command += ["--samples", str(options.samples), "--test", str(options.test), "--out", str(folder)]
         command += ["--duration", str(options.duration), "--seed", str(options.seed), "--workers", str(options.workers)]
         if options.outputs:
             command += ["--outputs", ",".join(options.outputs)]
-        with (folder / _LOG_NAME).open("wb") as log:
-            # A group of its own: Ctrl-C at the terminal reaches the node, which then ends this one in order. The pipe
-            # closes with the node, so that a node that was killed leaves nothing running behind.
-            self._process = subprocess.Popen(  # noqa: S603 - our own command line
-                [*command, "--json"],
-                stdin=subprocess.PIPE,
-                stdout=subprocess.DEVNULL,
-                stderr=log,
-                start_new_session=True,
-            )
+        # It ends with the node, so that a node that was killed leaves nothing running behind.
+        self._process = ChildProcess(command, folder / _LOG_NAME, results=False)
         os.setpriority(os.PRIO_PROCESS, self._process.pid, _PRIORITY)
         self.started = time.monotonic()
         self.status = GsaStatus("running", reason, 0, options.samples + options.test, 0, folder)
@@ -125,7 +115,7 @@ class GsaProcess:
         # A signal while it still imports ends it with code 0, too.
         finished = code == 0 and (self.status.folder / RESULT_NAME).is_file()
         state: State = "running" if code is None else "finished" if finished else "failed"
-        reason = f"{_end(code)}: {_last_line(self.status.folder)}" if state == "failed" else self.status.reason
+        reason = f"{_end(code)}: {self._process.last_line()}" if state == "failed" else self.status.reason
         self.status = GsaStatus(state, reason, done, self.status.total, failed, self.status.folder)
         return self.status
 
@@ -142,12 +132,7 @@ class GsaProcess:
             return True
         if not self.running or self._process is None:
             return False
-        self._process.send_signal(signal.SIGTERM)  # SIGINT is ignored where the node runs in the background
-        try:
-            self._process.wait(_GRACE_S)
-        except subprocess.TimeoutExpired:
-            self._process.kill()
-            self._process.wait()
+        self._process.end(_GRACE_S)
         status = self.status
         self.status = GsaStatus("cancelled", reason, status.done, status.total, status.failed, status.folder)
         return True
@@ -181,11 +166,3 @@ def _counts(store: Path) -> tuple[int, int]:
 def _end(code: int | None) -> str:
     """How a process ended that did not end well."""
     return f"killed by {signal.Signals(-code).name}" if code and code < 0 else f"exit code {code}"
-
-
-def _last_line(folder: Path) -> str:
-    try:
-        lines = (folder / _LOG_NAME).read_text(encoding="utf-8", errors="replace").split("\n")
-    except OSError as error:  # somebody cleared the folder away
-        return str(error)
-    return next((line.strip() for line in reversed(lines) if line.strip()), "no message")

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Callable, Iterable
 from queue import SimpleQueue
 from typing import Any
@@ -15,7 +14,7 @@ from tbm_msgs_py.base.errors import InputError
 from tbm_msgs_py.nodes import messages, qos
 from tbm_msgs_py.nodes.faults import Faults
 from tbm_msgs_py.nodes.following import Offer, TopicFollower
-from tbm_msgs_py.nodes.managed import ManagedNode, Parameter, run_node
+from tbm_msgs_py.nodes.managed import ManagedNode, Parameter
 from tbm_msgs_py.topics import Quality
 
 LOOK_S = 0.5  # between looks for topics that are not there yet
@@ -152,12 +151,3 @@ class LiveView(ManagedNode):
         return [
             self.status("live view", "error" if problems else "ok", "; ".join(["showing", *problems]), values, address)
         ]
-
-
-def main() -> None:
-    """Run the node."""
-    sys.exit(run_node(LiveView))
-
-
-if __name__ == "__main__":
-    main()

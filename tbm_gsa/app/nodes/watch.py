@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import signal
 import time
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from contextlib import contextmanager
 from dataclasses import dataclass, field
 from functools import partial
 from types import TracebackType
@@ -25,25 +23,11 @@ from tbm_msgs_py import topics
 from tbm_msgs_py.base.operating_point import OperatingPoint
 from tbm_msgs_py.blocks import BlockError
 from tbm_msgs_py.nodes import messages, qos
+from tbm_msgs_py.nodes.processes import signals_deferred
 
 # The domain has other machines, and everybody may publish: what counts are statuses of ours, with what these hold.
 _TURN_S = 0.02
 _OWN, _STUDY, _RESULT = map(topics.status_name, ("", "sensitivity analysis", "sensitivity of "))
-_ENDING = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
-
-
-@contextmanager
-def _signals_held() -> Iterator[list[int]]:
-    """Hold signals back, in the list that is given: raised inside rclpy they leave half-made objects that complain."""
-    came: list[int] = []
-    before = {number: signal.signal(number, lambda number, _frame: came.append(number)) for number in _ENDING}
-    try:
-        yield came
-    finally:
-        for number, handler in before.items():
-            signal.signal(number, handler)
-        if came:
-            signal.raise_signal(came[0])
 
 
 @dataclass
@@ -145,8 +129,8 @@ class Watch:
     def spin(self, seconds: float) -> None:
         """Handle what comes for a while; a signal ends it, and is raised after it."""
         until = time.monotonic() + seconds
-        with _signals_held() as came:
-            while not came and time.monotonic() < until:
+        with signals_deferred() as received:
+            while not received and time.monotonic() < until:
                 # Always the same time: with another the executor begins anew with the first topic, and the last starve.
                 self._executor.spin_once(timeout_sec=_TURN_S)
 

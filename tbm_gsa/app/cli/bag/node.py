@@ -12,8 +12,9 @@ from pathlib import Path
 from typing import Any
 
 from tbm_gsa.app.cli.output import notes
-from tbm_gsa.app.cli.processes import NodeCommand, NodeProcesses, settle_ros_environment, until_told
+from tbm_gsa.app.cli.processes import NodeCommand, NodeProcesses, settle_ros_environment
 from tbm_msgs_py.base.errors import RunError
+from tbm_msgs_py.nodes.processes import record_signals
 
 _LOOK_S = 0.1
 _LOG_HEAD = re.compile(r"\[\w+\] \[[\d.]+\] \[[\w.]+\]: ")  # level, time and node of a line
@@ -34,12 +35,12 @@ def run_to_end(command: NodeCommand) -> dict[str, Any] | None:
         It ended with an error; the message is its last line.
     """
     settle_ros_environment()
-    told = until_told()
+    stopping = record_signals()
     with tempfile.TemporaryDirectory(prefix="tbm_monitor.") as name:
         folder = Path(name)
         summary, log = folder / "summary.json", folder / f"{command.name}.log"
         try:
-            _follow(replace(command, parameters={**command.parameters, "summary": str(summary)}), log, told)
+            _follow(replace(command, parameters={**command.parameters, "summary": str(summary)}), log, stopping)
         except RunError as error:
             raise RunError(_LOG_HEAD.sub("", str(error))) from error
         if summary.exists():
@@ -48,11 +49,11 @@ def run_to_end(command: NodeCommand) -> dict[str, Any] | None:
     return None
 
 
-def _follow(command: NodeCommand, log: Path, told: Callable[[], bool]) -> None:
+def _follow(command: NodeCommand, log: Path, stopping: Callable[[], bool]) -> None:
     said = 0
     with NodeProcesses(log.parent) as nodes:
         nodes.start(command)
-        while nodes.running(command.name) and not told():
+        while nodes.running(command.name) and not stopping():
             said = _say(log, said)
             time.sleep(_LOOK_S)
     nodes.running(command.name)  # raises when its end, too, went wrong

@@ -10,7 +10,6 @@ import typer
 from tbm_gsa.app.cli.bag.node import run_to_end
 from tbm_gsa.app.cli.output import JSON_OPTION, print_json, results
 from tbm_gsa.app.cli.processes import NodeCommand
-from tbm_gsa.app.cli.ros import BAG_PLAYER
 from tbm_gsa.app.cli.shipped import RECORDING_ARGUMENT, recording_path
 from tbm_msgs_py.bags import Bag
 from tbm_msgs_py.base.bounds import listed
@@ -41,7 +40,6 @@ def play(
             raise InputError(f"--topics {name}: not in {bag}, allowed: {listed(sorted(recorded))}")
     command = NodeCommand(
         "bag_player",
-        BAG_PLAYER,
         {
             "bag": str(bag),
             "rate": rate,

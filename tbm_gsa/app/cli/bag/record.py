@@ -11,7 +11,6 @@ from tbm_gsa.app.cli.bag.info import info_document
 from tbm_gsa.app.cli.bag.node import run_to_end
 from tbm_gsa.app.cli.output import JSON_OPTION, notes, print_json, results
 from tbm_gsa.app.cli.processes import NodeCommand
-from tbm_gsa.app.cli.ros import BAG_RECORDER
 from tbm_msgs_py.bags import BagInfo, RecordingError, Topic, metadata
 from tbm_msgs_py.topics import absolute
 
@@ -40,7 +39,6 @@ def record(
     names = [name.strip() for given in topics for name in given.split(",") if name.strip()]
     command = NodeCommand(
         "bag_recorder",
-        BAG_RECORDER,
         {
             "output": str(out),
             "topics": names or [""],
