@@ -7,6 +7,8 @@ Names are relative: a node in the default namespace ``/tbm`` publishes ``model/g
 from __future__ import annotations
 
 from dataclasses import dataclass
+from fnmatch import fnmatchcase
+from typing import NamedTuple
 
 NAMESPACE = "/tbm"
 TEST_POINTS = ("cutterhead", "shield", "walkway", "girder", "gripper")
@@ -68,11 +70,27 @@ DIAGNOSTICS_QUALITY = Quality(reliable=True, latched=False, depth=10)
 CLOCK_QUALITY = Quality(reliable=True, latched=False, depth=10)
 
 
-_OTHERS = {
-    OPERATING_POINT: OPERATING_POINT_QUALITY,
-    LOADS_OPERATING_POINT: LOADS_OPERATING_POINT_QUALITY,
-    DIAGNOSTICS: DIAGNOSTICS_QUALITY,
-    CLOCK: CLOCK_QUALITY,
+class TopicContract(NamedTuple):
+    """Message type of a topic, as ``package/msg/Type``, and its quality of service: of the contract, or on offer."""
+
+    type: str
+    quality: Quality
+
+
+_JOINTS, _STATUSES = "sensor_msgs/msg/JointState", "diagnostic_msgs/msg/DiagnosticArray"
+# By relative name; the first pattern that fits holds.
+_CONTRACT = {
+    OPERATING_POINT: TopicContract(_JOINTS, OPERATING_POINT_QUALITY),
+    LOADS_OPERATING_POINT: TopicContract(_JOINTS, LOADS_OPERATING_POINT_QUALITY),
+    LOADS_WRENCH: TopicContract("geometry_msgs/msg/WrenchStamped", BLOCK_QUALITY),
+    MODEL_DRIVES: TopicContract(_JOINTS, LIVE_QUALITY),
+    "*/accel": TopicContract("geometry_msgs/msg/AccelStamped", LIVE_QUALITY),
+    GSA_STATUS: TopicContract(_STATUSES, GSA_QUALITY),
+    GSA_RESULT: TopicContract(_STATUSES, GSA_QUALITY),
+    "analysis/*": TopicContract("geometry_msgs/msg/Vector3Stamped", ANALYSIS_QUALITY),
+    DIAGNOSTICS: TopicContract(_STATUSES, DIAGNOSTICS_QUALITY),
+    CLOCK: TopicContract("rosgraph_msgs/msg/Clock", CLOCK_QUALITY),
+    "*": TopicContract("sensor_msgs/msg/PointCloud2", BLOCK_QUALITY),
 }
 
 
@@ -121,13 +139,7 @@ def status_name(task: str, namespace: str = NAMESPACE) -> str:
     return f"{namespace.strip('/')}: {task}"
 
 
-def quality(name: str, namespace: str = NAMESPACE) -> Quality:
-    """Quality of service that the contract gives a topic, by its absolute or relative name."""
+def contract(name: str, namespace: str = NAMESPACE) -> TopicContract:
+    """Type and quality of service that the contract gives a topic, by its absolute or relative name."""
     name = name.removeprefix(f"{namespace.rstrip('/')}/")
-    if name in (GSA_STATUS, GSA_RESULT):
-        return GSA_QUALITY
-    if name == MODEL_DRIVES or name.endswith("/accel"):
-        return LIVE_QUALITY
-    if name.startswith("analysis/"):
-        return ANALYSIS_QUALITY
-    return _OTHERS.get(name, BLOCK_QUALITY)
+    return next(found for pattern, found in _CONTRACT.items() if fnmatchcase(name, pattern))

@@ -8,8 +8,6 @@ from typing import Any
 
 import numpy as np
 from diagnostic_msgs.msg import DiagnosticStatus
-from geometry_msgs.msg import WrenchStamped
-from sensor_msgs.msg import JointState, PointCloud2
 
 from tbm_dynamics.loads.stepper import LOAD_LEVELS
 from tbm_dynamics.machine import Machine, MachineError, OperatingPoint, load_machine
@@ -19,9 +17,10 @@ from tbm_msgs_py import blocks, topics
 from tbm_msgs_py.base import operating_point
 from tbm_msgs_py.base.operating_point import OperatingPointError
 from tbm_msgs_py.base.units import NANOSECONDS, R_MIN
-from tbm_msgs_py.nodes import messages, qos
-from tbm_msgs_py.nodes.faults import Faults
-from tbm_msgs_py.nodes.managed import ManagedNode, Parameter
+from tbm_msgs_py.nodes import messages
+from tbm_msgs_py.nodes.fault_log import FaultLog
+from tbm_msgs_py.nodes.managed import ManagedNode
+from tbm_msgs_py.nodes.parameters import Parameter, live_parameter
 from tbm_msgs_py.nodes.rate import Rate
 
 # A clock that leaps further than this (a bag that loops, a suspended computer), or than readers have room for, starts
@@ -42,21 +41,12 @@ PARAMETERS = (
         f"its columns, where not {' '.join(f'{key}={name}' for key, name in COLUMNS.items())}",
     ),
     Parameter("schedule_where", [""], "only rows with these cells, as column=text"),
-    Parameter("seed", 0, "seed of the load realisation", minimum=0, maximum=2**31 - 1),
-    Parameter("block_rate", topics.LOAD_BLOCK_RATE, "rate of the loads (Hz)", minimum=1000.0, maximum=50000.0),
-    Parameter("block_samples", topics.LOAD_BLOCK_SAMPLES, "samples of a block", minimum=10, maximum=100000),
-    Parameter(
-        "live_rate", topics.LIVE_RATE, "rate of loads/wrench (Hz)", minimum=1.0, maximum=1000.0, changes="running"
-    ),
+    Parameter("seed", 0, "seed of the load realisation", 0, 2**31 - 1),
+    Parameter("block_rate", topics.LOAD_BLOCK_RATE, "rate of the loads (Hz)", 1000.0, 50000.0),
+    Parameter("block_samples", topics.LOAD_BLOCK_SAMPLES, "samples of a block", 10, 100000),
+    live_parameter("live_rate", topics.LIVE_RATE, "rate of loads/wrench (Hz)", 1.0, 1000.0),
     *(
-        Parameter(
-            f"operating_point.{name}",
-            0.0,
-            f"{text}; 0: the machine's; the topic changes it too",
-            minimum=0.0,
-            maximum=1e9,
-            changes="running",
-        )
+        live_parameter(f"operating_point.{name}", 0.0, f"{text}; 0: the machine's; the topic changes it too", 0.0, 1e9)
         for name, text in (
             ("speed", "speed of the cutterhead (r/min)"),
             ("torque", "its mean torque (kN·m)"),
@@ -67,8 +57,8 @@ PARAMETERS = (
         "wait_for_subscribers",
         0,
         "subscribers of loads/block to wait for, and 0.3 s more, before the first block",
-        minimum=0,
-        maximum=16,
+        0,
+        16,
     ),
 )
 _POINT = tuple(parameter.name for parameter in PARAMETERS if parameter.name.startswith("operating_point."))
@@ -84,14 +74,14 @@ class LoadNode(ManagedNode):
     def configure(self) -> None:
         """Load the machine and create the publishers."""
         self._machine: Machine = load_machine(self.value("machine"))
-        self._rate = float(self.value("block_rate"))
-        self._samples = int(self.value("block_samples"))
+        self._rate: float = self.value("block_rate")
+        self._samples: int = self.value("block_samples")
         self._step = step_ns(self._rate)
         self._offsets = np.arange(self._samples) * self._step / NANOSECONDS
         self._stream: LoadStream | None = None
         self._epoch_ns = 0
         self._refused = 0
-        self._faults: Faults[str] = Faults(lambda text: self.get_logger().warning(text))
+        self._faults: FaultLog[str] = FaultLog(lambda text: self.get_logger().warning(text))
         self._schedule = self._read_schedule()
         self._wanted: OperatingPoint | None = None  # of the topic or the parameters, since the node was configured
         self._advance = 0.0  # of the topic: passed on, the loads do not depend on it
@@ -104,22 +94,13 @@ class LoadNode(ManagedNode):
         self._create_topics()
 
     def _create_topics(self) -> None:
-        def create(kind: Any, name: str, profile: Any) -> Any:
-            return self.create_publisher(kind, name, profile, qos_overriding_options=qos.overridable())
-
-        self._blocks = create(PointCloud2, topics.LOADS_BLOCK, qos.BLOCK)
-        self._live = create(WrenchStamped, topics.LOADS_WRENCH, qos.BLOCK)
-        self._applied = create(JointState, topics.LOADS_OPERATING_POINT, qos.LOADS_OPERATING_POINT)
-        self.create_subscription(
-            JointState,
-            topics.OPERATING_POINT,
-            self._on_operating_point,
-            qos.OPERATING_POINT,
-            qos_overriding_options=qos.overridable(),
-        )
+        self._blocks = self.contract_publisher(topics.LOADS_BLOCK)
+        self._live = self.contract_publisher(topics.LOADS_WRENCH)
+        self._applied = self.contract_publisher(topics.LOADS_OPERATING_POINT)
+        self.contract_subscription(topics.OPERATING_POINT, self._on_operating_point)
 
     def _set_live_rate(self) -> None:
-        self._live_stride = max(1, round(self._rate / float(self.value("live_rate"))))
+        self._live_stride = max(1, round(self._rate / self.value("live_rate")))
 
     def _given_point(self, changes: Mapping[str, Any]) -> OperatingPoint | None:
         """Operating point of the parameters with some of them changed; None while all are zero."""
@@ -136,7 +117,7 @@ class LoadNode(ManagedNode):
             self._new_stream().set_operating_point(wanted)
 
     def parameters_changed(self, names: frozenset[str]) -> None:
-        """Take over another live rate or operating point."""
+        """Use another live rate or operating point."""
         self._set_live_rate()
         if not names.isdisjoint(_POINT):
             self._wanted = self._given_point({}) or self._machine.operating_point
@@ -151,14 +132,8 @@ class LoadNode(ManagedNode):
         return read_schedule(file, columns, where)
 
     def _new_stream(self) -> LoadStream:
-        return LoadStream(
-            self._machine,
-            int(self.value("seed")),
-            1.0 / self._rate,
-            self._samples,
-            self.value("loads"),
-            self._schedule,
-        )
+        seed, loads = self.value("seed"), self.value("loads")
+        return LoadStream(self._machine, seed, 1.0 / self._rate, self._samples, loads, self._schedule)
 
     def activate(self) -> None:
         """Start the stream at the first look at which the clock runs and the subscribers are there."""
@@ -225,7 +200,7 @@ class LoadNode(ManagedNode):
 
     def _publish(self, block: LoadBlock) -> None:
         stamp = self._epoch_ns + block.first_step * self._step
-        self._sent.count(len(block.loads))
+        self._sent.add(len(block.loads))
         if (block.operating_point, self._advance) != self._announced:
             self._announce(stamp, block.operating_point, block.head_angle)
         self._blocks.publish(messages.block(blocks.LOADS, stamp, self._offsets, block.loads, FRAME))
@@ -240,7 +215,7 @@ class LoadNode(ManagedNode):
         values = {
             "blocks": self._stream.next_step // self._samples if self._stream else 0,
             "rate_hz": self._rate,
-            "measured_rate_hz": self._sent.look(),
+            "measured_rate_hz": self._sent.mean(),
             "refused_operating_points": self._refused,
             "speed_r_min": point.speed / R_MIN,
             "torque_kn_m": point.torque / 1e3,

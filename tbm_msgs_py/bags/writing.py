@@ -249,7 +249,7 @@ class BagWriter:
                 )
             text, _ = typestore().generate_msgdef(message_type, ros_version=2)
             definition = text, typestore().hash_rihs01(message_type)
-        entry = TopicEntry(topic, message_type, definition[1], quality or topics.quality(topic), definition[0])
+        entry = TopicEntry(topic, message_type, definition[1], quality or topics.contract(topic).quality, definition[0])
         self._entries[topic, message_type] = entry
         self._undescribed = True
         return entry

@@ -13,7 +13,6 @@ from rclpy.clock import Clock
 from rclpy.clock_type import ClockType
 from rclpy.duration import Duration
 from rclpy.publisher import Publisher
-from rosgraph_msgs.msg import Clock as ClockMessage
 
 from tbm_msgs_py import topics
 from tbm_msgs_py.bags import Bag, RawMessage, RecordingError, Topic
@@ -22,24 +21,25 @@ from tbm_msgs_py.base.bounds import listed
 from tbm_msgs_py.base.files import write_whole
 from tbm_msgs_py.base.units import NANOSECONDS
 from tbm_msgs_py.nodes import messages, qos
-from tbm_msgs_py.nodes.managed import ManagedNode, Parameter
+from tbm_msgs_py.nodes.managed import ManagedNode
+from tbm_msgs_py.nodes.parameters import SUMMARY, Parameter, live_parameter
 
 TICK = 0.005  # s of wall time: messages are at most this late, /clock comes at 200 Hz
 DELIVERY = 2.0  # s that subscribers get to acknowledge the last messages
 
 PARAMETERS = (
     Parameter("bag", "", "rosbag2 folder or bare .mcap file"),
-    Parameter("rate", 1.0, "playing speed, times real time", 0.1, 10.0, changes="running"),
-    Parameter("paused", False, "stand still, the clock too", changes="running"),
+    live_parameter("rate", 1.0, "playing speed, times real time", 0.1, 10.0),
+    live_parameter("paused", False, "stand still, the clock too"),
     Parameter("loop", False, "start again at the end"),
-    Parameter("start", 0.0, "offset of the first message played, s", minimum=0.0),
-    Parameter("duration", 0.0, "recorded time played, s; 0 for all", minimum=0.0),
+    Parameter("start", 0.0, "offset of the first message played, s", 0.0),
+    Parameter("duration", 0.0, "recorded time played, s; 0 for all", 0.0),
     Parameter("clock", True, "publish /clock with the recorded time"),
     Parameter("topics", [""], "topics played; empty for all"),
     Parameter("wait_for_subscribers", 1, "subscriptions to the played topics before the first message", 0, 1000),
     Parameter("wait_timeout", 5.0, "longest wait for these subscriptions, s", 0.0, 3600.0),
     Parameter("exit_at_end", True, "end the process after the last message"),
-    Parameter("summary", "", "file that gets the result as JSON at the end; empty for none", changes="start"),
+    SUMMARY,
 )
 
 
@@ -71,7 +71,7 @@ class BagPlayer(ManagedNode):
             raise RecordingError(f"parameter start: {self.value('start')} s, allowed: below {info.duration:.3f} s")
         self._create_publishers(info.topics)
         if self.value("clock"):
-            self._clock_publisher = self.create_publisher(ClockMessage, topics.CLOCK, qos.CLOCK)
+            self._clock_publisher = self.contract_publisher(topics.CLOCK)
 
     def activate(self) -> None:
         """Begin to wait for subscribers, then play."""
@@ -154,7 +154,9 @@ class BagPlayer(ManagedNode):
         message_type = messages.message_class(topic.type)
         if message_type is None:
             return f"type {topic.type} is not installed"
-        quality = offered_quality(topic.qos) or topics.quality(topic.name)  # what the recording states goes first
+        quality = (
+            offered_quality(topic.qos) or topics.contract(topic.name).quality
+        )  # what the recording states goes first
         try:
             made = self.create_publisher(message_type, topic.name, qos.profile(quality))
         except Exception as error:  # noqa: BLE001 - rclpy's own: a name that is none, a topic it has as another type

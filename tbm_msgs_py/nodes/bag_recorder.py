@@ -16,12 +16,12 @@ from tbm_msgs_py.bags.quota import enforce, mark
 from tbm_msgs_py.bags.samples import typestore
 from tbm_msgs_py.base.files import write_whole
 from tbm_msgs_py.nodes import messages, qos
-from tbm_msgs_py.nodes.faults import Faults
-from tbm_msgs_py.nodes.following import Offer, TopicFollower
+from tbm_msgs_py.nodes.fault_log import FaultLog
+from tbm_msgs_py.nodes.following import TopicFollower
 from tbm_msgs_py.nodes.logs import get_logger
-from tbm_msgs_py.nodes.managed import ManagedNode, Parameter
-from tbm_msgs_py.nodes.parameters import ROOT
-from tbm_msgs_py.topics import Quality
+from tbm_msgs_py.nodes.managed import ManagedNode
+from tbm_msgs_py.nodes.parameters import ROOT, SUMMARY, Parameter
+from tbm_msgs_py.topics import Quality, TopicContract
 
 DISCOVERY = 0.05  # s between looks for topics that are not there yet
 FOLLOWING = 1.0  # s between looks at what the publishers of the others offer
@@ -34,18 +34,18 @@ PARAMETERS = (
     Parameter("output", "", "new rosbag2 folder", written=True),
     ROOT,
     Parameter("topics", [""], "topics recorded, relative to the namespace or absolute; at least one"),
-    Parameter("duration", 0.0, "s after which the recording ends; 0 for never", minimum=0.0),
+    Parameter("duration", 0.0, "s after which the recording ends; 0 for never", 0.0),
     Parameter("flush_period", 0.5, "longest time a message stays unwritten, s", 0.05, 0.5),
     Parameter("compression", "none", "compression of the chunks", choices=("none", "zstd")),
-    Parameter("split_size", 0.0, "MB after which the recording goes on in a further file; 0 for never", minimum=0.0),
-    Parameter("split_time", 0.0, "s after which the recording goes on in a further file; 0 for never", minimum=0.0),
+    Parameter("split_size", 0.0, "MB after which the recording goes on in a further file; 0 for never", 0.0),
+    Parameter("split_time", 0.0, "s after which the recording goes on in a further file; 0 for never", 0.0),
     Parameter(
         "quota",
         0.0,
         "MB that the output and what was recorded beside it with a quota take at most, the oldest files go; 0 for all",
-        minimum=0.0,
+        0.0,
     ),
-    Parameter("summary", "", "file that gets the result as JSON at the end; empty for none", changes="start"),
+    SUMMARY,
 )
 
 
@@ -67,7 +67,7 @@ class BagRecorder(ManagedNode):
         self._topics = TopicFollower(self, self)
         self._asked: dict[str, Quality] = {}
         self._types: dict[str, str] = {}  # of the topics of which a message has come
-        self._unrecorded: Faults[str] = Faults(lambda text: self.get_logger().error(text))
+        self._unrecorded: FaultLog[str] = FaultLog(lambda text: self.get_logger().error(text))
         self._arrived: list[Arrived] = []
         self._held = 0  # bytes of what has arrived
         self._lost = self._lost_shown = 0
@@ -143,12 +143,12 @@ class BagRecorder(ManagedNode):
             return "none of ROS 2 Jazzy's common interfaces"
         return "" if messages.message_class(kind) else "not installed"
 
-    def asks(self, topic: str, offered: Offer) -> Quality:
+    def requests(self, topic: str, offered: TopicContract) -> Quality:
         """Ask what was asked before; less where the publishers of now offer less."""
         before, now = self._asked.get(topic, offered.quality), offered.quality
         return now if before.reliable > now.reliable or before.latched > now.latched else before
 
-    def subscribe(self, topic: str, offer: Offer) -> Any:
+    def subscribe(self, topic: str, offer: TopicContract) -> Any:
         """Record a topic."""
         quality = offer.quality
         made = self.create_subscription(
@@ -162,14 +162,11 @@ class BagRecorder(ManagedNode):
         self._asked[topic] = quality
         return made
 
-    def tell(self, topic: str, problem: str) -> None:
-        """Say what of a topic is not recorded."""
-        if problem:
-            self._unrecorded.report(topic, problem)
-        else:
-            self._unrecorded.clear(topic)
+    def report(self, topic: str, problem: str) -> None:
+        """Report what of a topic is not recorded."""
+        self._unrecorded.update(topic, problem)
 
-    def _recorder(self, name: str, offer: Offer) -> Callable[[bytes], None]:
+    def _recorder(self, name: str, offer: TopicContract) -> Callable[[bytes], None]:
         def record(data: bytes) -> None:
             if self._held > MOST_HELD:
                 self._lost += 1

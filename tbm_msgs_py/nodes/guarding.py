@@ -7,7 +7,7 @@ import traceback
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
-from tbm_msgs_py.nodes.faults import Faults
+from tbm_msgs_py.nodes.fault_log import FaultLog
 
 if TYPE_CHECKING:
     from tbm_msgs_py.nodes.managed import ManagedNode
@@ -30,7 +30,7 @@ class Guard:
     def __init__(self, node: ManagedNode) -> None:
         self.failed = 0
         self._node = node
-        self._faults: Faults[str] = Faults(lambda text: node.get_logger().error(text))
+        self._faults: FaultLog[str] = FaultLog(lambda text: node.get_logger().error(text))
 
     def __call__(self, callback: Callable[..., Any]) -> Callable[..., Any]:
         """Wrap a callback; one that fails gives its last argument, which is the response of a service."""

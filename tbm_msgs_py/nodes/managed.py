@@ -8,7 +8,7 @@ import traceback
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
-from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
+from diagnostic_msgs.msg import DiagnosticStatus
 from rcl_interfaces.msg import SetParametersResult
 from rclpy.clock import Clock
 from rclpy.clock_type import ClockType
@@ -21,11 +21,8 @@ from tbm_msgs_py.nodes import messages, qos
 from tbm_msgs_py.nodes.confining import check_below
 from tbm_msgs_py.nodes.guarding import Guard
 from tbm_msgs_py.nodes.logs import PrintableLogger, get_logger
-from tbm_msgs_py.nodes.parameters import AUTOSTART, DATA_ROOT, Parameter, ParameterError, ParameterValue
-from tbm_msgs_py.nodes.running import run_node
-from tbm_msgs_py.topics import DIAGNOSTICS, NAMESPACE, status_name
-
-__all__ = ["ManagedNode", "Parameter", "ParameterError", "ParameterValue", "run_node"]
+from tbm_msgs_py.nodes.parameters import AUTOSTART, DATA_ROOT, Parameter, ParameterError
+from tbm_msgs_py.topics import DIAGNOSTICS, NAMESPACE, contract, status_name
 
 STATUS_PERIOD = 1.0  # s
 _SUCCESS = TransitionCallbackReturn.SUCCESS
@@ -76,9 +73,7 @@ class ManagedNode(LifecycleNode):  # type: ignore[misc]  # rclpy is untyped
         for parameter in self._declared.values():
             self._declare(parameter)
             self._stated[parameter.name] = self.get_parameter(parameter.name).value
-        self._diagnostics = self.create_publisher(
-            DiagnosticArray, DIAGNOSTICS, qos.DIAGNOSTICS, qos_overriding_options=qos.overridable()
-        )
+        self._diagnostics = self.contract_publisher(DIAGNOSTICS)
         self.create_status_timer(self.say)
 
     def configure(self) -> None:
@@ -108,6 +103,11 @@ class ManagedNode(LifecycleNode):  # type: ignore[misc]  # rclpy is untyped
         value = self.get_parameter(name).value
         return [entry for entry in value if entry != ""] if isinstance(self._declared[name].default, list) else value
 
+    def values(self, group: str) -> dict[str, Any]:
+        """Values of the parameters of a group, by their names in it."""
+        prefix = f"{group}."
+        return {name.removeprefix(prefix): self.value(name) for name in self._declared if name.startswith(prefix)}
+
     @property
     def active(self) -> bool:
         """Between `activate` and `deactivate`."""
@@ -131,6 +131,22 @@ class ManagedNode(LifecycleNode):  # type: ignore[misc]  # rclpy is untyped
     def get_logger(self) -> PrintableLogger:
         """Logger of the node, which shows control characters in texts of others."""
         return get_logger(super().get_logger().name)
+
+    def contract_publisher(self, topic: str) -> Any:
+        """Create a publisher of a topic of the contract; parameters may override its quality of service."""
+        kind, quality = contract(topic)
+        options = qos.overridable()
+        return self.create_publisher(
+            messages.message_class(kind), topic, qos.profile(quality), qos_overriding_options=options
+        )
+
+    def contract_subscription(self, topic: str, callback: Callable[[Any], None]) -> Any:
+        """Create a subscription to a topic of the contract; parameters may override its quality of service."""
+        kind, quality = contract(topic)
+        options = qos.overridable()
+        return self.create_subscription(
+            messages.message_class(kind), topic, callback, qos.profile(quality), qos_overriding_options=options
+        )
 
     def create_publisher(self, kind: Any, topic: str, profile: Any, *args: Any, **kwargs: Any) -> Any:
         """Create a publisher as rclpy does; the profile given stays as it is."""

@@ -25,7 +25,7 @@ from std_msgs.msg import Header
 from tbm_msgs_py import blocks
 from tbm_msgs_py.base.operating_point import OperatingPoint
 from tbm_msgs_py.base.printing import printable
-from tbm_msgs_py.blocks import BlockLayout
+from tbm_msgs_py.blocks import Block, BlockError, BlockLayout
 
 Level = Literal["ok", "warn", "error", "stale"]
 _LEVELS = {
@@ -103,6 +103,14 @@ def block(layout: BlockLayout, stamp_ns: int, offsets: ArrayLike, values: ArrayL
 def _fields(layout: BlockLayout) -> list[PointField]:
     """Fields of a layout, shared by its messages: nobody changes them."""
     return [PointField(name=name, offset=at, datatype=kind, count=1) for name, at, kind in layout.fields]
+
+
+def acceleration_block(message: PointCloud2) -> Block:
+    """Block of accelerations that a message holds; raises BlockError for any other."""
+    found = block_from(message)
+    if found.layout != blocks.ACCELERATION:
+        raise BlockError(f"block channels {' '.join(found.layout.channels)}, allowed: ax ay az")
+    return found
 
 
 def operating_point_message(stamp_ns: int, point: OperatingPoint) -> JointState:

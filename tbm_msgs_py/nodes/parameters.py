@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import partial
 from typing import Any, Literal
 
 from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescriptor
@@ -114,9 +115,12 @@ def _text(value: Any) -> str:
     return str(value) if isinstance(value, bool | int | float | str) else str(list(value))
 
 
+live_parameter = partial(Parameter, changes="running")
+
 AUTOSTART = Parameter(
     "autostart", True, "configure and activate at the start, without a lifecycle manager", changes="start"
 )
+SUMMARY = Parameter("summary", "", "file that gets the result as JSON at the end; empty for none", changes="start")
 ROOT = Parameter(
     DATA_ROOT,
     "",

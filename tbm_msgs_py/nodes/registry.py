@@ -7,18 +7,9 @@ from typing import NamedTuple
 
 
 class NodeEntry(NamedTuple):
-    """A node; its executable has the same name.
+    """A node, with the name of its executable.
 
-    Attributes
-    ----------
-    name : str
-    module : str
-        It holds the class and, as `PARAMETERS`, what the node declares.
-    class_name : str
-    summary : str
-        One line.
-    extra : str
-        Extra of the package that it needs; empty: none.
+    The module holds the class, and what the node declares as `PARAMETERS`; the extra is that of the package it needs.
     """
 
     name: str
@@ -37,7 +28,7 @@ NODES = {
             "analysis_node",
             "tbm_gsa.app.nodes.analysis_node",
             "AnalysisNode",
-            "Model against recording, and the sensitivity analysis.",
+            "Model against field, sensitivity analysis.",
         ),
         NodeEntry("bag_player", "tbm_msgs_py.nodes.bag_player", "BagPlayer", "A recording onto its topics."),
         NodeEntry("bag_recorder", "tbm_msgs_py.nodes.bag_recorder", "BagRecorder", "Topics into a recording."),

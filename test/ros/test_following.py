@@ -48,7 +48,7 @@ class Middleware:
     def refuses(self, topic, kind):
         return ""
 
-    def asks(self, topic, offered):
+    def requests(self, topic, offered):
         return offered.quality
 
     def subscribe(self, topic, offer):
@@ -57,7 +57,7 @@ class Middleware:
         self.held = offer.type
         return offer.type
 
-    def tell(self, topic, problem):
+    def report(self, topic, problem):
         self.said.append(problem)
 
 

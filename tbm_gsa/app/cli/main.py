@@ -82,7 +82,7 @@ def main() -> None:
     sys.exit(code)
 
 
-def _run() -> int:  # noqa: PLR0911 - one for each kind of end
+def _run() -> int:
     """Exit code of the command, every error said in one line."""
     try:
         # -c and -m runs have no useful argv[0]; the name users type stands in messages.
@@ -91,35 +91,24 @@ def _run() -> int:  # noqa: PLR0911 - one for each kind of end
         return leave.exit_code
     except (typer.Abort, KeyboardInterrupt):
         return INTERRUPTED
-    except (
-        BrokenPipeError,
-        SystemExit,
-    ):  # the reader of the output has seen enough; the second is what rich makes of it
+    except (BrokenPipeError, SystemExit):  # the reader of the output has gone; the second is what rich makes of it
         return 0
-    except _UsageError as error:
-        _say(_usage_line(error))
-        return BAD_INPUT
-    except OSError as error:
-        _say(f"{error.filename}: {error.strerror}" if error.filename and error.strerror else str(error))
-        return BAD_INPUT
-    except sqlite3.Error as error:
-        _say(str(error))
-        return BAD_INPUT
-    except (InputError, RunError) as error:
-        _say(str(error))
-        return BAD_INPUT
-    except MemoryError as error:
-        _say(f"not enough memory: {error}")
+    except (_UsageError, OSError, sqlite3.Error, InputError, RunError, MemoryError) as error:
+        _print_line(_line(error))
         return BAD_INPUT
     except Exception as error:  # noqa: BLE001 - never a traceback
-        _say(f"fault of the program: {type(error).__name__}: {error}")
+        _print_line(f"fault of the program: {type(error).__name__}: {error}")
         return 1
     return code if isinstance(code, int) else 0
 
 
-def _usage_line(error: Exception) -> str:
-    """Say what is wrong with the command line; a bare `tbm-monitor` has shown its help already."""
-    if type(error).__name__ == "NoArgsIsHelpError":
+def _line(error: Exception) -> str:
+    """Line of an error that the user can do something about."""
+    if isinstance(error, OSError) and error.filename and error.strerror:
+        return f"{error.filename}: {error.strerror}"
+    if isinstance(error, MemoryError):
+        return f"not enough memory: {error}"
+    if type(error).__name__ == "NoArgsIsHelpError":  # a bare `tbm-monitor` has shown its help already
         return "a command is missing, see --help"
     line = str(getattr(error, "format_message", error.__str__)())
     context = getattr(error, "ctx", None)
@@ -128,7 +117,7 @@ def _usage_line(error: Exception) -> str:
     return line
 
 
-def _say(message: str) -> None:
+def _print_line(message: str) -> None:
     notes.print(f"tbm-monitor: {shortened(' '.join(message.split()))}", highlight=False)
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 import time
 from collections.abc import Mapping
@@ -60,19 +61,14 @@ class NodeCommand:
     module: str = ""
 
     def arguments(self) -> list[str]:
-        """Command line of the process, which ends with the one that starts it."""
+        """Command line of the process, which ends with the one that starts it; JSON is the YAML that ROS reads."""
         given = ["--params-file", str(self.file)] if self.file else []
-        given += [part for key, value in self.parameters.items() for part in ("-p", f"{key}:={_literal(value)}")]
+        given += [
+            part
+            for key, value in self.parameters.items()
+            for part in ("-p", f"{key}:={json.dumps(value, ensure_ascii=False)}")
+        ]
         return child_command(self.module or self.name, *(["--ros-args", *given] if given else []))
-
-
-def _literal(value: ParameterValue) -> str:
-    """YAML of a parameter value; strings are quoted so that a name like `1e3` or a path stays a string."""
-    if isinstance(value, bool):
-        return str(value).lower()
-    if isinstance(value, str):
-        return "'" + value.replace("'", "''") + "'"
-    return repr(value)
 
 
 class NodeProcesses:

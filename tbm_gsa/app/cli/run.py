@@ -34,9 +34,8 @@ from tbm_gsa.app.cli.processes import NodeCommand, NodeProcesses, ParameterValue
 from tbm_gsa.app.cli.simulate import schedule_of
 from tbm_gsa.app.cli.site import Site
 from tbm_gsa.app.cli.supervision import ACTIVE_STATUSES, Supervision, watch
-from tbm_gsa.sensitivity.study.errors import StudyError
 from tbm_msgs_py import topics
-from tbm_msgs_py.base.errors import RunError
+from tbm_msgs_py.base.errors import InputError, RunError
 from tbm_msgs_py.base.units import R_MIN
 from tbm_msgs_py.nodes.processes import record_signals
 
@@ -129,7 +128,7 @@ def _level(site: Site) -> LoadLevel:
     for level in LOAD_LEVELS:
         if level == stated:
             return level
-    raise StudyError(f"{site.file}: loads: {stated}, allowed: {', '.join(LOAD_LEVELS)}")
+    raise InputError(f"{site.file}: loads: {stated}, allowed: {', '.join(LOAD_LEVELS)}")
 
 
 def _operating_point(

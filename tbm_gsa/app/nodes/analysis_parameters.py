@@ -4,72 +4,33 @@ import os
 
 from tbm_gsa.app.nodes.history_writer import OFF
 from tbm_msgs_py import topics
-from tbm_msgs_py.nodes.parameters import ROOT, Parameter
+from tbm_msgs_py.nodes.parameters import ROOT, Parameter, live_parameter
 
 MOST_WORKERS = max(2, os.cpu_count() or 1)
+HISTORY = "history file of the windows; empty: tbm_monitor/history.sqlite in the user's data folder; none: not kept"
+BASELINE = "baseline in the history whose errors alarms are set against; empty: the threshold is absolute"
+PAUSE = "least time from the start of a study to one that an alarm starts (min)"
+MAPPING = "mapping file of the field topics; empty: the topics of the contract, m/s², gravity removed"
 PARAMETERS = (
     Parameter("machine", "dz101", "machine: name of a shipped one, or path of a machine file"),
-    Parameter(
-        "window", topics.WINDOW, "length of a comparison window (s)", minimum=0.1, maximum=3600.0, changes="running"
+    live_parameter("window", topics.WINDOW, "length of a comparison window (s)", 0.1, 3600.0),
+    live_parameter("threshold", topics.ERROR_THRESHOLD, "relative error that counts (1)", 0.001, 100.0),
+    live_parameter(
+        "threshold_windows", topics.ERROR_WINDOWS, "windows in a row over it that raise the alarm", 1, 10000
     ),
-    Parameter(
-        "threshold",
-        topics.ERROR_THRESHOLD,
-        "relative error that counts (1)",
-        minimum=0.001,
-        maximum=100.0,
-        changes="running",
-    ),
-    Parameter(
-        "threshold_windows",
-        topics.ERROR_WINDOWS,
-        "windows in a row over the threshold that raise the alarm",
-        minimum=1,
-        maximum=10000,
-        changes="running",
-    ),
-    Parameter(
-        "alarm_axes", ["x"], "axes whose error is watched; the paper compares the axial one, x", changes="running"
-    ),
-    Parameter(
-        "mapping", "", "mapping file of the field topics; empty: the topics of the contract, m/s², gravity removed"
-    ),
-    Parameter(
-        "history",
-        "",
-        "history file of the windows; empty: tbm_monitor/history.sqlite in the user's data folder; none: not kept",
-        written=True,
-        no_path=("", OFF),
-    ),
+    live_parameter("alarm_axes", ["x"], "axes whose error is watched; the paper compares the axial one, x"),
+    Parameter("mapping", "", MAPPING),
+    Parameter("history", "", HISTORY, written=True, no_path=("", OFF)),
     ROOT,
-    Parameter("history_days", 90.0, "age at which live windows go; 0: never (d)", minimum=0.0, maximum=36500.0),
-    Parameter(
-        "baseline",
-        "",
-        "baseline in the history whose errors alarms are set against; empty: the threshold is absolute",
-        changes="running",
-    ),
-    Parameter("gsa.on_threshold", True, "start the sensitivity analysis when the alarm is raised", changes="running"),
-    Parameter(
-        "gsa.pause",
-        60.0,
-        "least time from the start of a study to one that an alarm starts (min)",
-        minimum=0.0,
-        maximum=100000.0,
-        changes="running",
-    ),
-    Parameter("gsa.samples", 200, "training simulations", minimum=10, maximum=100000, changes="running"),
-    Parameter("gsa.test", 20, "test simulations", minimum=2, maximum=100000, changes="running"),
-    Parameter("gsa.duration", 3.0, "length of a simulation (s)", minimum=0.1, maximum=600.0, changes="running"),
-    Parameter("gsa.outputs", [""], "outputs analysed; empty: the eight indicators of Table 3", changes="running"),
-    Parameter("gsa.seed", 0, "seed of design and loads", minimum=0, maximum=2**31 - 1, changes="running"),
-    Parameter("gsa.workers", 2, "processes, one a core at most", minimum=1, maximum=MOST_WORKERS, changes="running"),
-    Parameter(
-        "gsa.folder",
-        "tbm_gsa_studies",
-        "folder that gets one folder a study",
-        changes="running",
-        written=True,
-        no_path=(),
-    ),
+    Parameter("history_days", 90.0, "age at which live windows go; 0: never (d)", 0.0, 36500.0),
+    live_parameter("baseline", "", BASELINE),
+    live_parameter("gsa.on_threshold", True, "start the sensitivity analysis when the alarm is raised"),
+    live_parameter("gsa.pause", 60.0, PAUSE, 0.0, 100000.0),
+    live_parameter("gsa.samples", 200, "training simulations", 10, 100000),
+    live_parameter("gsa.test", 20, "test simulations", 2, 100000),
+    live_parameter("gsa.duration", 3.0, "length of a simulation (s)", 0.1, 600.0),
+    live_parameter("gsa.outputs", [""], "outputs analysed; empty: the eight indicators of Table 3"),
+    live_parameter("gsa.seed", 0, "seed of design and loads", 0, 2**31 - 1),
+    live_parameter("gsa.workers", 2, "processes, one a core at most", 1, MOST_WORKERS),
+    live_parameter("gsa.folder", "tbm_gsa_studies", "folder that gets one folder a study", written=True, no_path=()),
 )

@@ -12,17 +12,18 @@ from tbm_msgs_py import topics
 from tbm_msgs_py.bags.samples import typestore
 from tbm_msgs_py.base.errors import InputError
 from tbm_msgs_py.nodes import messages, qos
-from tbm_msgs_py.nodes.faults import Faults
-from tbm_msgs_py.nodes.following import Offer, TopicFollower
-from tbm_msgs_py.nodes.managed import ManagedNode, Parameter
-from tbm_msgs_py.topics import Quality
+from tbm_msgs_py.nodes.fault_log import FaultLog
+from tbm_msgs_py.nodes.following import TopicFollower
+from tbm_msgs_py.nodes.managed import ManagedNode
+from tbm_msgs_py.nodes.parameters import Parameter
+from tbm_msgs_py.topics import Quality, TopicContract
 
 LOOK_S = 0.5  # between looks for topics that are not there yet
 REPEAT_S = 0.1  # between looks for clients that have missed a latched message
 
 PARAMETERS = (
     Parameter("host", "127.0.0.1", "address the server listens at; the default is this computer only"),
-    Parameter("port", 8765, "TCP port; 0 for a free one, which the log names", minimum=0, maximum=65535),
+    Parameter("port", 8765, "TCP port; 0 for a free one, which the log names", 0, 65535),
     Parameter("blocks", False, "show blocks too: no panel draws them, a recording may want them"),
 )
 
@@ -70,7 +71,7 @@ class LiveView(ManagedNode):
 
     def activate(self) -> None:
         """Look for topics, again and again."""
-        self._faults: Faults[str] = Faults(self.get_logger().warning)
+        self._faults: FaultLog[str] = FaultLog(self.get_logger().warning)
         self._topics = TopicFollower(self, self)
         self._look()
         self.create_steady_timer(LOOK_S, self._look)
@@ -102,11 +103,11 @@ class LiveView(ManagedNode):
         known = kind in typestore().types and messages.message_class(kind)
         return "" if known else "none of the installed common interfaces of ROS 2 Jazzy"
 
-    def asks(self, topic: str, offered: Offer) -> Quality:  # noqa: ARG002
+    def requests(self, topic: str, offered: TopicContract) -> Quality:  # noqa: ARG002
         """Ask as much as every publisher offers."""
         return offered.quality
 
-    def subscribe(self, topic: str, offer: Offer) -> Any:
+    def subscribe(self, topic: str, offer: TopicContract) -> Any:
         """Show a topic."""
         if before := self._channels.pop(topic, None):
             before.close()
@@ -118,12 +119,9 @@ class LiveView(ManagedNode):
         passer = self._passer(topic, channel, offer.quality.latched)
         return self.create_subscription(kind, topic, passer, profile, raw=True)
 
-    def tell(self, topic: str, problem: str) -> None:
-        """Take note of what of a topic is not shown."""
-        if problem:
-            self._faults.report(topic, problem)
-        else:
-            self._faults.clear(topic)
+    def report(self, topic: str, problem: str) -> None:
+        """Report what of a topic is not shown."""
+        self._faults.update(topic, problem)
 
     def _passer(self, topic: str, channel: Any, latched: bool) -> Callable[[bytes], None]:
         self._kept.pop(topic, None)

@@ -9,8 +9,8 @@ import numpy as np
 from diagnostic_msgs.msg import DiagnosticStatus
 
 from tbm_gsa.app.nodes.gsa_process import GsaStatus
-from tbm_gsa.app.nodes.health import Condition
 from tbm_gsa.app.nodes.history_writer import HistoryWriter
+from tbm_gsa.app.nodes.stream_health import Condition
 from tbm_gsa.comparison import StreamCounters, WindowResult, dead_axes
 from tbm_gsa.comparison.levels import Kind
 from tbm_msgs_py.base.units import STANDARD_GRAVITY

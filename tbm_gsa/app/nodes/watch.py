@@ -45,7 +45,7 @@ class BlockCount:
         return (self.next_ns - self.first_ns) * 1e-9
 
     def count(self, stamp_ns: int, length_ns: int) -> None:
-        """Take a block; a stream that starts afresh is counted from there."""
+        """Count a block; a stream that starts afresh is counted from there."""
         if self.received == 0 or stamp_ns < self.first_ns:
             self.first_ns = self.next_ns = stamp_ns
         self.lost += max(0, round((stamp_ns - self.next_ns) / length_ns))
@@ -54,13 +54,13 @@ class BlockCount:
 
 
 @dataclass
-class WindowSum:
+class RunningRms:
     """Windows of one quantity of a point that have a number; sums only, they come for weeks."""
 
     count: int = 0
     squares: np.ndarray = field(default_factory=lambda: np.zeros(3))
 
-    def take(self, message: Any) -> None:
+    def add(self, message: Any) -> None:
         """Add a window."""
         value = np.array([message.vector.x, message.vector.y, message.vector.z])
         if np.isfinite(value).all():
@@ -73,7 +73,7 @@ class Seen:
     """Everything that was received."""
 
     blocks: dict[str, BlockCount] = field(default_factory=dict)
-    windows: dict[str, dict[str, WindowSum]] = field(default_factory=dict)
+    windows: dict[str, dict[str, RunningRms]] = field(default_factory=dict)
     gsa: dict[str, str] = field(default_factory=dict)
     gsa_message: str = ""
     result: dict[str, dict[str, str]] = field(default_factory=dict)
@@ -82,7 +82,7 @@ class Seen:
     def rms(self, point: str, quantity: str) -> np.ndarray:
         """RMS over the windows of a point (3,), m/s²; NaN without one."""
         total = self.windows[point][quantity]
-        return np.asarray(np.sqrt(total.squares / total.count)) if total.count else np.full(3, np.nan)
+        return np.sqrt(total.squares / total.count) if total.count else np.full(3, np.nan)
 
 
 class Watch:
@@ -110,8 +110,8 @@ class Watch:
             self._subscribe(PointCloud2, name, partial(self._on_block, self.seen.blocks[name]), qos.BLOCK)
         for point in self._points:
             for quantity in topics.ANALYSIS_QUANTITIES:
-                total = self.seen.windows.setdefault(point, {}).setdefault(quantity, WindowSum())
-                self._subscribe(Vector3Stamped, topics.analysis(point, quantity), total.take, qos.ANALYSIS)
+                total = self.seen.windows.setdefault(point, {}).setdefault(quantity, RunningRms())
+                self._subscribe(Vector3Stamped, topics.analysis(point, quantity), total.add, qos.ANALYSIS)
         self._subscribe(DiagnosticArray, topics.GSA_STATUS, self._on_gsa_status, qos.GSA)
         self._subscribe(DiagnosticArray, topics.GSA_RESULT, self._on_gsa_result, qos.GSA)
         self._subscribe(DiagnosticArray, topics.DIAGNOSTICS, self._on_diagnostics, qos.DIAGNOSTICS)

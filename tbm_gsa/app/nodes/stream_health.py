@@ -9,7 +9,7 @@ from typing import Any
 
 from tbm_gsa.comparison import StreamCounters
 from tbm_gsa.comparison.streams import SOURCES
-from tbm_msgs_py.nodes.faults import Faults
+from tbm_msgs_py.nodes.fault_log import FaultLog
 from tbm_msgs_py.nodes.rate import Rate
 
 SILENCE_S = 2.0  # wall time after which a signal that came no longer comes, and what was refused is over
@@ -47,27 +47,27 @@ class Condition:
 
 
 class StreamHealth:
-    """Gathers what blocks, publishers and counters tell about every signal.
+    """Gathers what blocks, publishers and counters show of every signal.
 
     Parameters
     ----------
     warn : callable
-        Takes a line for the log.
+        Called with a line for the log.
     """
 
     def __init__(self, warn: Callable[[str], object]) -> None:
-        self._faults: Faults[tuple[str, str, str]] = Faults(warn)
+        self._faults: FaultLog[tuple[str, str, str]] = FaultLog(warn)
         self._came: dict[tuple[str, str], float] = {}
         self._refused: dict[tuple[str, str], float] = {}  # when last
         self._rates: dict[tuple[str, str], Rate] = {}
         self._counted: dict[tuple[str, Any, str], int] = {}
         self._publishers: dict[str, dict[str, list[str]]] = {}  # by point and topic
-        self._apart: set[str] = set()  # points at the last look
+        self._apart: set[str] = set()  # points at the last call
 
-    def arrived(self, point: str, source: str, samples: int) -> None:
-        """Take note of samples that are used."""
+    def add_samples(self, point: str, source: str, samples: int) -> None:
+        """Add samples that are used."""
         self._came[point, source] = time.monotonic()
-        self._rates.setdefault((point, source), Rate()).count(samples)
+        self._rates.setdefault((point, source), Rate()).add(samples)
         self._accept(point, source)
 
     def _accept(self, point: str, source: str) -> None:
@@ -75,35 +75,35 @@ class StreamHealth:
             self._faults.clear(("refused", point, source))
 
     def refuse(self, point: str, source: str, reason: str) -> None:
-        """Take note of samples that cannot be used; over once others come, or none for a while."""
+        """Add samples that cannot be used: a fault until others come, or none for a while."""
         self._came.pop((point, source), None)
         self._refused[point, source] = time.monotonic()
         self._faults.report(("refused", point, source), f"{source} {point}: {reason}; not used")
 
     def doubt(self, point: str, key: str, text: str) -> None:
-        """Take note that something is not right, until it is settled."""
+        """Report what is used, but is not right, until it is settled."""
         self._faults.report(("doubts", point, key), text, f"{point}: ")
 
     def fail(self, point: str, topic: str, text: str) -> None:
-        """Take note that a topic, or one of its publishers, cannot be used, until it is settled."""
+        """Report a topic, or one of its publishers, that cannot be used, until it is settled."""
         self._faults.report(("refused", point, topic), text, f"{point}: ")
 
     def settle(self, point: str, key: str) -> None:
-        """Take note that it is right now."""
+        """Mark a topic or a doubt as right."""
         for kind in ("refused", "doubts"):
             self._faults.clear((kind, point, key))
 
-    def publishers(self, point: str, topic: str, nodes: list[str]) -> None:
-        """Take note of who publishes a field topic."""
+    def set_publishers(self, point: str, topic: str, nodes: list[str]) -> None:
+        """Set the publishers of a field topic."""
         self._publishers.setdefault(point, {})[topic] = sorted(nodes)
 
-    def look(
+    def conditions(
         self,
         counters: Mapping[str, Mapping[Any, StreamCounters]],
         clock_stands: bool,
         apart_ns: Mapping[str, int],
     ) -> dict[str, Condition]:
-        """Give what was found since the last look, by test point; `apart_ns` is that of the `WindowedComparison`."""
+        """Return what was found since the last call, by test point; `apart_ns` is that of the `WindowedComparison`."""
         for (point, source), last in list(self._refused.items()):
             if time.monotonic() - last > SILENCE_S:
                 self._accept(point, source)
@@ -120,7 +120,7 @@ class StreamHealth:
         for (point, source), silence in silences.items():
             found.setdefault(point, Condition()).silent.append(f"no signal of the {source} for {silence:.0f} s")
         for (point, source), rate in self._rates.items():
-            found.setdefault(point, Condition()).rates[source] = rate.look()
+            found.setdefault(point, Condition()).rates[source] = rate.mean()
         return found
 
     def _compare_stamps(self, apart_ns: Mapping[str, int], silences: Mapping[tuple[str, str], float]) -> None:
