@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 from diagnostic_msgs.msg import DiagnosticStatus
+from sensor_msgs.msg import JointState, PointCloud2
 from threadpoolctl import threadpool_limits
 
 from tbm_dynamics.integration.simulator import Chunk
@@ -121,7 +122,7 @@ class DynamicsNode(ManagedNode):
         stride = max(1, round(self._rate / self.value("live_rate")))
         self._live = {name: LiveFilter(self._rate, stride) for name in (*self._points, "drives")}
 
-    def _on_operating_point(self, message: Any) -> None:
+    def _on_operating_point(self, message: JointState) -> None:
         try:
             point = operating_point.from_joint_state(message)
             reached = OperatingPoint(point.speed, point.torque, point.thrust)
@@ -131,7 +132,7 @@ class DynamicsNode(ManagedNode):
         else:
             self._faults.clear(topics.LOADS_OPERATING_POINT)
 
-    def _on_loads(self, message: Any) -> None:
+    def _on_loads(self, message: PointCloud2) -> None:
         start = time.perf_counter()
         try:
             block = messages.block_from(message)

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 from diagnostic_msgs.msg import DiagnosticStatus
+from sensor_msgs.msg import JointState
 
 from tbm_dynamics.loads.stepper import LOAD_LEVELS
 from tbm_dynamics.machine import Machine, MachineError, OperatingPoint, load_machine
@@ -110,7 +111,7 @@ class LoadNode(ManagedNode):
         own = self._machine.operating_point
         return OperatingPoint(given[0] * R_MIN or own.speed, given[1] * 1e3 or own.torque, given[2] * 1e3 or own.thrust)
 
-    def check_parameters(self, values: Mapping[str, Any]) -> None:
+    def check_parameters(self, values: Mapping[str, object]) -> None:
         """Refuse an operating point that the machine, its rock or a schedule does not allow."""
         if not values.keys().isdisjoint(_POINT):
             wanted = self._given_point(values) or self._machine.operating_point
@@ -142,7 +143,7 @@ class LoadNode(ManagedNode):
         self._matched_since: float | None = None
         self._timer = self.create_timer(self._samples / self._rate / _LOOKS_A_BLOCK, self._tick)
 
-    def _on_operating_point(self, message: Any) -> None:
+    def _on_operating_point(self, message: JointState) -> None:
         try:
             given = operating_point.from_joint_state(message)
             wanted = OperatingPoint(given.speed, given.torque, given.thrust)

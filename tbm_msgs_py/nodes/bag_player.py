@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import json
 import time
 from collections.abc import Iterator
-from pathlib import Path
 from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticStatus
@@ -13,12 +11,12 @@ from rclpy.clock import Clock
 from rclpy.clock_type import ClockType
 from rclpy.duration import Duration
 from rclpy.publisher import Publisher
+from rclpy.timer import Timer
 
 from tbm_msgs_py import topics
 from tbm_msgs_py.bags import Bag, RawMessage, RecordingError, Topic
 from tbm_msgs_py.bags.qos import offered_quality
 from tbm_msgs_py.base.bounds import listed
-from tbm_msgs_py.base.files import write_whole
 from tbm_msgs_py.base.units import NANOSECONDS
 from tbm_msgs_py.nodes import messages, qos
 from tbm_msgs_py.nodes.managed import ManagedNode
@@ -54,7 +52,7 @@ class BagPlayer(ManagedNode):
         self._played: dict[tuple[str, str], Publisher] = {}  # by topic and type
         self._latched: set[str] = set()
         self._clock_publisher: Publisher | None = None
-        self._timer: Any = None
+        self._timer: Timer | None = None
 
     def configure(self) -> None:
         """Open the recording and create a publisher for each topic."""
@@ -87,14 +85,7 @@ class BagPlayer(ManagedNode):
     def deactivate(self) -> None:
         """Stop playing; the next activation starts from the beginning."""
         self._stop()
-        if self.value("summary"):
-            document = {
-                "played": self._count,
-                "lost": self.lost,
-                "loops": self._loops,
-                "ended": self._next is None,
-            }
-            write_whole(Path(self.value("summary")), json.dumps(document).encode())
+        self.write_summary(played=self._count, lost=self.lost, loops=self._loops, ended=self._next is None)
 
     def _stop(self) -> None:
         if self._timer is not None:

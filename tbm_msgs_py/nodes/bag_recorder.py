@@ -2,19 +2,17 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Callable
-from pathlib import Path
 from typing import Any, NamedTuple
 
 from diagnostic_msgs.msg import DiagnosticStatus
-from rclpy.event_handler import SubscriptionEventCallbacks
+from rclpy.event_handler import QoSMessageLostInfo, SubscriptionEventCallbacks
+from rclpy.subscription import Subscription
 
 from tbm_msgs_py import topics
 from tbm_msgs_py.bags import BagWriter, RecordingError
 from tbm_msgs_py.bags.quota import enforce, mark
 from tbm_msgs_py.bags.samples import typestore
-from tbm_msgs_py.base.files import write_whole
 from tbm_msgs_py.nodes import messages, qos
 from tbm_msgs_py.nodes.fault_log import FaultLog
 from tbm_msgs_py.nodes.following import TopicFollower
@@ -121,9 +119,7 @@ class BagRecorder(ManagedNode):
         """Finish the recording: index and metadata."""
         self._on_disk(lambda writer: writer.close())
         self._writer, self._types = None, {}
-        if self.value("summary"):
-            document = {"lost": self._lost + len(self._arrived), "deleted": self._deleted, "problem": self._problem}
-            write_whole(Path(self.value("summary")), json.dumps(document).encode())
+        self.write_summary(lost=self._lost + len(self._arrived), deleted=self._deleted, problem=self._problem)
 
     def _discover(self) -> None:
         for name in self._wanted:
@@ -148,7 +144,7 @@ class BagRecorder(ManagedNode):
         before, now = self._asked.get(topic, offered.quality), offered.quality
         return now if before.reliable > now.reliable or before.latched > now.latched else before
 
-    def subscribe(self, topic: str, offer: TopicContract) -> Any:
+    def subscribe(self, topic: str, offer: TopicContract) -> Subscription:
         """Record a topic."""
         quality = offer.quality
         made = self.create_subscription(
@@ -219,7 +215,7 @@ class BagRecorder(ManagedNode):
             self.get_logger().warning(f"over the quota by {over / MEGABYTE:.3f} MB, and no older file may be deleted")
         self._over_quota = over > 0
 
-    def _on_lost(self, event: Any) -> None:
+    def _on_lost(self, event: QoSMessageLostInfo) -> None:
         self._lost += event.total_count_change
 
     def statuses(self) -> list[DiagnosticStatus]:

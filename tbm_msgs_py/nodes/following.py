@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING, Protocol
+
+from rclpy.subscription import Subscription
+from rclpy.topic_endpoint_info import TopicEndpointInfo
 
 from tbm_msgs_py.nodes import qos
 from tbm_msgs_py.topics import Quality, TopicContract
@@ -21,7 +24,7 @@ class Reader(Protocol):
     def requests(self, topic: str, offered: TopicContract) -> Quality:
         """Quality of service to request of publishers that all offer this."""
 
-    def subscribe(self, topic: str, offer: TopicContract) -> Any:
+    def subscribe(self, topic: str, offer: TopicContract) -> Subscription:
         """Create the subscription."""
 
     def report(self, topic: str, problem: str) -> None:
@@ -43,7 +46,7 @@ class TopicFollower:
     def __init__(self, node: ManagedNode, reader: Reader) -> None:
         self._node, self._reader = node, reader
         self._followed: dict[str, TopicContract] = {}
-        self._subscriptions: dict[str, Any] = {}
+        self._subscriptions: dict[str, Subscription] = {}
         self._others: dict[str, str] = {}  # what is wrong with publishers whose type is not in use
 
     def __contains__(self, topic: str) -> bool:
@@ -56,9 +59,9 @@ class TopicFollower:
         """Follow what the publishers of a topic offer now."""
         self.follow(topic, self.offer(topic, self._node.get_publishers_info_by_topic(topic)))
 
-    def offer(self, topic: str, found: Iterable[Any]) -> TopicContract | None:
+    def offer(self, topic: str, found: Iterable[TopicEndpointInfo]) -> TopicContract | None:
         """TopicContract to follow of the publishers that were found; None where none can be used."""
-        publishers: dict[str, list[Any]] = {}
+        publishers: dict[str, list[TopicEndpointInfo]] = {}
         for known in found:
             publishers.setdefault(known.topic_type, []).append(known)
         kind = self._choose(topic, publishers)
@@ -121,5 +124,5 @@ class TopicFollower:
             self.release(topic)
 
 
-def _names(publishers: Iterable[Any]) -> str:
+def _names(publishers: Iterable[TopicEndpointInfo]) -> str:
     return ", ".join(sorted({known.node_name for known in publishers}))

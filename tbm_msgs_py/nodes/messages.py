@@ -28,6 +28,7 @@ from tbm_msgs_py.base.printing import printable
 from tbm_msgs_py.blocks import Block, BlockError, BlockLayout
 
 Level = Literal["ok", "warn", "error", "stale"]
+Values = Mapping[str, object]
 _LEVELS = {
     "ok": DiagnosticStatus.OK,
     "warn": DiagnosticStatus.WARN,
@@ -154,7 +155,7 @@ def clock(stamp_ns: int) -> Clock:
 
 
 def status(
-    name: str, level: Level, message: str, values: Mapping[str, Any] | None = None, hardware_id: str = ""
+    name: str, level: Level, message: str, values: Values | None = None, hardware_id: str = ""
 ) -> DiagnosticStatus:
     """One diagnostic status; floats are written with six significant digits."""
     pairs = [KeyValue(key=key, value=_text(value)) for key, value in (values or {}).items()]
@@ -167,5 +168,5 @@ def diagnostics(stamp_ns: int, statuses: Iterable[DiagnosticStatus]) -> Diagnost
     return DiagnosticArray(header=header(stamp_ns), status=list(statuses))
 
 
-def _text(value: Any) -> str:
+def _text(value: object) -> str:
     return f"{value:.6g}" if isinstance(value, float) else printable(str(value))

@@ -13,7 +13,6 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from types import FrameType
-from typing import Any
 
 ENDING = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)  # the last is that of a closed terminal
 _ENDING_NODES = (signal.SIGINT, signal.SIGTERM)
@@ -38,13 +37,7 @@ def exit_at_once(code: int) -> Handler:
 
 
 def record_signals() -> Callable[[], bool]:
-    """Record signals from now on for good; they break off nothing, so that nothing is left half-made.
-
-    Returns
-    -------
-    callable
-        Whether one has come.
-    """
+    """Record signals from now on, for good: nothing is left half-made. The function returned says whether one came."""
     received: list[int] = []
     handle_signals(lambda number, _frame: received.append(number))
     return lambda: bool(received)
@@ -110,7 +103,7 @@ def handle_node_signals(handler: Handler) -> None:
             signal.signal(number, handler)
 
 
-def _silent_interruptions(unraisable: Any) -> None:
+def _silent_interruptions(unraisable: sys.UnraisableHookArgs) -> None:
     """Report nothing of an interruption that a library's callback has swallowed: it comes again."""
     if unraisable.exc_type is not KeyboardInterrupt:
         sys.__unraisablehook__(unraisable)

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from typing import Any
 
 from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSPolicyKind, QoSProfile, ReliabilityPolicy
 from rclpy.qos_overriding_options import QoSOverridingOptions
+from rclpy.topic_endpoint_info import TopicEndpointInfo
 
 from tbm_msgs_py import topics
 from tbm_msgs_py.topics import Quality
@@ -27,12 +27,12 @@ def overridable() -> QoSOverridingOptions:
     return QoSOverridingOptions([QoSPolicyKind.DEPTH, QoSPolicyKind.RELIABILITY, QoSPolicyKind.DURABILITY])
 
 
-def offered(publishers: Iterable[Any]) -> Quality:
+def offered(publishers: Iterable[TopicEndpointInfo]) -> Quality:
     """Quality of service that every publisher of a topic offers: asking for it matches all of them.
 
     Parameters
     ----------
-    publishers : iterable
+    publishers : iterable of TopicEndpointInfo
         What `Node.get_publishers_info_by_topic` gives.
     """
     profiles = [publisher.qos_profile for publisher in publishers]

@@ -6,11 +6,11 @@ import signal
 import traceback
 from collections.abc import Callable, Sequence
 from contextlib import suppress
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import rclpy
 from rclpy.exceptions import InvalidHandle, ParameterException
-from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
+from rclpy.executors import Executor, ExternalShutdownException, SingleThreadedExecutor
 
 from tbm_msgs_py.nodes.logs import get_logger
 from tbm_msgs_py.nodes.processes import StartInterruption, handle_node_signals
@@ -75,7 +75,7 @@ def _spin(node: ManagedNode) -> int:
     return node.exit_code
 
 
-def _turn(executor: Any, node: ManagedNode) -> None:
+def _turn(executor: Executor, node: ManagedNode) -> None:
     """Work for a while, until the node's end at most."""
     with suppress(InvalidHandle):  # an event that waited for what a callback has destroyed: the events executor's own
         if isinstance(executor, SingleThreadedExecutor):
@@ -84,7 +84,7 @@ def _turn(executor: Any, node: ManagedNode) -> None:
             executor.spin_until_future_complete(node.ended, timeout_sec=WAIT)
 
 
-def fastest_executor() -> Any:
+def fastest_executor() -> Executor:
     """Events executor where this rclpy has it: half the CPU, no losses at high rates."""
     try:
         from rclpy.experimental import EventsExecutor  # noqa: PLC0415

@@ -10,7 +10,7 @@ import time
 from collections.abc import Callable
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
 import typer
 
@@ -45,26 +45,21 @@ def doctor(json: Annotated[bool, JSON_OPTION] = False) -> None:
         checks[name] = _attempt(check)
         if not json:  # each as it is known: the first compiles for a while
             _print_check(name, checks[name])
-    document: dict[str, Any] = {
-        "ok": all(check["ok"] for check in checks.values()),
-        "checks": checks,
-        "versions": _versions(),
-    }
+    ok, versions = all(check["ok"] for check in checks.values()), _versions()
     if json:
-        print_json(document)
+        print_json({"ok": ok, "checks": checks, "versions": versions})
     else:
-        results.print(
-            "versions: " + ", ".join(f"{name} {found}" for name, found in document["versions"].items()), highlight=False
-        )
-    if not document["ok"]:
+        listed = ", ".join(f"{name} {found}" for name, found in versions.items())
+        results.print(f"versions: {listed}", highlight=False)
+    if not ok:
         raise typer.Exit(2)
 
 
-def _print_check(name: str, check: dict[str, Any]) -> None:
+def _print_check(name: str, check: dict[str, object]) -> None:
     results.print(f"{'ok  ' if check['ok'] else 'FAIL'} {name}: {check['detail']}", highlight=False)
 
 
-def _attempt(check: Callable[[], str]) -> dict[str, Any]:
+def _attempt(check: Callable[[], str]) -> dict[str, object]:
     try:
         return {"ok": True, "detail": check()}
     except Exception as error:  # noqa: BLE001 - whatever is wrong is the answer

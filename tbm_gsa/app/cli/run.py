@@ -7,7 +7,7 @@ import time
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
@@ -40,7 +40,7 @@ from tbm_msgs_py.base.units import R_MIN
 from tbm_msgs_py.nodes.processes import record_signals
 
 if TYPE_CHECKING:
-    from tbm_gsa.app.nodes.watch import Watch
+    from tbm_gsa.app.nodes.watch import Seen, Watch
 
 _FIRST_BLOCK_S = 300.0
 """Longest wait for the first block; on a cold cache the kernel is compiled in it."""
@@ -114,11 +114,10 @@ def run(
     watching = watch(described.description.test_points)
     patience = math.inf if sim_time else _FIRST_BLOCK_S
     first_block, stopped = _run(watching, commands, out / "logs", point, duration, patience)
-    document = run_document(watching, first_block)
     if json:
-        print_json(document)
+        print_json(run_document(watching.seen, first_block))
     else:
-        _print_table(document)
+        _print_table(watching.seen, first_block)
     if stopped:
         notes.print("stopped by a signal", highlight=False)
 
@@ -215,9 +214,8 @@ def _follow(watching: Watch, nodes: Supervision, duration: float | None, stoppin
                 asked = True
 
 
-def run_document(watching: Watch, first_block: float | None) -> dict[str, Any]:
-    """Gather what `run --json` prints: blocks by topic, diagnostics by status name, seconds to the first block."""
-    seen = watching.seen
+def run_document(seen: Seen, first_block: float | None) -> dict[str, object]:
+    """Document of `run --json`: blocks by topic, diagnostics by status name, seconds to the first block."""
     return {
         "first_block_seconds": first_block,
         "topics": {
@@ -231,13 +229,12 @@ def run_document(watching: Watch, first_block: float | None) -> dict[str, Any]:
     }
 
 
-def _print_table(document: dict[str, Any]) -> None:
+def _print_table(seen: Seen, first_block: float | None) -> None:
     table = narrow_table("Blocks", "topic", ">received", ">lost", ">stream time (s)")
-    for name, count in document["topics"].items():
-        add_row(table, name, count["blocks"], count["lost"], f"{count['stream_time']:.2f}")
+    for name, count in seen.blocks.items():
+        add_row(table, topics.absolute(name), count.received, count.lost, f"{count.stream_time:.2f}")
     results.print(table)
     results.print()
-    first = document["first_block_seconds"]
-    results.print("no block" if first is None else f"first block after {first:.1f} s")
-    for name, status in document["diagnostics"].items():
-        results.print(f"{name}: {status['message']}", highlight=False)
+    results.print("no block" if first_block is None else f"first block after {first_block:.1f} s")
+    for name, (_, message, _) in sorted(seen.diagnostics.items()):
+        results.print(f"{name}: {message}", highlight=False)

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import scipy.signal  # noqa: F401 - the filters: now, for while they load later samples would be lost
 from diagnostic_msgs.msg import DiagnosticStatus
+from sensor_msgs.msg import JointState, PointCloud2
 from std_srvs.srv import Trigger
 
 from tbm_dynamics.machine import Machine, load_machine
@@ -58,7 +59,7 @@ class AnalysisNode(ManagedNode):
         )
         self._gsa = GsaProcess(self._gsa_options())
         self._gsa_published: GsaStatus | None = None
-        self._gsa_quality: dict[str, Any] = {}
+        self._gsa_quality: dict[str, object] = {}
         self._create_publishers()
         self._subscribe_model()
         self._field_topics = FieldTopics(self, sensors, self._comparison, partial(self._on_samples, "field"))
@@ -122,7 +123,7 @@ class AnalysisNode(ManagedNode):
         self._field_topics.close()
         self._history.close()
 
-    def _on_model(self, sensor: SensorMapping, message: Any) -> None:
+    def _on_model(self, sensor: SensorMapping, message: PointCloud2) -> None:
         if not self.active:
             return
         try:
@@ -132,7 +133,7 @@ class AnalysisNode(ManagedNode):
         else:
             self._on_samples("model", sensor, block.stamp_ns, block.offsets, block.values)
 
-    def _on_operating_point(self, topic: str, message: Any) -> None:
+    def _on_operating_point(self, topic: str, message: JointState) -> None:
         try:
             point = operating_point.from_joint_state(message)
         except OperatingPointError:  # the load node reports it
@@ -170,12 +171,12 @@ class AnalysisNode(ManagedNode):
         self._publish_gsa()
         return ""
 
-    def _on_run_gsa(self, _request: Any, response: Any) -> Any:
+    def _on_run_gsa(self, _request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         problem = self._start_gsa(f"service {topics.RUN_GSA}") if self.active else "the node is not active"
         response.success, response.message = not problem, problem or str(self._gsa.status.folder)
         return response
 
-    def _on_cancel_gsa(self, _request: Any, response: Any) -> Any:
+    def _on_cancel_gsa(self, _request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         self._poll_gsa()
         response.success = self._gsa.cancel(f"service {topics.CANCEL_GSA}")
         response.message = str(self._gsa.status.folder) if response.success else "no sensitivity analysis is running"

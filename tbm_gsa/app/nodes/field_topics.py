@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from functools import partial
-from typing import Any
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
 
@@ -17,9 +17,16 @@ from tbm_msgs_py.nodes.managed import ManagedNode
 from tbm_msgs_py.recordings.mapping import SensorMapping
 from tbm_msgs_py.topics import Quality, TopicContract
 
+if TYPE_CHECKING:
+    from geometry_msgs.msg import AccelStamped, Vector3, Vector3Stamped
+    from rclpy.subscription import Subscription
+    from sensor_msgs.msg import Imu, PointCloud2
+
+    _Sample: TypeAlias = AccelStamped | Vector3Stamped | Imu
+
 LOOK_S = 0.2  # between looks at who publishes
 _BLOCK = "sensor_msgs/msg/PointCloud2"
-_SAMPLE: dict[str, Callable[[Any], Any]] = {
+_SAMPLE: dict[str, Callable[[Any], Vector3]] = {
     "geometry_msgs/msg/AccelStamped": lambda message: message.accel.linear,
     "geometry_msgs/msg/Vector3Stamped": lambda message: message.vector,
     "sensor_msgs/msg/Imu": lambda message: message.linear_acceleration,
@@ -99,7 +106,7 @@ class FieldTopics:
         quality = topics.BLOCK_QUALITY if offered.type == _BLOCK else topics.LIVE_QUALITY
         return Quality(offered.quality.reliable, latched=False, depth=quality.depth)
 
-    def subscribe(self, topic: str, offer: TopicContract) -> Any:
+    def subscribe(self, topic: str, offer: TopicContract) -> Subscription:
         """Subscribe to blocks or single samples."""
         sensor = self._sensors[topic]
         block = offer.type == _BLOCK
@@ -115,7 +122,7 @@ class FieldTopics:
         else:
             self._health.settle(point, topic)
 
-    def _unusable(self, sensor: SensorMapping, message: Any) -> bool:
+    def _unusable(self, sensor: SensorMapping, message: PointCloud2 | _Sample) -> bool:
         """Whether the node is inactive, or the frame that of another test point."""
         if not self._node.active:
             return True
@@ -125,7 +132,7 @@ class FieldTopics:
             self._health.refuse(sensor.point, "field", f"frame_id {frame}, allowed: {sensor.point} or the sensor's own")
         return foreign
 
-    def _block(self, sensor: SensorMapping, message: Any) -> None:
+    def _block(self, sensor: SensorMapping, message: PointCloud2) -> None:
         if self._unusable(sensor, message):
             return
         try:
@@ -135,7 +142,7 @@ class FieldTopics:
         else:
             self._on_samples(sensor, block.stamp_ns, block.offsets, block.values)
 
-    def _sample(self, linear: Callable[[Any], Any], sensor: SensorMapping, message: Any) -> None:
+    def _sample(self, linear: Callable[[Any], Vector3], sensor: SensorMapping, message: _Sample) -> None:
         if self._unusable(sensor, message):
             return
         vector = linear(message)

@@ -10,7 +10,7 @@ from dataclasses import replace
 from itertools import groupby
 from operator import itemgetter
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING
 
 from tbm_gsa.comparison import UsualError, WindowResult
 from tbm_gsa.history import (
@@ -24,6 +24,9 @@ from tbm_gsa.history import (
     live_entries,
 )
 
+if TYPE_CHECKING:
+    from rclpy.clock import Clock
+
 OFF = "none"
 WAIT_S = 0.2  # for another writer; callbacks wait meanwhile
 RETRY_S = 5.0  # between two tries to open a file that cannot be used
@@ -35,7 +38,7 @@ LIVE_WITHIN_NS = 60_000_000_000  # of the computer's clock; a window is complete
 _DAY_NS = 86_400_000_000_000
 
 
-def live_now(clock: Any) -> int | None:
+def live_now(clock: Clock) -> int | None:
     """Time of the computer, ns, by a node's clock; None where that is simulated."""
     return None if clock.ros_time_is_active else int(clock.now().nanoseconds)
 

@@ -7,6 +7,7 @@ from queue import SimpleQueue
 from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticStatus
+from rclpy.subscription import Subscription
 
 from tbm_msgs_py import topics
 from tbm_msgs_py.bags.samples import typestore
@@ -107,7 +108,7 @@ class LiveView(ManagedNode):
         """Ask as much as every publisher offers."""
         return offered.quality
 
-    def subscribe(self, topic: str, offer: TopicContract) -> Any:
+    def subscribe(self, topic: str, offer: TopicContract) -> Subscription:
         """Show a topic."""
         if before := self._channels.pop(topic, None):
             before.close()

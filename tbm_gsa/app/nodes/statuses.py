@@ -13,6 +13,7 @@ from tbm_gsa.app.nodes.history_writer import HistoryWriter
 from tbm_gsa.app.nodes.stream_health import Condition
 from tbm_gsa.comparison import StreamCounters, WindowResult, dead_axes
 from tbm_gsa.comparison.levels import Kind
+from tbm_gsa.comparison.streams import Source
 from tbm_msgs_py.base.units import STANDARD_GRAVITY
 from tbm_msgs_py.nodes import messages
 
@@ -37,12 +38,12 @@ def comparison_status(
     name: str,
     point: str,
     latest: WindowResult | None,
-    counters: Mapping[Any, StreamCounters] | None,
+    counters: Mapping[Source, StreamCounters] | None,
     alarm: bool,
     health: Condition,
 ) -> DiagnosticStatus:
     """Comparison at one test point: the latest window, what was lost, and the alarm; the worst comes first."""
-    values: dict[str, Any] = {}
+    values: dict[str, object] = {}
     for source, counts in (counters or {}).items():
         values |= {f"{source}_{key}": value for key, value in vars(counts).items()}
     if latest is not None:
@@ -101,15 +102,15 @@ def _units(latest: WindowResult) -> list[str]:
 
 def history_status(name: str, machine: str, history: HistoryWriter) -> DiagnosticStatus:
     """Whether the windows arrive in the history."""
-    values: dict[str, Any] = {"file": history.path, "written": history.written, "lost": history.lost}
+    values: dict[str, object] = {"file": history.path, "written": history.written, "lost": history.lost}
     if history.problem:
         return messages.status(name, "warn", history.problem, values, machine)
     return messages.status(name, "ok", "written" if history.path else "not kept", values, machine)
 
 
-def gsa_status(name: str, machine: str, status: GsaStatus, quality: Mapping[str, Any]) -> DiagnosticStatus:
+def gsa_status(name: str, machine: str, status: GsaStatus, quality: Mapping[str, object]) -> DiagnosticStatus:
     """Where the sensitivity analysis stands, and what its surrogates were worth."""
-    values: dict[str, Any] = {
+    values: dict[str, object] = {
         "state": status.state,
         "done": status.done,
         "total": status.total,
@@ -123,7 +124,7 @@ def gsa_status(name: str, machine: str, status: GsaStatus, quality: Mapping[str,
     return messages.status(name, level, text, values, machine)
 
 
-def surrogate_quality(document: Mapping[str, Any]) -> dict[str, Any]:
+def surrogate_quality(document: Mapping[str, Any]) -> dict[str, object]:
     """Kind, ten-fold and test R² of every output's surrogate."""
     return {
         f"{key}_{name}": output[key]

@@ -5,10 +5,9 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from typing import Any
 
 from tbm_gsa.comparison import StreamCounters
-from tbm_gsa.comparison.streams import SOURCES
+from tbm_gsa.comparison.streams import SOURCES, Source
 from tbm_msgs_py.nodes.fault_log import FaultLog
 from tbm_msgs_py.nodes.rate import Rate
 
@@ -60,7 +59,7 @@ class StreamHealth:
         self._came: dict[tuple[str, str], float] = {}
         self._refused: dict[tuple[str, str], float] = {}  # when last
         self._rates: dict[tuple[str, str], Rate] = {}
-        self._counted: dict[tuple[str, Any, str], int] = {}
+        self._counted: dict[tuple[str, Source, str], int] = {}
         self._publishers: dict[str, dict[str, list[str]]] = {}  # by point and topic
         self._apart: set[str] = set()  # points at the last call
 
@@ -99,7 +98,7 @@ class StreamHealth:
 
     def conditions(
         self,
-        counters: Mapping[str, Mapping[Any, StreamCounters]],
+        counters: Mapping[str, Mapping[Source, StreamCounters]],
         clock_stands: bool,
         apart_ns: Mapping[str, int],
     ) -> dict[str, Condition]:
@@ -135,7 +134,7 @@ class StreamHealth:
             else:
                 self.settle(point, "stamps")
 
-    def _compare(self, point: str, source: Any, name: str, counts: StreamCounters, text: str) -> None:
+    def _compare(self, point: str, source: Source, name: str, counts: StreamCounters, text: str) -> None:
         count = getattr(counts, name)
         more = count - self._counted.get((point, source, name), 0)
         self._counted[point, source, name] = count
@@ -145,7 +144,7 @@ class StreamHealth:
         else:
             self.settle(point, f"{source} {name}")
 
-    def _compare_rates(self, point: str, source: Any, counts: StreamCounters) -> None:
+    def _compare_rates(self, point: str, source: Source, counts: StreamCounters) -> None:
         if counts.block_gaps:
             rates = f"{counts.declared_hz:.0f} Hz declared, {counts.came_hz:.0f} Hz came"
             self.doubt(point, f"{source} pace", f"{counts.block_gaps} gaps between the blocks of the {source}: {rates}")

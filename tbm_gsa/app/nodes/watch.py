@@ -11,7 +11,7 @@ from typing import Any, Self
 
 import numpy as np
 import rclpy
-from diagnostic_msgs.msg import DiagnosticArray
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from geometry_msgs.msg import Vector3Stamped
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
@@ -60,7 +60,7 @@ class RunningRms:
     count: int = 0
     squares: np.ndarray = field(default_factory=lambda: np.zeros(3))
 
-    def add(self, message: Any) -> None:
+    def add(self, message: Vector3Stamped) -> None:
         """Add a window."""
         value = np.array([message.vector.x, message.vector.y, message.vector.z])
         if np.isfinite(value).all():
@@ -107,14 +107,14 @@ class Watch:
         block_topics = [topics.LOADS_BLOCK, topics.MODEL_MESH_FORCES, *map(topics.model_block, self._points)]
         for name in block_topics:
             self.seen.blocks[name] = BlockCount()
-            self._subscribe(PointCloud2, name, partial(self._on_block, self.seen.blocks[name]), qos.BLOCK)
+            self._subscribe(name, partial(self._on_block, self.seen.blocks[name]))
         for point in self._points:
             for quantity in topics.ANALYSIS_QUANTITIES:
                 total = self.seen.windows.setdefault(point, {}).setdefault(quantity, RunningRms())
-                self._subscribe(Vector3Stamped, topics.analysis(point, quantity), total.add, qos.ANALYSIS)
-        self._subscribe(DiagnosticArray, topics.GSA_STATUS, self._on_gsa_status, qos.GSA)
-        self._subscribe(DiagnosticArray, topics.GSA_RESULT, self._on_gsa_result, qos.GSA)
-        self._subscribe(DiagnosticArray, topics.DIAGNOSTICS, self._on_diagnostics, qos.DIAGNOSTICS)
+                self._subscribe(topics.analysis(point, quantity), total.add)
+        self._subscribe(topics.GSA_STATUS, self._on_gsa_status)
+        self._subscribe(topics.GSA_RESULT, self._on_gsa_result)
+        self._subscribe(topics.DIAGNOSTICS, self._on_diagnostics)
         self._run_gsa = self._node.create_client(Trigger, topics.RUN_GSA)
         return self
 
@@ -144,11 +144,12 @@ class Watch:
         """Ask the analysis node for a sensitivity analysis; the status topic tells what came of it."""
         self._run_gsa.call_async(Trigger.Request())
 
-    def _subscribe(self, kind: Any, name: str, callback: Callable[[Any], None], quality: Any) -> None:
-        self._node.create_subscription(kind, name, callback, quality)
+    def _subscribe(self, name: str, callback: Callable[[Any], None]) -> None:
+        kind, quality = topics.contract(name)
+        self._node.create_subscription(messages.message_class(kind), name, callback, qos.profile(quality))
 
     @staticmethod
-    def _on_block(count: BlockCount, message: Any) -> None:
+    def _on_block(count: BlockCount, message: PointCloud2) -> None:
         try:
             block = messages.block_from(message)
         except BlockError:  # somebody else's; the nodes say on /diagnostics what they refuse
@@ -159,22 +160,22 @@ class Watch:
         if length_ns > 0:  # a single sample, or somebody's nonsense, has no length to count losses in
             count.count(block.stamp_ns, length_ns)
 
-    def _on_gsa_status(self, message: Any) -> None:
+    def _on_gsa_status(self, message: DiagnosticArray) -> None:
         for status, values in _own(message):
             if status.name == _STUDY and all(values.get(key, "").isdecimal() for key in ("done", "total")):
                 self.seen.gsa, self.seen.gsa_message = values, status.message
 
-    def _on_gsa_result(self, message: Any) -> None:
+    def _on_gsa_result(self, message: DiagnosticArray) -> None:
         for status, values in _own(message):
             if status.name.startswith(_RESULT) and _is_result(values):
                 self.seen.result[status.name.removeprefix(_RESULT)] = values
 
-    def _on_diagnostics(self, message: Any) -> None:
+    def _on_diagnostics(self, message: DiagnosticArray) -> None:
         for status, values in _own(message):
             self.seen.diagnostics[status.name] = (int.from_bytes(status.level, "little"), status.message, values)
 
 
-def _own(message: Any) -> Iterator[tuple[Any, dict[str, str]]]:
+def _own(message: DiagnosticArray) -> Iterator[tuple[DiagnosticStatus, dict[str, str]]]:
     """Statuses of this namespace, with their values."""
     for status in message.status:
         if status.name.startswith(_OWN):
