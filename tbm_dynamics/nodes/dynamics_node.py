@@ -147,7 +147,7 @@ class DynamicsNode(ManagedNode):
             self._faults.report(topics.LOADS_BLOCK, f"{topics.LOADS_BLOCK}: {error}; not used")
             return
         self._faults.clear(topics.LOADS_BLOCK)
-        self._doubt_units(block.values)
+        self._check_units(block.values)
         self._received.add(len(block.values))
         length = len(block.values) / self._rate
         now = self.get_clock().now().nanoseconds
@@ -166,8 +166,8 @@ class DynamicsNode(ManagedNode):
                 f"samples {found[0]:.6g} s apart, allowed: {1.0 / self._rate:g} s of load_rate {self._rate:g} Hz"
             )
 
-    def _doubt_units(self, loads: np.ndarray) -> None:
-        """Say that the thrust is off by a factor that units are off by; the loads are used as they are."""
+    def _check_units(self, loads: np.ndarray) -> None:
+        """Report a thrust that is off by a factor of units; the loads are used as they are."""
         asked = self._stream.mean_loads[0]
         share = loads[:, 0].mean() / asked if asked else 1.0
         unit = next((unit for factor, unit in _UNITS.items() if factor / 3.0 < share < 3.0 * factor), None)

@@ -28,7 +28,7 @@ from tbm_msgs_py.nodes.rate import Rate
 # the stream afresh.
 _LONGEST_BACKLOG_S = 5.0
 _MOST_BLOCKS = topics.BLOCK_QUALITY.depth - 8
-_MATCHING_S = 0.3  # a publisher knows of a subscriber before that one takes what it sends
+_MATCHING_S = 0.3  # a publisher knows of a subscriber before that one receives
 # A block is late by up to the time between two looks at the clock.
 _LOOKS_A_BLOCK = 5
 
@@ -175,7 +175,7 @@ class LoadNode(ManagedNode):
         """Start the stream once the clock runs and enough subscribers are there."""
         if now == 0 or not self._matched():
             return False
-        # When this look was due, however late it came: every block is complete at one, and waits for none after it.
+        # When this call was due, however late it was: every block is complete at one, and waits for none after it.
         due = now - max(0, self._timer.timer_period_ns - self._timer.time_until_next_call())
         self._epoch_ns = due // self._step * self._step
         self._stream = self._new_stream()

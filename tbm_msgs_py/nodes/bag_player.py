@@ -103,7 +103,7 @@ class BagPlayer(ManagedNode):
         return max(self._lost_before, self._bag.lost)
 
     def statuses(self) -> list[DiagnosticStatus]:
-        """How far it has come, and what of the recording is lost."""
+        """Position, and what of the recording is lost."""
         values = {
             "position": (min(self._now_ns, self._end_ns) - self._info.start_ns) * 1e-9,
             "length": self._info.duration,
@@ -220,7 +220,7 @@ class BagPlayer(ManagedNode):
         lost = f", {self.lost} lost" if self.lost else ""
         self.get_logger().info(f"end of {self._bag.path}: {self._count} messages played{lost}")
         self._stop()
-        self.say()
+        self.publish_statuses()
         if self.value("exit_at_end"):
             self.end()
 

@@ -23,7 +23,7 @@ from tbm_msgs_py.topics import Quality, TopicContract
 
 DISCOVERY = 0.05  # s between looks for topics that are not there yet
 FOLLOWING = 1.0  # s between looks at what the publishers of the others offer
-MOST_HELD = 64_000_000  # bytes that may wait for a simulated clock to begin; what comes then is lost, and counted
+MOST_HELD = 64_000_000  # bytes that may wait for a simulated clock to begin; later ones are lost, and counted
 QUOTA_PERIOD = 2.0  # s between looks at the disk
 DEPTH = 1000  # messages that may wait while the disk is slow
 MEGABYTE = 1e6
@@ -64,7 +64,7 @@ class BagRecorder(ManagedNode):
         self._writer: BagWriter | None = None
         self._topics = TopicFollower(self, self)
         self._asked: dict[str, Quality] = {}
-        self._types: dict[str, str] = {}  # of the topics of which a message has come
+        self._types: dict[str, str] = {}  # of the topics that have had a message
         self._unrecorded: FaultLog[str] = FaultLog(lambda text: self.get_logger().error(text))
         self._arrived: list[Arrived] = []
         self._held = 0  # bytes of what has arrived
@@ -190,10 +190,10 @@ class BagRecorder(ManagedNode):
         except (RecordingError, OSError) as error:
             self._problem = str(error)
             running = self.context.ok()  # else it was the end after a signal, and nothing can be published
-            said_by = self.get_logger() if running else get_logger("tbm_monitor")
-            said_by.error(f"the recording ends with what was written before: {self._problem}")
+            output = self.get_logger() if running else get_logger("tbm_monitor")
+            output.error(f"the recording ends with what was written before: {self._problem}")
             if running:
-                self.say()
+                self.publish_statuses()
             self._writer.salvage()
             self._writer = None
             self.end(2)

@@ -11,12 +11,12 @@ from typing import Generic, TypeVar
 Key = TypeVar("Key", bound=Hashable)
 
 _NUMBER = re.compile(r"[-+]?\d+(\.\d+)?(e[-+]?\d+)?")
-REPEAT_S = 60.0  # the same line is not said again before
+REPEAT_S = 60.0  # until the same line is logged again
 MOST_LINES = 5  # of one fault in that time
 
 
 class FaultLog(Generic[Key]):
-    """Faults by key. One that is over stays until it has been shown once, so that none comes and goes unseen.
+    """Faults by key. One that is over stays until it has been shown once, so that none is over unseen.
 
     Parameters
     ----------
@@ -30,18 +30,18 @@ class FaultLog(Generic[Key]):
         self._warn, self._now = warn, now
         self._standing: dict[Key, str] = {}
         self._over: set[Key] = set()
-        self._said: dict[tuple[Key, str], float] = {}
+        self._logged: dict[tuple[Key, str], float] = {}
 
     def report(self, key: Key, text: str, where: str = "") -> None:
         """Add a fault; its line in the log begins with the place, which `/diagnostics` names elsewhere."""
         self._standing[key] = text
         self._over.discard(key)
         gist, now = _NUMBER.sub("#", text), self._now()  # another count is no other fault
-        if now - self._said.get((key, gist), -math.inf) <= REPEAT_S:
+        if now - self._logged.get((key, gist), -math.inf) <= REPEAT_S:
             return
-        self._said = {said: when for said, when in self._said.items() if now - when <= REPEAT_S}
-        if sum(said == key for said, _ in self._said) < MOST_LINES:  # texts hold what others send, all of it different
-            self._said[key, gist] = now
+        self._logged = {line: when for line, when in self._logged.items() if now - when <= REPEAT_S}
+        if sum(logged == key for logged, _ in self._logged) < MOST_LINES:  # texts of others may all differ
+            self._logged[key, gist] = now
             self._warn(f"{where}{text}")
 
     def update(self, key: Key, text: str) -> None:

@@ -35,7 +35,7 @@ class TopicFollower:
     """Keeps one subscription a topic.
 
     Where publishers disagree about the type, the one in use stays, and the others are a problem of the topic until
-    they are gone. The type changes when nobody publishes the one in use any more.
+    they are gone. The type changes when the one in use is published no more.
 
     Parameters
     ----------
@@ -60,7 +60,7 @@ class TopicFollower:
         self.follow(topic, self.offer(topic, self._node.get_publishers_info_by_topic(topic)))
 
     def offer(self, topic: str, found: Iterable[TopicEndpointInfo]) -> TopicContract | None:
-        """TopicContract to follow of the publishers that were found; None where none can be used."""
+        """Type and quality of service to use of the publishers found; None where none can be used."""
         publishers: dict[str, list[TopicEndpointInfo]] = {}
         for known in found:
             publishers.setdefault(known.topic_type, []).append(known)

@@ -45,8 +45,8 @@ class ManagedNode(LifecycleNode):  # type: ignore[misc]  # rclpy is untyped
     transition with that line in the log; after any other error the node is unconfigured again. `deactivate` and
     `cleanup` also run when the process ends, the context may be gone by then: they publish nothing.
 
-    Whatever state it is in, a node says so on `/diagnostics`, once a second. An error that a callback does not expect
-    is said there and in the log, and the node goes on.
+    The state of a node is on `/diagnostics` once a second. An error that a callback does not expect is reported there
+    and in the log, and the node goes on.
 
     Parameters
     ----------
@@ -83,7 +83,7 @@ class ManagedNode(LifecycleNode):  # type: ignore[misc]  # rclpy is untyped
             self._declare(parameter)
             self._stated[parameter.name] = self.get_parameter(parameter.name).value
         self._diagnostics = self.contract_publisher(DIAGNOSTICS)
-        self.create_status_timer(self.say)
+        self.create_steady_timer(STATUS_PERIOD, self.publish_statuses)
 
     def configure(self) -> None:
         """Create what the node needs, publishers and subscriptions included."""
@@ -98,17 +98,17 @@ class ManagedNode(LifecycleNode):  # type: ignore[misc]  # rclpy is untyped
         """Release what `configure` created beyond publishers, subscriptions and services."""
 
     def statuses(self) -> list[DiagnosticStatus]:
-        """Say on `/diagnostics`, once a second while active, how the node is doing."""
+        """Return what `/diagnostics` gets once a second while the node is active."""
         return []
 
     def check_parameters(self, values: Mapping[str, Any]) -> None:
-        """Raise ValueError if a configured node cannot take these new values, which are in their ranges."""
+        """Raise ValueError if a configured node cannot use these new values, which are in their ranges."""
 
     def parameters_changed(self, names: frozenset[str]) -> None:
-        """Take over the new values of these parameters of a configured node."""
+        """Use the new values of these parameters of a configured node."""
 
     def value(self, name: str) -> Any:
-        """Value of a declared parameter; lists of strings come without empty entries."""
+        """Value of a declared parameter; a list of strings without its empty entries."""
         value = self.get_parameter(name).value
         return [entry for entry in value if entry != ""] if isinstance(self._declared[name].default, list) else value
 
@@ -124,7 +124,7 @@ class ManagedNode(LifecycleNode):  # type: ignore[misc]  # rclpy is untyped
 
     @property
     def failed_callbacks(self) -> int:
-        """Callbacks that raised what nobody expected, since the start."""
+        """Callbacks that raised unexpected errors, since the start."""
         return self._guard.failed
 
     def status(
@@ -191,10 +191,6 @@ class ManagedNode(LifecycleNode):  # type: ignore[misc]  # rclpy is untyped
         """Timer that goes on when the simulated time stands still."""
         return self.create_timer(period, callback, clock=Clock(clock_type=ClockType.STEADY_TIME))
 
-    def create_status_timer(self, callback: Callable[[], None]) -> Timer:
-        """Timer at 1 Hz; it goes on when the simulated time stands still."""
-        return self.create_steady_timer(STATUS_PERIOD, callback)
-
     def write_summary(self, **document: object) -> None:
         """Write a result to the file of the parameter `summary`, if one is named."""
         if self.value("summary"):
@@ -249,7 +245,7 @@ class ManagedNode(LifecycleNode):  # type: ignore[misc]  # rclpy is untyped
         self.finish()
         return _SUCCESS
 
-    def say(self) -> None:
+    def publish_statuses(self) -> None:
         """Publish the statuses now."""
         now = self.get_clock().now().nanoseconds
         self.clock_stands, self._clock_seen = now == self._clock_seen, now
@@ -278,7 +274,7 @@ class ManagedNode(LifecycleNode):  # type: ignore[misc]  # rclpy is untyped
         result = self._call(name, hook)
         self._release(stage + 1)
         self._stage = stage
-        # What is released does not come back: the node is down, whatever the hook tripped over.
+        # What is released does not come back: the node is down, whatever went wrong in the hook.
         return _SUCCESS if result == TransitionCallbackReturn.FAILURE else result
 
     def _call(self, name: str, hook: Callable[[], None]) -> TransitionCallbackReturn:
@@ -294,7 +290,7 @@ class ManagedNode(LifecycleNode):  # type: ignore[misc]  # rclpy is untyped
         return _SUCCESS
 
     def _report(self, message: str) -> None:
-        if self.context.ok():  # else the hook tripped over a shutdown that was asked for
+        if self.context.ok():  # else a shutdown that was asked for broke the hook off
             self._trouble = " ".join(message.split())
             self.get_logger().error(self._trouble)
             self.get_logger().debug(traceback.format_exc())
@@ -347,7 +343,7 @@ class ManagedNode(LifecycleNode):  # type: ignore[misc]  # rclpy is untyped
         return SetParametersResult(successful=not problems, reason="; ".join(problems))
 
     def _outside(self, parameter: Parameter, value: Any) -> str:
-        """Why a path that is set after the start is not taken; empty if it is."""
+        """Reason why a path that is set after the start is refused; empty if it is not."""
         if not parameter.written or parameter.name not in self._stated or value in parameter.no_path:
             return ""
         stated = self._stated[parameter.name]

@@ -102,7 +102,7 @@ def block(layout: BlockLayout, stamp_ns: int, offsets: ArrayLike, values: ArrayL
 
 @lru_cache
 def _fields(layout: BlockLayout) -> list[PointField]:
-    """Fields of a layout, shared by its messages: nobody changes them."""
+    """Fields of a layout, shared by its messages, which do not change them."""
     return [PointField(name=name, offset=at, datatype=kind, count=1) for name, at, kind in layout.fields]
 
 

@@ -43,9 +43,9 @@ class Parameter:
     choices : tuple of str
         Allowed values of a string.
     changes : "start", "unconfigured" or "running"
-        When another value is taken: at the start only (read-only), between `cleanup` and `configure`, or always.
+        When another value is accepted: at the start only (read-only), between `cleanup` and `configure`, or always.
     written : bool
-        It is a path at which the node makes files: after the start only one below the data root is taken.
+        It is a path at which the node makes files: after the start only one below the data root is accepted.
     no_path : tuple of str
         Values of such a parameter that are no path.
     """

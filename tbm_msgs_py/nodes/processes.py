@@ -37,7 +37,7 @@ def exit_at_once(code: int) -> Handler:
 
 
 def record_signals() -> Callable[[], bool]:
-    """Record signals from now on, for good: nothing is left half-made. The function returned says whether one came."""
+    """Record signals from now on, for good: nothing is left half-made. Returns whether there was one, as a function."""
     received: list[int] = []
     handle_signals(lambda number, _frame: received.append(number))
     return lambda: bool(received)
@@ -90,7 +90,7 @@ class StartInterruption:
     def _handle(cls, _number: int, _frame: FrameType | None) -> None:
         cls.received = True
         if cls.breaks_off:
-            # A compiler's callback swallows what is raised in it: again, until it comes through.
+            # A compiler's callback swallows what is raised in it: again, until it is raised elsewhere.
             signal.setitimer(signal.ITIMER_REAL, _AGAIN_S)
             raise KeyboardInterrupt
 
@@ -104,7 +104,7 @@ def handle_node_signals(handler: Handler) -> None:
 
 
 def _silent_interruptions(unraisable: sys.UnraisableHookArgs) -> None:
-    """Report nothing of an interruption that a library's callback has swallowed: it comes again."""
+    """Report nothing of an interruption that a library's callback has swallowed: it is raised again."""
     if unraisable.exc_type is not KeyboardInterrupt:
         sys.__unraisablehook__(unraisable)
 
@@ -153,7 +153,7 @@ class ChildProcess:
         return self._process.poll()
 
     def request_end(self) -> None:
-        """Close its pipe; never too early, as a signal to a Python that still starts may come."""
+        """Close its pipe; this is never too early, as a signal to a Python that still starts may be."""
         if self._process.stdin:
             self._process.stdin.close()
 
@@ -170,6 +170,6 @@ class ChildProcess:
         """Last line of its log."""
         try:
             lines = self._log.read_text(encoding="utf-8", errors="replace").splitlines()
-        except OSError as error:  # somebody cleared the folder away
+        except OSError as error:  # the folder is gone
             return str(error)
         return next((line.strip() for line in reversed(lines) if line.strip()), "no message")

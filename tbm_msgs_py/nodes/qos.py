@@ -33,14 +33,14 @@ def offered(publishers: Iterable[TopicEndpointInfo]) -> Quality:
     Parameters
     ----------
     publishers : iterable of TopicEndpointInfo
-        What `Node.get_publishers_info_by_topic` gives.
+        As `Node.get_publishers_info_by_topic` returns them.
     """
     profiles = [publisher.qos_profile for publisher in publishers]
     depths = [known.depth for known in profiles if known.history == HistoryPolicy.KEEP_LAST]
     return Quality(
         reliable=all(known.reliability == ReliabilityPolicy.RELIABLE for known in profiles),
         latched=all(known.durability == DurabilityPolicy.TRANSIENT_LOCAL for known in profiles),
-        # Fast DDS tells nobody how much others keep: as much then as keeps a live topic whole.
+        # Fast DDS does not publish the depth of others: the one that keeps a live topic whole.
         depth=max([0, *depths]) or topics.LIVE_QUALITY.depth,
     )
 

@@ -24,7 +24,7 @@ WAIT = 1.0  # s
 
 
 def run_node(factory: Callable[[], ManagedNode], args: Sequence[str] | None = None) -> int:
-    """Run a node until it ends or a signal comes, never with a traceback.
+    """Run a node until it ends or gets a signal, never with a traceback.
 
     Parameters
     ----------

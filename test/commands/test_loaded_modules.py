@@ -86,7 +86,8 @@ def work():
         assert slow.process(chunk.first_step, chunk.mesh_force)
 """,
     "analysis": """
-from tbm_gsa.app.nodes.analysis_node import WindowedComparison
+import tbm_gsa.app.nodes.analysis_node
+from tbm_gsa.comparison import WindowedComparison
 
 comparison = WindowedComparison(0.5)
 

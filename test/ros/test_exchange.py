@@ -8,7 +8,7 @@ import pytest
 pytest.importorskip("rclpy")
 
 import rclpy
-from rigs import Rig
+from peer import Rig
 from sensor_msgs.msg import PointCloud2
 
 from tbm_gsa.app.cli.doctor import SENDER, exchange

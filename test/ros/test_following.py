@@ -9,8 +9,8 @@ rclpy = pytest.importorskip("rclpy")
 
 from geometry_msgs.msg import AccelStamped, Vector3Stamped  # noqa: E402
 from nav_msgs.msg import Goals  # noqa: E402
+from peer import Rig  # noqa: E402
 from rclpy.qos import QoSProfile  # noqa: E402
-from rigs import Rig  # noqa: E402
 from sensor_msgs.msg import Imu, JointState, PointCloud2  # noqa: E402
 from std_msgs.msg import String  # noqa: E402
 

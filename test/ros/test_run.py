@@ -21,11 +21,11 @@ from tbm_gsa.app.cli.processes import NodeCommand, NodeProcesses  # noqa: E402
 from tbm_gsa.app.cli.shipped import shipped_bag  # noqa: E402
 from tbm_msgs_py.nodes import qos  # noqa: E402
 from tbm_msgs_py.nodes.bag_player import BagPlayer  # noqa: E402
+from tbm_msgs_py.nodes.registry import MACHINE_NODES  # noqa: E402
 
 pytestmark = pytest.mark.ros
 
 COMMAND = [sys.executable, "-m", "tbm_gsa.app.cli.main"]
-NODES = ("load_node", "dynamics_node", "analysis_node")
 NODES_YAML = Path(__file__).parents[2] / "config" / "nodes.yaml"
 
 
@@ -91,7 +91,7 @@ def test_run_follows_a_recording_and_says_what_its_nodes_do(tmp_path, peer):
     with (tmp_path / "out").open("wb") as out, errors.open("wb") as err:
         process = subprocess.Popen(command, cwd=tmp_path, stdout=out, stderr=err)
     try:
-        peer.wait_for(lambda: all(peer.text(f"tbm: {name}") == "active" for name in NODES))
+        peer.wait_for(lambda: all(peer.text(f"tbm: {name}") == "active" for name in MACHINE_NODES))
         peer.host(BagPlayer, bag=shipped_bag(), loop=True, rate=2.0)
         compared = "tbm: comparison cutterhead"
         peer.wait_for(lambda: float(peer.value(compared, "relative_error_x") or "nan") >= 0.0)

@@ -1,5 +1,6 @@
 """SIGINT and SIGTERM at any moment of a node's life, its start included: an end without a word, code 0."""
 
+import os
 import signal
 import subprocess
 import sys
@@ -88,6 +89,38 @@ def test_a_signal_that_a_library_swallows_comes_again():
     finally:
         process.kill()
     assert (process.returncode, out, err) == (0, "", "")
+
+
+IMPORTING = """
+import signal
+from tbm_msgs_py.nodes.managed import ManagedNode
+from tbm_msgs_py.nodes.running import run_node
+
+class Importing(ManagedNode):
+    def __init__(self):
+        super().__init__("importing")
+
+    def configure(self):
+        exec("signal.raise_signal(signal.SIGINT)")
+
+def main():
+    return run_node(Importing)
+"""
+
+
+def test_a_signal_in_executed_text_ends_a_node_well(tmp_path):
+    """As in the import of a library that makes classes of text."""
+    (tmp_path / "importing.py").write_text(IMPORTING)
+    paths = os.pathsep.join([str(tmp_path), *filter(None, [os.environ.get("PYTHONPATH")])])
+    done = subprocess.run(
+        [sys.executable, "-m", "tbm_gsa.app.nodes.start", "importing"],
+        env={**os.environ, "PYTHONPATH": paths},
+        capture_output=True,
+        text=True,
+        check=False,
+        timeout=60,
+    )
+    assert (done.returncode, done.stdout, done.stderr) == (0, "", "")
 
 
 BROKEN = """

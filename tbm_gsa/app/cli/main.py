@@ -51,7 +51,7 @@ _UsageError: type[Exception] = next(kind for kind in typer.BadParameter.__mro__ 
 class _Interruption:
     """Signal handler that remembers; it raises KeyboardInterrupt where the program stands.
 
-    A command that goes on until it is told to end handles signals itself once it has begun; before, it ends at once.
+    A command that goes on until a signal ends it handles signals itself once it has begun; before, it ends at once.
     """
 
     received = False
@@ -68,7 +68,7 @@ class _Interruption:
 def main() -> None:
     """Run the command line; exit code 0 on success, 2 on bad input, 1 on a fault of the program.
 
-    After Ctrl-C 130, but 0 for a command that goes on until it is told to end.
+    After Ctrl-C 130, but 0 for a command that goes on until a signal ends it.
     """
     handle_signals(_Interruption.handle)  # what was started is ended in order, whichever comes
     code = _run()
@@ -83,7 +83,7 @@ def main() -> None:
 
 
 def _run() -> int:
-    """Exit code of the command, every error said in one line."""
+    """Exit code of the command, every error in one line."""
     try:
         # -c and -m runs have no useful argv[0]; the name users type stands in messages.
         code = app(prog_name="tbm-monitor", standalone_mode=False)

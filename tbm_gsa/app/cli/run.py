@@ -40,7 +40,7 @@ from tbm_msgs_py.base.units import R_MIN
 from tbm_msgs_py.nodes.processes import record_signals
 
 if TYPE_CHECKING:
-    from tbm_gsa.app.nodes.watch import Seen, Watch
+    from tbm_gsa.app.nodes.watch import Watch, WatchState
 
 _FIRST_BLOCK_S = 300.0
 """Longest wait for the first block; on a cold cache the kernel is compiled in it."""
@@ -115,9 +115,9 @@ def run(
     patience = math.inf if sim_time else _FIRST_BLOCK_S
     first_block, stopped = _run(watching, commands, out / "logs", point, duration, patience)
     if json:
-        print_json(run_document(watching.seen, first_block))
+        print_json(run_document(watching.state, first_block))
     else:
-        _print_table(watching.seen, first_block)
+        _print_table(watching.state, first_block)
     if stopped:
         notes.print("stopped by a signal", highlight=False)
 
@@ -144,7 +144,7 @@ def _operating_point(
 
 
 def node_commands(driven: Mapping[str, ParameterValue], seed: int | None, out: Path, site: Site) -> list[NodeCommand]:
-    """Give the three nodes on the computer's clock; `driven` are parameters of the load node."""
+    """Return the three nodes, on the computer's clock; `driven` are parameters of the load node."""
     common: dict[str, ParameterValue] = {name: driven[name] for name in ("machine", "loads")}
     analysis: dict[str, ParameterValue] = {"machine": driven["machine"]}
     if site.stated("analysis_node", "gsa.folder") is None:
@@ -170,7 +170,7 @@ def _run(
     """Seconds to the first block, and whether a signal ended it."""
     start, stopping = time.monotonic(), record_signals()
     with watching, NodeProcesses(logs) as processes:
-        nodes = Supervision(processes, watching.seen.diagnostics)
+        nodes = Supervision(processes, watching.state.diagnostics)
         if point is not None:
             watching.operate(point.speed, point.torque, point.thrust)
         for command in commands:
@@ -185,7 +185,7 @@ def _wait_for_blocks(
     watching: Watch, nodes: Supervision, start: float, stopping: Callable[[], bool], patience: float
 ) -> float | None:
     """Seconds from the start to the first block of the model; None when stopped before it."""
-    first = watching.seen.blocks[topics.MODEL_MESH_FORCES]
+    first = watching.state.blocks[topics.MODEL_MESH_FORCES]
     while first.received == 0:
         if stopping():
             return None
@@ -199,8 +199,8 @@ def _wait_for_blocks(
 
 
 def _follow(watching: Watch, nodes: Supervision, duration: float | None, stopping: Callable[[], bool]) -> None:
-    """Watch until every stream has the duration and all nodes have said how they are then, or until stopped."""
-    counts, diagnostics = watching.seen.blocks.values(), watching.seen.diagnostics
+    """Watch until every stream has the duration and all nodes have reported after it, or until stopped."""
+    counts, diagnostics = watching.state.blocks.values(), watching.state.diagnostics
     with progress_bar("running") as bar:
         task = bar.add_task("", total=duration)
         reached, asked = 0.0, False
@@ -210,31 +210,31 @@ def _follow(watching: Watch, nodes: Supervision, duration: float | None, stoppin
             reached = min(count.stream_time for count in counts)
             bar.update(task, completed=reached)
             if duration is not None and reached >= duration and not asked:
-                diagnostics.clear()  # what was said before the end is not how it is then
+                diagnostics.clear()  # of before the end
                 asked = True
 
 
-def run_document(seen: Seen, first_block: float | None) -> dict[str, object]:
+def run_document(state: WatchState, first_block: float | None) -> dict[str, object]:
     """Document of `run --json`: blocks by topic, diagnostics by status name, seconds to the first block."""
     return {
         "first_block_seconds": first_block,
         "topics": {
             topics.absolute(name): {"blocks": count.received, "lost": count.lost, "stream_time": count.stream_time}
-            for name, count in seen.blocks.items()
+            for name, count in state.blocks.items()
         },
         "diagnostics": {
             name: {"level": level, "message": message, "values": values}
-            for name, (level, message, values) in sorted(seen.diagnostics.items())
+            for name, (level, message, values) in sorted(state.diagnostics.items())
         },
     }
 
 
-def _print_table(seen: Seen, first_block: float | None) -> None:
+def _print_table(state: WatchState, first_block: float | None) -> None:
     table = narrow_table("Blocks", "topic", ">received", ">lost", ">stream time (s)")
-    for name, count in seen.blocks.items():
+    for name, count in state.blocks.items():
         add_row(table, topics.absolute(name), count.received, count.lost, f"{count.stream_time:.2f}")
     results.print(table)
     results.print()
     results.print("no block" if first_block is None else f"first block after {first_block:.1f} s")
-    for name, (_, message, _) in sorted(seen.diagnostics.items()):
+    for name, (_, message, _) in sorted(state.diagnostics.items()):
         results.print(f"{name}: {message}", highlight=False)

@@ -1,4 +1,4 @@
-"""What a ROS parameter file says of the nodes that a command starts."""
+"""Single values of a ROS parameter file, for a command that starts the nodes."""
 
 from __future__ import annotations
 

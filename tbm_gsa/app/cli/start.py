@@ -10,7 +10,7 @@ from importlib import import_module
 
 from tbm_msgs_py.nodes.processes import exit_at_once, handle_signals
 
-# These go on until they are told to end: for them a signal is the usual end, for others a job cut short.
+# These go on until a signal ends them: for them a signal is the usual end, for others a job cut short.
 _UNTIL_TOLD = sys.argv[1:2] == ["run"] or sys.argv[1:3] in (["bag", "record"], ["bag", "play"])
 INTERRUPTED = 0 if _UNTIL_TOLD else 130
 

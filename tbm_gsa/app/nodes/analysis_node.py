@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Mapping
 from functools import partial
 from typing import Any
@@ -13,11 +14,10 @@ from sensor_msgs.msg import JointState, PointCloud2
 from std_srvs.srv import Trigger
 
 from tbm_dynamics.machine import Machine, load_machine
-from tbm_gsa.app.nodes.analysis_parameters import PARAMETERS
 from tbm_gsa.app.nodes.error_alarm import ErrorAlarm, axis_indices
 from tbm_gsa.app.nodes.field_topics import FieldTopics
 from tbm_gsa.app.nodes.gsa_process import GsaOptions, GsaProcess, GsaStatus
-from tbm_gsa.app.nodes.history_writer import HistoryWriter, live_now
+from tbm_gsa.app.nodes.history_writer import OFF, HistoryWriter, live_now
 from tbm_gsa.app.nodes.live_comparison import LiveComparison, field_sensors
 from tbm_gsa.app.nodes.statuses import (
     comparison_status,
@@ -37,7 +37,37 @@ from tbm_msgs_py.base.operating_point import OperatingPointError
 from tbm_msgs_py.blocks import BlockError
 from tbm_msgs_py.nodes import messages
 from tbm_msgs_py.nodes.managed import ManagedNode
+from tbm_msgs_py.nodes.parameters import ROOT, Parameter, live_parameter
 from tbm_msgs_py.recordings.mapping import SensorMapping, contract_sensor
+
+_MOST_WORKERS = max(2, os.cpu_count() or 1)
+_HISTORY = "history file of the windows; empty: tbm_monitor/history.sqlite in the user's data folder; none: not kept"
+_BASELINE = "baseline in the history whose errors alarms are set against; empty: the threshold is absolute"
+_PAUSE = "least time from the start of a study to one that an alarm starts (min)"
+_MAPPING = "mapping file of the field topics; empty: the topics of the contract, m/s², gravity removed"
+PARAMETERS = (
+    Parameter("machine", "dz101", "machine: name of a shipped one, or path of a machine file"),
+    live_parameter("window", topics.WINDOW, "length of a comparison window (s)", 0.1, 3600.0),
+    live_parameter("threshold", topics.ERROR_THRESHOLD, "relative error that counts (1)", 0.001, 100.0),
+    live_parameter(
+        "threshold_windows", topics.ERROR_WINDOWS, "windows in a row over it that raise the alarm", 1, 10000
+    ),
+    live_parameter("alarm_axes", ["x"], "axes whose error is watched; the paper compares the axial one, x"),
+    Parameter("mapping", "", _MAPPING),
+    Parameter("history", "", _HISTORY, written=True, no_path=("", OFF)),
+    ROOT,
+    Parameter("history_days", 90.0, "age at which live windows go; 0: never (d)", 0.0, 36500.0),
+    live_parameter("baseline", "", _BASELINE),
+    live_parameter("gsa.on_threshold", True, "start the sensitivity analysis when the alarm is raised"),
+    live_parameter("gsa.pause", 60.0, _PAUSE, 0.0, 100000.0),
+    live_parameter("gsa.samples", 200, "training simulations", 10, 100000),
+    live_parameter("gsa.test", 20, "test simulations", 2, 100000),
+    live_parameter("gsa.duration", 3.0, "length of a simulation (s)", 0.1, 600.0),
+    live_parameter("gsa.outputs", [""], "outputs analysed; empty: the eight indicators of Table 3"),
+    live_parameter("gsa.seed", 0, "seed of design and loads", 0, 2**31 - 1),
+    live_parameter("gsa.workers", 2, "processes, one a core at most", 1, _MOST_WORKERS),
+    live_parameter("gsa.folder", "tbm_gsa_studies", "folder that gets one folder a study", written=True, no_path=()),
+)
 
 
 class AnalysisNode(ManagedNode):

@@ -1,4 +1,4 @@
-"""The alarm on the relative error, with the line that says why it was raised."""
+"""The alarm on the relative error, with the reason why it was raised."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A block from one process to another: what `doctor` tries before it says that ROS works here."""
+"""A block from one process to another: the check of ROS by `doctor`."""
 
 from __future__ import annotations
 

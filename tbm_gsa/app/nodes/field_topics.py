@@ -40,7 +40,7 @@ class FieldTopics:
 
     Topics of the contract are subscribed to at once, as the contract has them; any topic follows what its publishers
     offer, be they there before the node or after it. Of a point that is published as blocks and as single samples only
-    the blocks are taken, as from a recording.
+    the blocks are used, as of a recording.
 
     Parameters
     ----------
@@ -98,7 +98,7 @@ class FieldTopics:
         self.report(name, "")
 
     def refuses(self, topic: str, kind: str) -> str:  # noqa: ARG002
-        """Say which types are allowed if this is none of them."""
+        """List the allowed types if this is none of them."""
         return "" if kind == _BLOCK or kind in _SAMPLE else f"allowed: {', '.join([_BLOCK, *_SAMPLE])}"
 
     def requests(self, topic: str, offered: TopicContract) -> Quality:  # noqa: ARG002

@@ -44,14 +44,14 @@ def live_now(clock: Clock) -> int | None:
 
 
 def kind_of(result: WindowResult, now_ns: int | None) -> Kind:
-    """Say what a window of a node is: a replay on a simulated clock, or where its stamps are not of now."""
+    """Return the kind of a window: a replay on a simulated clock, or where its stamps are not of now."""
     if now_ns is None or abs(now_ns - result.start_ns - result.length_ns) > LIVE_WITHIN_NS:
         return "replay"
     return "live"
 
 
 class HistoryWriter:
-    """Writes windows, keeps those that a locked file does not take yet, and counts those that are lost.
+    """Writes windows, keeps those that a locked file refuses for now, and counts those that are lost.
 
     Parameters
     ----------
@@ -85,7 +85,7 @@ class HistoryWriter:
         self._history: History | None = None
         self._file: Path | None = None
         self._keep_ns = round(days * _DAY_NS)
-        self._discarded_ns = 0  # this far the look for old windows has come
+        self._discarded_ns = 0  # up to here old windows have been deleted
         self._next_try = self._next_discard = -math.inf
         if file == OFF:
             return
@@ -103,7 +103,7 @@ class HistoryWriter:
         return str(self._file or "")
 
     def usual_errors(self, baseline: str) -> dict[str, UsualError]:
-        """Give the usual errors of a baseline of the source's machine; none without a name.
+        """Return the usual errors of a baseline of the source's machine; none without a name.
 
         Raises
         ------
@@ -127,7 +127,7 @@ class HistoryWriter:
         return found.usual_errors()
 
     def add(self, result: WindowResult, rotating: bool, now_ns: int | None) -> None:
-        """Write a window in which something was measured; `now_ns` as `live_now` gives it."""
+        """Write a window in which something was measured; `now_ns` as `live_now` returns it."""
         if self._file is None:
             return
         kind = kind_of(result, now_ns)

@@ -36,7 +36,7 @@ class _Listener:
         self._asked = asked
 
     def on_subscribe(self, client: Any, channel: Any) -> None:  # noqa: ARG002
-        """Take note of a new subscriber; the server calls from a thread of its own."""
+        """Queue the topic of a new subscriber; the server calls from a thread of its own."""
         self._asked.put(channel.topic)
 
 
@@ -56,7 +56,7 @@ class LiveView(ManagedNode):
         self._foxglove = foxglove
         self._sink = foxglove.Context()
         self._channels: dict[str, Any] = {}
-        self._kept: dict[str, tuple[bytes, int]] = {}  # last message of every latched topic, and when it came
+        self._kept: dict[str, tuple[bytes, int]] = {}  # last message of every latched topic, and its time
         self._asked: SimpleQueue[str] = SimpleQueue()  # topics of new subscribers; filled by the server's threads
         try:
             self._server = foxglove.start_server(
@@ -100,7 +100,7 @@ class LiveView(ManagedNode):
         return own and (self.value("blocks") or not block) and not all(self.refuses(name, kind) for kind in kinds)
 
     def refuses(self, topic: str, kind: str) -> str:  # noqa: ARG002
-        """Say so of a type whose definition Foxglove could not be told."""
+        """Refuse a type whose definition is not known here."""
         known = kind in typestore().types and messages.message_class(kind)
         return "" if known else "none of the installed common interfaces of ROS 2 Jazzy"
 
@@ -136,11 +136,11 @@ class LiveView(ManagedNode):
         return pass_on
 
     def _repeat(self) -> None:
-        """Send the latched message of a topic again, to all its clients, for those that have come later."""
+        """Send the latched message of a topic again, to all its clients, for those that are later."""
         asked = {self._asked.get() for _ in range(self._asked.qsize())}
         for topic in asked & self._kept.keys():
-            data, came = self._kept[topic]
-            self._channels[topic].log(data, log_time=came)
+            data, stamp = self._kept[topic]
+            self._channels[topic].log(data, log_time=stamp)
 
     def statuses(self) -> list[DiagnosticStatus]:
         """Where it listens, and what it cannot show."""

@@ -41,13 +41,10 @@ def main() -> NoReturn:
     name = Path(sys.argv[0]).name
     if name not in NODES:
         name = sys.argv.pop(1)
-    entry = NODES.get(name)
-    module = import_module(entry.module if entry else name)
-    if entry is None:
-        sys.exit(module.main())
-    from tbm_msgs_py.nodes.running import run_node  # noqa: PLC0415 - ROS
-
-    sys.exit(run_node(getattr(module, entry.class_name)))
+    if name not in NODES:
+        sys.exit(import_module(name).main())
+    node = getattr(import_module(NODES[name].module), NODES[name].class_name)
+    sys.exit(import_module("tbm_msgs_py.nodes.running").run_node(node))  # by name, as the node: it takes time
 
 
 if __name__ == "__main__":

@@ -1,4 +1,4 @@
-"""What the analysis node says on `/diagnostics`, `gsa_status` and `gsa_result`."""
+"""Statuses of the analysis node on `/diagnostics`, `gsa_status` and `gsa_result`."""
 
 from __future__ import annotations
 
@@ -85,13 +85,13 @@ def _holes(latest: WindowResult) -> list[str]:
 
 
 def _dead(latest: WindowResult) -> list[str]:
-    """Say along which axes the sensor measures next to nothing."""
+    """Report the axes along which the sensor measures next to nothing."""
     axes = [axis for axis, dead in zip("xyz", dead_axes(latest), strict=True) if dead]
     return [f"field measures next to nothing along {', '.join(axes)}: a dead channel?"] if axes else []
 
 
 def _units(latest: WindowResult) -> list[str]:
-    """Say that the field is off by a factor that units are off by, the same one on every axis."""
+    """Report a field that is off by a factor of units, the same one on every axis."""
     with np.errstate(invalid="ignore", divide="ignore"):
         ratio = np.log(np.asarray(latest.field_rms) / latest.model_rms)
     for factor, text in _UNIT_FACTORS.items():

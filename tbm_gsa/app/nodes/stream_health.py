@@ -1,4 +1,4 @@
-"""What is wrong with the signals that come in, by test point."""
+"""Faults of the incoming signals, by test point."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from tbm_gsa.comparison.streams import SOURCES, Source
 from tbm_msgs_py.nodes.fault_log import FaultLog
 from tbm_msgs_py.nodes.rate import Rate
 
-SILENCE_S = 2.0  # wall time after which a signal that came no longer comes, and what was refused is over
+SILENCE_S = 2.0  # wall time without a sample after which a signal is silent, and a refusal over
 _COUNTED = {
     "rejected": "{} samples of the {} that are not finite or absurdly large",
     "late": "{} samples of the {} late or twice: ",
@@ -34,9 +34,9 @@ class Condition:
     doubts : list of str
         What is used, but is not right.
     silent : list of str
-        Signals that came and come no more.
+        Signals that have stopped.
     rates : dict of str to float
-        Samples that came in a second of wall time, by signal.
+        Samples in a second of wall time, by signal.
     """
 
     refused: list[str] = field(default_factory=list)
@@ -56,7 +56,7 @@ class StreamHealth:
 
     def __init__(self, warn: Callable[[str], object]) -> None:
         self._faults: FaultLog[tuple[str, str, str]] = FaultLog(warn)
-        self._came: dict[tuple[str, str], float] = {}
+        self._received: dict[tuple[str, str], float] = {}
         self._refused: dict[tuple[str, str], float] = {}  # when last
         self._rates: dict[tuple[str, str], Rate] = {}
         self._counted: dict[tuple[str, Source, str], int] = {}
@@ -65,7 +65,7 @@ class StreamHealth:
 
     def add_samples(self, point: str, source: str, samples: int) -> None:
         """Add samples that are used."""
-        self._came[point, source] = time.monotonic()
+        self._received[point, source] = time.monotonic()
         self._rates.setdefault((point, source), Rate()).add(samples)
         self._accept(point, source)
 
@@ -75,7 +75,7 @@ class StreamHealth:
 
     def refuse(self, point: str, source: str, reason: str) -> None:
         """Add samples that cannot be used: a fault until others come, or none for a while."""
-        self._came.pop((point, source), None)
+        self._received.pop((point, source), None)
         self._refused[point, source] = time.monotonic()
         self._faults.report(("refused", point, source), f"{source} {point}: {reason}; not used")
 
@@ -123,10 +123,10 @@ class StreamHealth:
         return found
 
     def _compare_stamps(self, apart_ns: Mapping[str, int], silences: Mapping[tuple[str, str], float]) -> None:
-        """Say where both signals come, but with stamps too far apart to be compared; a jump takes a look or two."""
+        """Report stamps that are too far apart to be compared; for a call after a jump they may be."""
         before, self._apart = self._apart, set(apart_ns)
         for point in before | self._apart:
-            both = all((point, source) in self._came and (point, source) not in silences for source in SOURCES)
+            both = all((point, source) in self._received and (point, source) not in silences for source in SOURCES)
             if both and point in before & self._apart:
                 ahead = apart_ns[point]
                 away = f"{_span(abs(ahead) * 1e-9)} {'behind' if ahead > 0 else 'ahead of'} the model's"
@@ -160,9 +160,9 @@ class StreamHealth:
 
     def _silences(self, clock_stands: bool) -> dict[tuple[str, str], float]:
         now = time.monotonic()
-        if clock_stands:  # nothing comes from a bag that pauses
-            self._came = dict.fromkeys(self._came, now)
-        return {key: now - came for key, came in self._came.items() if now - came > SILENCE_S}
+        if clock_stands:  # a bag that pauses sends nothing
+            self._received = dict.fromkeys(self._received, now)
+        return {key: now - last for key, last in self._received.items() if now - last > SILENCE_S}
 
 
 def _span(seconds: float) -> str:

@@ -1,4 +1,4 @@
-"""A bag node as a command: it runs until it ends or a signal comes, its log goes to stderr."""
+"""A bag node as a command: it runs to its end or to a signal, its log goes to stderr."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from tbm_msgs_py.nodes.processes import record_signals
 
 _LOOK_S = 0.1
 _LOG_HEAD = re.compile(r"\[\w+\] \[[\d.]+\] \[[\w.]+\]: ")  # level, time and node of a line
-_FAULTS = ("[ERROR]", "[FATAL]")  # said once, by the error that ends the command
+_FAULTS = ("[ERROR]", "[FATAL]")  # printed once, by the error that ends the command
 
 
 def run_to_end(command: NodeCommand) -> dict[str, Any] | None:
@@ -50,21 +50,21 @@ def run_to_end(command: NodeCommand) -> dict[str, Any] | None:
 
 
 def _follow(command: NodeCommand, log: Path, stopping: Callable[[], bool]) -> None:
-    said = 0
+    printed = 0
     with NodeProcesses(log.parent) as nodes:
         nodes.start(command)
         while nodes.running(command.name) and not stopping():
-            said = _say(log, said)
+            printed = _print_log(log, printed)
             time.sleep(_LOOK_S)
     nodes.running(command.name)  # raises when its end, too, went wrong
-    _say(log, said)
+    _print_log(log, printed)
 
 
-def _say(log: Path, said: int) -> int:
-    """Pass on the whole lines of a log after the first `said` characters; characters passed on or left out."""
+def _print_log(log: Path, printed: int) -> int:
+    """Pass on the whole lines of a log after the first `printed` characters; the number of characters read."""
     text = log.read_text(encoding="utf-8", errors="replace")
     end = text.rfind("\n") + 1
-    for line in text[said:end].splitlines():
+    for line in text[printed:end].splitlines():
         if not line.startswith(_FAULTS):
             notes.print(line, highlight=False)
-    return max(said, end)
+    return max(printed, end)

@@ -10,7 +10,7 @@ import typer
 from tbm_gsa.app.cli.bag.info import info_document
 from tbm_gsa.app.cli.bag.node import run_to_end
 from tbm_gsa.app.cli.output import JSON_OPTION, notes, print_json, results
-from tbm_gsa.app.cli.processes import NodeCommand
+from tbm_gsa.app.cli.processes import NodeCommand, ParameterValue
 from tbm_msgs_py.bags import BagInfo, RecordingError, Topic, metadata
 from tbm_msgs_py.topics import absolute
 
@@ -37,20 +37,10 @@ def record(
     if out.exists():
         raise RecordingError(f"{out}: exists already, allowed: a new name")
     names = [name.strip() for given in topics for name in given.split(",") if name.strip()]
-    command = NodeCommand(
-        "bag_recorder",
-        {
-            "output": str(out),
-            "topics": names or [""],
-            "duration": duration,
-            "split_size": split_size,
-            "split_time": split_time,
-            "quota": quota,
-            "compression": "zstd" if compress else "none",
-            "use_sim_time": sim_time,
-        },
-    )
-    summary = run_to_end(command)
+    given: dict[str, ParameterValue] = {"output": str(out), "topics": names or [""], "duration": duration}
+    given |= {"split_size": split_size, "split_time": split_time, "quota": quota, "use_sim_time": sim_time}
+    given["compression"] = "zstd" if compress else "none"
+    summary = run_to_end(NodeCommand("bag_recorder", given))
     if summary is None:
         return
     described = metadata.read(out)
@@ -74,9 +64,9 @@ def record(
 
 
 def _info(described: dict[str, Any]) -> BagInfo:
-    """Give what the metadata of a finished recording say.
+    """Return the info that the metadata of a finished recording hold.
 
-    The files say the same, but what reads them takes a second to load, or four to compile, and an end has three.
+    The files hold the same, but their reader takes a second to load, or four to compile, and an end has three.
     """
     counts = [(topic["topic_metadata"], topic["message_count"]) for topic in described["topics_with_message_count"]]
     topics = {Topic(topic["name"], topic["type"]): count for topic, count in counts}
