@@ -29,7 +29,7 @@ from rclpy.signals import SignalHandlerOptions
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import PointCloud2
 
-from tbm_gsa.app.cli.processes import NodeCommand, NodeProcesses, ParameterValue, settle_ros_environment
+from tbm_gsa.app.cli.processes import NodeCommand, NodeProcesses, settle_ros_environment
 from tbm_msgs_py import topics
 from tbm_msgs_py.nodes import qos
 from tbm_msgs_py.nodes.registry import NODES
@@ -46,7 +46,7 @@ RECORDING = Path(__file__).parents[1] / "bags" / "field_dz101"
 class Case:
     """A node, what it publishes first, and the node that has to run before it does."""
 
-    parameters: Mapping[str, ParameterValue] = field(default_factory=dict)
+    parameters: Mapping[str, object] = field(default_factory=dict)
     first: tuple[Any, str, Any] | None = None
     after: str | None = None
 

@@ -27,11 +27,11 @@ from tbm_msgs_py.blocks import BlockError
 from tbm_msgs_py.nodes import messages
 from tbm_msgs_py.nodes.fault_log import FaultLog
 from tbm_msgs_py.nodes.managed import ManagedNode
-from tbm_msgs_py.nodes.parameters import Parameter, live_parameter
+from tbm_msgs_py.nodes.parameters import MACHINE, Parameter, live_parameter
 from tbm_msgs_py.nodes.rate import Rate
 
 PARAMETERS = (
-    Parameter("machine", "dz101", "machine: name of a shipped one, or path of a machine file"),
+    MACHINE,
     Parameter("loads", "spectral", "level of the received loads: its mean is where a run starts", choices=LOAD_LEVELS),
     Parameter("seed", 0, "seed of the sensor noise", 0, 2**31 - 1),
     Parameter("load_rate", topics.LOAD_BLOCK_RATE, "rate of the received loads (Hz), one step each", 1000.0, 50000.0),

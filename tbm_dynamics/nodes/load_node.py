@@ -21,7 +21,7 @@ from tbm_msgs_py.base.units import NANOSECONDS, R_MIN
 from tbm_msgs_py.nodes import messages
 from tbm_msgs_py.nodes.fault_log import FaultLog
 from tbm_msgs_py.nodes.managed import ManagedNode
-from tbm_msgs_py.nodes.parameters import Parameter, live_parameter
+from tbm_msgs_py.nodes.parameters import MACHINE, Parameter, live_parameter
 from tbm_msgs_py.nodes.rate import Rate
 
 # A clock that leaps further than this (a bag that loops, a suspended computer), or than readers have room for, starts
@@ -33,7 +33,7 @@ _MATCHING_S = 0.3  # a publisher knows of a subscriber before that one receives
 _LOOKS_A_BLOCK = 5
 
 PARAMETERS = (
-    Parameter("machine", "dz101", "machine: name of a shipped one, or path of a machine file"),
+    MACHINE,
     Parameter("loads", "spectral", "Table 1's spectra, or the forces on the disc cutters", choices=LOAD_LEVELS),
     Parameter("schedule", "", "CSV file with the operating point over stream time; empty: as the topic says"),
     Parameter(

@@ -117,6 +117,7 @@ live_parameter = partial(Parameter, changes="running")
 AUTOSTART = Parameter(
     "autostart", True, "configure and activate at the start, without a lifecycle manager", changes="start"
 )
+MACHINE = Parameter("machine", "dz101", "machine: name of a shipped one, or path of a machine file")
 SUMMARY = Parameter("summary", "", "file that gets the result as JSON at the end; empty for none", changes="start")
 ROOT = Parameter(
     DATA_ROOT,

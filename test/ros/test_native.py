@@ -34,7 +34,8 @@ PARAMETERS = {
     for node, entry in NODES.items()
 }
 NO_TOPICS = {topics.NAMESPACE, topics.RUN_GSA, topics.CANCEL_GSA}
-OF_THE_MACHINE = {text for name, text in vars(topics).items() if name.isupper() and isinstance(text, str)} - NO_TOPICS
+NAMED = {text for name, text in vars(topics).items() if name.isupper() and name[0] != "_" and isinstance(text, str)}
+OF_THE_MACHINE = NAMED - NO_TOPICS
 OF_A_POINT = {
     name(point)
     for point in topics.TEST_POINTS

@@ -25,7 +25,7 @@ from tbm_gsa.app.cli.output import (
     results,
     split_names,
 )
-from tbm_gsa.app.cli.processes import NodeCommand, NodeProcesses, ParameterValue, settle_ros_environment
+from tbm_gsa.app.cli.processes import NodeCommand, NodeProcesses, settle_ros_environment
 from tbm_gsa.app.cli.shipped import shipped_bag
 from tbm_gsa.app.cli.supervision import ACTIVE_STATUSES, watch
 from tbm_gsa.sensitivity.study.outputs import parse_outputs
@@ -86,8 +86,8 @@ def node_commands(
     recording: Recording, machine: str, seed: int, out: Path, samples: int, test: int, outputs: Sequence[str]
 ) -> list[NodeCommand]:
     """Name the three nodes, which follow the recording's clock."""
-    common: dict[str, ParameterValue] = {"machine": machine, "use_sim_time": True}
-    study: dict[str, ParameterValue] = {
+    common: dict[str, object] = {"machine": machine, "use_sim_time": True}
+    study: dict[str, object] = {
         "gsa.samples": samples,
         "gsa.test": test,
         "gsa.outputs": list(outputs) or [""],  # empty: all of them
@@ -96,7 +96,7 @@ def node_commands(
         "history": str(out / "history.sqlite"),  # not among the windows of a real machine
     }
     mapping = default_mapping_file(recording.path)
-    stated: dict[str, ParameterValue] = {"mapping": str(mapping)} if mapping else {}
+    stated: dict[str, object] = {"mapping": str(mapping)} if mapping else {}
     return [
         NodeCommand("analysis_node", {**common, **study, **stated}),
         NodeCommand("dynamics_node", {**common, "seed": seed}),
@@ -107,7 +107,7 @@ def node_commands(
 
 def player_command(recording: Recording) -> NodeCommand:
     """Name the player; the comparison sees every topic from its first message."""
-    play: dict[str, ParameterValue] = {"wait_for_subscribers": max(2, len(recording.points)), "wait_timeout": 30.0}
+    play: dict[str, object] = {"wait_for_subscribers": max(2, len(recording.points)), "wait_timeout": 30.0}
     return NodeCommand("bag_player", {"bag": str(recording.path), **play})
 
 

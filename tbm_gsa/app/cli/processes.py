@@ -19,8 +19,6 @@ from tbm_msgs_py.nodes.transport import DISCOVERY_RANGE, avoid_shared_memory
 _GRACE_S = 2.2  # a command has 3 s to end, its nodes included
 _LAST_DOMAIN = 232
 
-ParameterValue = bool | int | float | str | list[str]
-
 
 def settle_ros_environment() -> None:
     """Check the ROS domain, and keep messages on this computer and out of shared memory.
@@ -56,7 +54,7 @@ class NodeCommand:
     """
 
     name: str
-    parameters: Mapping[str, ParameterValue] = field(default_factory=dict)
+    parameters: Mapping[str, object] = field(default_factory=dict)
     file: Path | None = None
     module: str = ""
 

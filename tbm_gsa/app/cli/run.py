@@ -30,7 +30,7 @@ from tbm_gsa.app.cli.output import (
     progress_bar,
     results,
 )
-from tbm_gsa.app.cli.processes import NodeCommand, NodeProcesses, ParameterValue, settle_ros_environment
+from tbm_gsa.app.cli.processes import NodeCommand, NodeProcesses, settle_ros_environment
 from tbm_gsa.app.cli.simulate import schedule_of
 from tbm_gsa.app.cli.site import Site
 from tbm_gsa.app.cli.supervision import ACTIVE_STATUSES, Supervision, watch
@@ -101,7 +101,7 @@ def run(
         raise typer.BadParameter("--schedule with --speed, --torque or --thrust, allowed: one way to drive")
     if point is not None:
         stream.set_operating_point(point)
-    driven: dict[str, ParameterValue] = {"machine": described.origin, "loads": level}
+    driven: dict[str, object] = {"machine": described.origin, "loads": level}
     if schedule is not None:
         driven |= {"schedule": str(schedule.absolute()), "schedule_columns": schedule_column or [""]}
         driven |= {"schedule_where": schedule_where or [""]}
@@ -143,10 +143,10 @@ def _operating_point(
     )
 
 
-def node_commands(driven: Mapping[str, ParameterValue], seed: int | None, out: Path, site: Site) -> list[NodeCommand]:
+def node_commands(driven: Mapping[str, object], seed: int | None, out: Path, site: Site) -> list[NodeCommand]:
     """Return the three nodes, on the computer's clock; `driven` are parameters of the load node."""
-    common: dict[str, ParameterValue] = {name: driven[name] for name in ("machine", "loads")}
-    analysis: dict[str, ParameterValue] = {"machine": driven["machine"]}
+    common: dict[str, object] = {name: driven[name] for name in ("machine", "loads")}
+    analysis: dict[str, object] = {"machine": driven["machine"]}
     if site.stated("analysis_node", "gsa.folder") is None:
         analysis["gsa.folder"] = str(out / "studies")
     if seed is not None:

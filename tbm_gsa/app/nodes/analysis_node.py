@@ -37,21 +37,20 @@ from tbm_msgs_py.base.operating_point import OperatingPointError
 from tbm_msgs_py.blocks import BlockError
 from tbm_msgs_py.nodes import messages
 from tbm_msgs_py.nodes.managed import ManagedNode
-from tbm_msgs_py.nodes.parameters import ROOT, Parameter, live_parameter
+from tbm_msgs_py.nodes.parameters import MACHINE, ROOT, Parameter, live_parameter
 from tbm_msgs_py.recordings.mapping import SensorMapping, contract_sensor
 
 _MOST_WORKERS = max(2, os.cpu_count() or 1)
 _HISTORY = "history file of the windows; empty: tbm_monitor/history.sqlite in the user's data folder; none: not kept"
 _BASELINE = "baseline in the history whose errors alarms are set against; empty: the threshold is absolute"
+_WINDOWS = "windows in a row over the threshold that raise the alarm"
 _PAUSE = "least time from the start of a study to one that an alarm starts (min)"
 _MAPPING = "mapping file of the field topics; empty: the topics of the contract, m/s², gravity removed"
 PARAMETERS = (
-    Parameter("machine", "dz101", "machine: name of a shipped one, or path of a machine file"),
+    MACHINE,
     live_parameter("window", topics.WINDOW, "length of a comparison window (s)", 0.1, 3600.0),
     live_parameter("threshold", topics.ERROR_THRESHOLD, "relative error that counts (1)", 0.001, 100.0),
-    live_parameter(
-        "threshold_windows", topics.ERROR_WINDOWS, "windows in a row over it that raise the alarm", 1, 10000
-    ),
+    live_parameter("threshold_windows", topics.ERROR_WINDOWS, _WINDOWS, 1, 10000),
     live_parameter("alarm_axes", ["x"], "axes whose error is watched; the paper compares the axial one, x"),
     Parameter("mapping", "", _MAPPING),
     Parameter("history", "", _HISTORY, written=True, no_path=("", OFF)),

@@ -9,7 +9,7 @@ import typer
 
 from tbm_gsa.app.cli.bag.node import run_to_end
 from tbm_gsa.app.cli.output import JSON_OPTION, print_json, results
-from tbm_gsa.app.cli.processes import NodeCommand, ParameterValue
+from tbm_gsa.app.cli.processes import NodeCommand
 from tbm_gsa.app.cli.shipped import RECORDING_ARGUMENT, recording_path
 from tbm_msgs_py.bags import Bag
 from tbm_msgs_py.base.bounds import listed
@@ -38,7 +38,7 @@ def play(
     for name in names:
         if name not in recorded:
             raise InputError(f"--topics {name}: not in {bag}, allowed: {listed(sorted(recorded))}")
-    given: dict[str, ParameterValue] = {"bag": str(bag), "rate": rate, "loop": loop, "clock": clock, "start": start}
+    given: dict[str, object] = {"bag": str(bag), "rate": rate, "loop": loop, "clock": clock, "start": start}
     given |= {"duration": duration, "topics": names or [""], "wait_for_subscribers": subscribers}
     summary = run_to_end(NodeCommand("bag_player", given))
     if summary is None:

@@ -10,7 +10,7 @@ import typer
 from tbm_gsa.app.cli.bag.info import info_document
 from tbm_gsa.app.cli.bag.node import run_to_end
 from tbm_gsa.app.cli.output import JSON_OPTION, notes, print_json, results
-from tbm_gsa.app.cli.processes import NodeCommand, ParameterValue
+from tbm_gsa.app.cli.processes import NodeCommand
 from tbm_msgs_py.bags import BagInfo, RecordingError, Topic, metadata
 from tbm_msgs_py.topics import absolute
 
@@ -37,7 +37,7 @@ def record(
     if out.exists():
         raise RecordingError(f"{out}: exists already, allowed: a new name")
     names = [name.strip() for given in topics for name in given.split(",") if name.strip()]
-    given: dict[str, ParameterValue] = {"output": str(out), "topics": names or [""], "duration": duration}
+    given: dict[str, object] = {"output": str(out), "topics": names or [""], "duration": duration}
     given |= {"split_size": split_size, "split_time": split_time, "quota": quota, "use_sim_time": sim_time}
     given["compression"] = "zstd" if compress else "none"
     summary = run_to_end(NodeCommand("bag_recorder", given))
