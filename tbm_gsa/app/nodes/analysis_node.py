@@ -103,7 +103,7 @@ class AnalysisNode(ManagedNode):
             self._baselines[values["baseline"]] = self._history.usual_errors(values["baseline"])
 
     def parameters_changed(self, names: frozenset[str]) -> None:
-        """Begin anew with another window or alarm; a study that runs keeps its options."""
+        """Restart with another window or alarm; a study that runs keeps its options."""
         if "window" in names:
             self._comparison.set_window(self.value("window"))
         if not names.isdisjoint(("threshold", "threshold_windows", "alarm_axes", "baseline")):

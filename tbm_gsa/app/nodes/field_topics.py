@@ -48,7 +48,7 @@ class FieldTopics:
     sensors : mapping of str to SensorMapping
         By topic.
     comparison : LiveComparison
-        Begins anew at a test point whose single samples are no longer used; its health gets the faults of topics.
+        Restarts at a test point whose single samples are no longer used; its health gets the faults of topics.
     on_samples : callable
         Called with the sensor, the stamp (ns), offsets (n,) in s and values (n, 3) while the node is active.
     """

@@ -61,11 +61,11 @@ class LiveComparison:
         self.set_window(window)
 
     def set_window(self, seconds: float) -> None:
-        """Begin anew with windows of another length."""
+        """Restart with windows of another length."""
         self._windows = WindowedComparison(seconds, rotating=self.rotating)
 
     def restart(self, point: str) -> None:
-        """Begin anew at a test point."""
+        """Restart at a test point."""
         self._windows.restart(point)
 
     def add_operating_point(self, topic: str, stamp_ns: int, point: ArrayLike) -> None:

@@ -29,7 +29,7 @@ PARAMETERS = (
 )
 
 
-class _Listener:
+class _SubscriberListener:
     """Notes which topics clients subscribe to."""
 
     def __init__(self, asked: SimpleQueue[str]) -> None:
@@ -64,7 +64,7 @@ class LiveView(ManagedNode):
                 host=host,
                 port=port,
                 context=self._sink,
-                server_listener=_Listener(self._asked),
+                server_listener=_SubscriberListener(self._asked),
             )
         except Exception as error:
             raise InputError(f"{host}:{port}: {error}") from error
