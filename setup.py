@@ -1,5 +1,6 @@
-"""The one place that names the dependencies, the executables and the data files."""
+"""The one place that names the dependencies and the data files; the executables are those of the registry of nodes."""
 
+import runpy
 from pathlib import Path
 from xml.etree import ElementTree
 
@@ -35,7 +36,7 @@ REQUIRED = [
     "matplotlib>=3.8",
 ]
 ROS_WHEELS = [f"ros-jazzy-{name}; {ON_WHEEL_PLATFORM}" for name in ("rclpy", "common-interfaces", "rmw-fastrtps-cpp")]
-NODES = ("load_node", "dynamics_node", "analysis_node", "live_view", "bag_player", "bag_recorder")
+NODES = runpy.run_path(str(HERE / "tbm_msgs_py" / "nodes" / "registry.py"))["NODES"]
 CLUSTER = ["distributed>=2024.1"]
 # Formats of `tbm-monitor bag import` beside CSV, WAV and MATLAB up to 7.2.
 IMPORT = ["nptdms>=1.9", "asammdf>=8.0", "h5py>=3.10"]

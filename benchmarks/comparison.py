@@ -20,7 +20,7 @@ from tbm_gsa.comparison.workflow import compare_recording
 from tbm_gsa.signals.estimates import estimate
 from tbm_gsa.signals.settings import Settings
 from tbm_msgs_py import ACCELERATION, BagWriter
-from tbm_msgs_py.nodes.faults import Faults
+from tbm_msgs_py.recordings.faults import FaultCounts
 from tbm_msgs_py.recordings.recording import AccelerationRecord, RecordingReader, open_recording
 
 POINTS = ("cutterhead", "shield", "walkway", "girder", "gripper")
@@ -49,7 +49,7 @@ class InPieces:
         self.sensors, self._reader, self._length = reader.sensors, reader, length_s
 
     @property
-    def faults(self) -> Mapping[str, Faults]:
+    def faults(self) -> Mapping[str, FaultCounts]:
         """What the reader has counted."""
         return self._reader.faults
 

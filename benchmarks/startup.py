@@ -29,10 +29,10 @@ from rclpy.signals import SignalHandlerOptions
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import PointCloud2
 
-from tbm_gsa.app.cli.processes import NodeCommand, NodeProcesses, ParameterValue, settle_ros_environment
-from tbm_gsa.app.nodes.start import NODES
+from tbm_gsa.app.cli.processes import NodeCommand, NodeProcesses, settle_ros_environment
 from tbm_msgs_py import topics
 from tbm_msgs_py.nodes import qos
+from tbm_msgs_py.nodes.registry import NODES
 from tbm_msgs_py.nodes.running import fastest_executor
 
 HELP_TARGET_S, NODE_TARGET_S = 0.5, 2.0
@@ -46,7 +46,7 @@ RECORDING = Path(__file__).parents[1] / "bags" / "field_dz101"
 class Case:
     """A node, what it publishes first, and the node that has to run before it does."""
 
-    parameters: Mapping[str, ParameterValue] = field(default_factory=dict)
+    parameters: Mapping[str, object] = field(default_factory=dict)
     first: tuple[Any, str, Any] | None = None
     after: str | None = None
 
@@ -152,12 +152,12 @@ def node_seconds(watcher: Watcher, name: str) -> dict[str, float]:
         for other in filter(None, (case.after, name)):
             watcher.wait(watcher.gone(other), nodes, f"another {other} in this ROS domain did not end")
         if case.after:
-            nodes.start(NodeCommand(case.after, NODES[case.after]))
+            nodes.start(NodeCommand(case.after))
             watcher.wait(watcher.active(case.after), nodes, f"{case.after} did not become active")
         active = watcher.active(name)
         arrived = watcher.first_message(*case.first) if case.first else None
         start = time.perf_counter()
-        nodes.start(NodeCommand(name, NODES[name], case.parameters))
+        nodes.start(NodeCommand(name, case.parameters))
         watcher.wait(active, nodes, f"{name} did not become active")
         found = {"active": time.perf_counter() - start, "cpu": nodes.cpu(name)}
         if arrived:

@@ -36,7 +36,6 @@ from sensor_msgs.msg import JointState, PointCloud2
 
 from tbm_dynamics import load_machine, simulate
 from tbm_gsa.app.cli.processes import NodeCommand, NodeProcesses, settle_ros_environment
-from tbm_gsa.app.cli.ros import ANALYSIS_NODE, DYNAMICS_NODE, LOAD_NODE
 from tbm_msgs_py import ACCELERATION, topics
 from tbm_msgs_py.nodes import messages, qos
 from tbm_msgs_py.nodes.running import fastest_executor
@@ -188,9 +187,9 @@ class System(NodeProcesses):
         """Start all; the nodes by name."""
         common = {"use_sim_time": self._rate is not None}
         analysis = {"gsa.on_threshold": False, "history": str(self._history), **common}
-        self.start(NodeCommand("analysis_node", ANALYSIS_NODE, analysis))
-        self.start(NodeCommand("dynamics_node", DYNAMICS_NODE, {"seed": SEED, **common}))
-        self.start(NodeCommand("load_node", LOAD_NODE, {"seed": SEED, "wait_for_subscribers": 2, **common}))
+        self.start(NodeCommand("analysis_node", analysis))
+        self.start(NodeCommand("dynamics_node", {"seed": SEED, **common}))
+        self.start(NodeCommand("load_node", {"seed": SEED, "wait_for_subscribers": 2, **common}))
         self._help("sensors")
         if self._rate is not None:
             self._help("clock", "--rate", str(self._rate))

@@ -8,8 +8,7 @@ from launch.substitutions import LaunchConfiguration
 from launch_ros.actions import LifecycleNode
 
 from launch import LaunchDescription
-
-NODES = ("load_node", "dynamics_node", "analysis_node")
+from tbm_msgs_py.nodes.registry import MACHINE_NODES
 
 
 def generate_launch_description() -> LaunchDescription:
@@ -25,7 +24,7 @@ def generate_launch_description() -> LaunchDescription:
             output="screen",
             parameters=[LaunchConfiguration("params_file"), simulated],
         )
-        for name in NODES
+        for name in MACHINE_NODES
     ]
     arguments = [
         DeclareLaunchArgument("namespace", default_value="tbm", description="one for each machine"),

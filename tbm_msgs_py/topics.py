@@ -7,6 +7,8 @@ Names are relative: a node in the default namespace ``/tbm`` publishes ``model/g
 from __future__ import annotations
 
 from dataclasses import dataclass
+from fnmatch import fnmatchcase
+from typing import NamedTuple
 
 NAMESPACE = "/tbm"
 TEST_POINTS = ("cutterhead", "shield", "walkway", "girder", "gripper")
@@ -38,7 +40,7 @@ ANALYSIS_QUANTITIES = ("model_rms", "field_rms", "relative_error")
 
 @dataclass(frozen=True)
 class QoS:
-    """Quality of service of a topic; history is always keep-last.
+    """QoS of service of a topic; history is always keep-last.
 
     Attributes
     ----------
@@ -68,11 +70,27 @@ DIAGNOSTICS_QOS = QoS(reliable=True, latched=False, depth=10)
 CLOCK_QOS = QoS(reliable=True, latched=False, depth=10)
 
 
-_OTHERS = {
-    OPERATING_POINT: OPERATING_POINT_QOS,
-    LOADS_OPERATING_POINT: LOADS_OPERATING_POINT_QOS,
-    DIAGNOSTICS: DIAGNOSTICS_QOS,
-    CLOCK: CLOCK_QOS,
+class TopicContract(NamedTuple):
+    """Message type of a topic, as ``package/msg/Type``, and its quality of service: of the contract, or on offer."""
+
+    type: str
+    quality: QoS
+
+
+_JOINTS, _STATUSES = "sensor_msgs/msg/JointState", "diagnostic_msgs/msg/DiagnosticArray"
+# By relative name; the first pattern that fits holds.
+_CONTRACT = {
+    OPERATING_POINT: TopicContract(_JOINTS, OPERATING_POINT_QOS),
+    LOADS_OPERATING_POINT: TopicContract(_JOINTS, LOADS_OPERATING_POINT_QOS),
+    LOADS_WRENCH: TopicContract("geometry_msgs/msg/WrenchStamped", BLOCK_QOS),
+    MODEL_DRIVES: TopicContract(_JOINTS, LIVE_QOS),
+    "*/accel": TopicContract("geometry_msgs/msg/AccelStamped", LIVE_QOS),
+    GSA_STATUS: TopicContract(_STATUSES, GSA_QOS),
+    GSA_RESULT: TopicContract(_STATUSES, GSA_QOS),
+    "analysis/*": TopicContract("geometry_msgs/msg/Vector3Stamped", ANALYSIS_QOS),
+    DIAGNOSTICS: TopicContract(_STATUSES, DIAGNOSTICS_QOS),
+    CLOCK: TopicContract("rosgraph_msgs/msg/Clock", CLOCK_QOS),
+    "*": TopicContract("sensor_msgs/msg/PointCloud2", BLOCK_QOS),
 }
 
 
@@ -121,13 +139,7 @@ def status_name(task: str, namespace: str = NAMESPACE) -> str:
     return f"{namespace.strip('/')}: {task}"
 
 
-def qos(name: str, namespace: str = NAMESPACE) -> QoS:
-    """Quality of service that the contract gives a topic, by its absolute or relative name."""
+def contract(name: str, namespace: str = NAMESPACE) -> TopicContract:
+    """Type and quality of service that the contract gives a topic, by its absolute or relative name."""
     name = name.removeprefix(f"{namespace.rstrip('/')}/")
-    if name in (GSA_STATUS, GSA_RESULT):
-        return GSA_QOS
-    if name == MODEL_DRIVES or name.endswith("/accel"):
-        return LIVE_QOS
-    if name.startswith("analysis/"):
-        return ANALYSIS_QOS
-    return _OTHERS.get(name, BLOCK_QOS)
+    return next(found for pattern, found in _CONTRACT.items() if fnmatchcase(name, pattern))

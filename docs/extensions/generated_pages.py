@@ -16,15 +16,8 @@ from sphinx.ext.autodoc.mock import mock
 from tbm_gsa.app.cli.main import app as command_line
 from tbm_gsa.comparison.results import ComparisonResult
 from tbm_gsa.sensitivity.results import StudyResult
+from tbm_msgs_py.nodes.registry import NODES
 
-NODES = (
-    "tbm_dynamics.nodes.load_node",
-    "tbm_dynamics.nodes.dynamics_node",
-    "tbm_gsa.app.nodes.analysis_node",
-    "tbm_msgs_py.nodes.bag_player",
-    "tbm_msgs_py.nodes.bag_recorder",
-    "tbm_gsa.app.nodes.live_view",
-)
 RESULTS: dict[str, type[BaseModel]] = {"compare": ComparisonResult, "gsa run": StudyResult}
 """Model of the document that a command prints."""
 # The node modules are read without ROS: only their declarations are wanted.
@@ -89,8 +82,8 @@ def parameter_page() -> str:
         "",
     ]
     with mock(list(ROS)):
-        declared = [(name.rpartition(".")[2], import_module(name).PARAMETERS) for name in NODES]
-    for node, parameters in declared:
+        declared = {node: import_module(node.module).PARAMETERS for node in NODES.values()}
+    for node, parameters in declared.items():
         rows = (
             (
                 f"`{entry.name}`" + (" *live*" if entry.changes == "running" else ""),
@@ -100,7 +93,7 @@ def parameter_page() -> str:
             )
             for entry in parameters
         )
-        lines += [f"## {node}", "", *_table(("parameter", "default", "allowed", "what"), rows)]
+        lines += [f"## {node.name}", "", node.summary, "", *_table(("parameter", "default", "allowed", "what"), rows)]
     return "\n".join(lines)
 
 

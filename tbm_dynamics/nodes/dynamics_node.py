@@ -2,79 +2,63 @@
 
 from __future__ import annotations
 
-import sys
 import time
 from typing import Any
 
 import numpy as np
 from diagnostic_msgs.msg import DiagnosticStatus
-from geometry_msgs.msg import AccelStamped
 from sensor_msgs.msg import JointState, PointCloud2
 from threadpoolctl import threadpool_limits
 
-from tbm_dynamics import Machine, MachineError, OperatingPoint, load_machine
 from tbm_dynamics.integration.simulator import Chunk
 from tbm_dynamics.loads.stepper import LOAD_MODELS
-from tbm_dynamics.nodes.pace import Pace
+from tbm_dynamics.machine.machine import Machine, load_machine
+from tbm_dynamics.nodes.pacer import RealTimePacer
 from tbm_dynamics.streaming.sensors import LiveFilter, SensorModel, SensorPacket, SensorParameters
 from tbm_dynamics.streaming.streams import DynamicsStream, step_ns
 from tbm_dynamics.structure.drive import gear_pair
 from tbm_msgs_py import blocks, topics
 from tbm_msgs_py.base import operating_point
-from tbm_msgs_py.base.errors import InputError, SimulationError
-from tbm_msgs_py.base.operating_point import OperatingPointError
+from tbm_msgs_py.base.errors import InputError, MachineError, SimulationError
+from tbm_msgs_py.base.operating_point import OperatingPoint, OperatingPointError
 from tbm_msgs_py.base.units import NANOSECONDS
 from tbm_msgs_py.blocks import BlockError
-from tbm_msgs_py.nodes import messages, qos
-from tbm_msgs_py.nodes.faults import Faults
-from tbm_msgs_py.nodes.managed import ManagedNode, Parameter, run_node
+from tbm_msgs_py.nodes import messages
+from tbm_msgs_py.nodes.fault_log import FaultLog
+from tbm_msgs_py.nodes.managed import ManagedNode
+from tbm_msgs_py.nodes.parameters import MACHINE, Parameter, live_parameter
 from tbm_msgs_py.nodes.rate import Rate
 
 PARAMETERS = (
-    Parameter("machine", "dz101", "machine: name of a shipped one, or path of a machine file"),
-    Parameter("loads", "spectral", "model of the received loads: its mean is where a run starts", choices=LOAD_MODELS),
-    Parameter("seed", 0, "seed of the sensor noise", minimum=0, maximum=2**31 - 1),
+    MACHINE,
+    Parameter("loads", "spectral", "level of the received loads: its mean is where a run starts", choices=LOAD_MODELS),
+    Parameter("seed", 0, "seed of the sensor noise", 0, 2**31 - 1),
+    Parameter("load_rate", topics.LOAD_BLOCK_RATE, "rate of the received loads (Hz), one step each", 1000.0, 50000.0),
+    live_parameter("live_rate", topics.LIVE_RATE, "rate of the live topics (Hz)", 1.0, 1000.0),
     Parameter(
-        "load_rate",
-        topics.LOAD_BLOCK_RATE,
-        "rate of the received loads (Hz), one step each",
-        minimum=1000.0,
-        maximum=50000.0,
+        "block_rate", int(topics.MODEL_BLOCK_RATE), "rate of the acceleration and mesh force blocks (Hz)", 100, 50000
     ),
-    Parameter(
-        "live_rate", topics.LIVE_RATE, "rate of the live topics (Hz)", minimum=1.0, maximum=1000.0, changes="running"
-    ),
-    Parameter(
-        "block_rate",
-        int(topics.MODEL_BLOCK_RATE),
-        "rate of the acceleration and mesh force blocks (Hz)",
-        minimum=100,
-        maximum=50000,
-    ),
-    Parameter("block_samples", topics.MODEL_BLOCK_SAMPLES, "samples of a block", minimum=10, maximum=100000),
-    Parameter("sensor.rate", 0, "sampling rate of the sensors (Hz), 0 is block_rate", minimum=0, maximum=50000),
-    Parameter("sensor.range", 0.0, "full scale (m/s²), 0 is unlimited", minimum=0.0),
-    Parameter("sensor.noise_density", 0.0, "noise (m/s²/√Hz)", minimum=0.0),
-    Parameter("sensor.quantisation", 0.0, "step of the converter (m/s²)", minimum=0.0),
-    Parameter("sensor.bias", [0.0, 0.0, 0.0], "bias of the sensor axes (m/s²)", minimum=-1e4, maximum=1e4),
-    Parameter("sensor.anti_alias_hz", 0.0, "corner of the anti-alias filter (Hz), 0 is none", minimum=0.0),
-    Parameter("sensor.clock_offset", 0.0, "sensor clock minus true time (s)", minimum=-3600.0, maximum=3600.0),
-    Parameter(
-        "sensor.clock_drift", 0.0, "how much the sensor clock runs fast (ppm)", minimum=-99999.0, maximum=99999.0
-    ),
-    Parameter("sensor.dropout_probability", 0.0, "share of blocks lost", minimum=0.0, maximum=1.0),
+    Parameter("block_samples", topics.MODEL_BLOCK_SAMPLES, "samples of a block", 10, 100000),
+    Parameter("sensor.rate", 0, "sampling rate of the sensors (Hz), 0 is block_rate", 0, 50000),
+    Parameter("sensor.range", 0.0, "full scale (m/s²), 0 is unlimited", 0.0),
+    Parameter("sensor.noise_density", 0.0, "noise (m/s²/√Hz)", 0.0),
+    Parameter("sensor.quantisation", 0.0, "step of the converter (m/s²)", 0.0),
+    Parameter("sensor.bias", [0.0, 0.0, 0.0], "bias of the sensor axes (m/s²)", -1e4, 1e4),
+    Parameter("sensor.anti_alias_hz", 0.0, "corner of the anti-alias filter (Hz), 0 is none", 0.0),
+    Parameter("sensor.clock_offset", 0.0, "sensor clock minus true time (s)", -3600.0, 3600.0),
+    Parameter("sensor.clock_drift", 0.0, "how much the sensor clock runs fast (ppm)", -99999.0, 99999.0),
+    Parameter("sensor.dropout_probability", 0.0, "share of blocks lost", 0.0, 1.0),
     Parameter(
         "sensor.mounting_rotation",
         [0.0, 0.0, 0.0],
         "roll, pitch, yaw of the sensors in the machine axes (degrees)",
-        minimum=-360.0,
-        maximum=360.0,
+        -360.0,
+        360.0,
     ),
     Parameter("sensor.gravity", False, "whether the sensors read gravity too"),
 )
 LOADS_FRAME = "cutterhead"
 _UNITS = {1e-3: "kN", 1e-6: "MN"}
-_SENSOR = tuple(parameter.name for parameter in PARAMETERS if parameter.name.startswith("sensor."))
 
 
 class DynamicsNode(ManagedNode):
@@ -85,55 +69,48 @@ class DynamicsNode(ManagedNode):
 
     def configure(self) -> None:
         """Assemble the machine, compile the kernel, create publishers and subscriptions."""
+        threadpool_limits(1)  # small matrices: more threads only compete with the other nodes for the cores
         self._machine: Machine = load_machine(self.value("machine"))
-        self._rate = float(self.value("load_rate"))
+        self._rate: float = self.value("load_rate")
         self._step = step_ns(self._rate)
         self._points = dict(self._machine.description.test_points)
         self._stream = DynamicsStream(self._machine, self._rate, self.value("loads"))
         self._pinion_radius = gear_pair(self._machine.description.driveshaft).pinion_base_radius
         self._refused = 0
-        self._faults: Faults[str] = Faults(lambda text: self.get_logger().warning(text))
-        self._pace = Pace()
+        self._faults: FaultLog[str] = FaultLog(lambda text: self.get_logger().warning(text))
+        self._pacer = RealTimePacer()
         self._lost_shown = self._dropped_shown = self._restarts_shown = 0
         self._new_sensors()
         self._stream.warm_up()
         self._create_topics()
 
     def _create_topics(self) -> None:
-        def create(kind: Any, name: str, profile: Any) -> Any:
-            return self.create_publisher(kind, name, profile, qos_overriding_options=qos.overridable())
-
-        self._blocks = {p: create(PointCloud2, topics.model_block(p), qos.BLOCK) for p in self._points}
-        self._accels = {p: create(AccelStamped, topics.model_accel(p), qos.LIVE) for p in self._points}
-        self._meshes = create(PointCloud2, topics.MODEL_MESH_FORCES, qos.BLOCK)
-        self._drives = create(JointState, topics.MODEL_DRIVES, qos.LIVE)
-        self._subscribe(JointState, topics.LOADS_OPERATING_POINT, self._on_operating_point, qos.LOADS_OPERATING_POINT)
+        self._blocks = {p: self.contract_publisher(topics.model_block(p)) for p in self._points}
+        self._accels = {p: self.contract_publisher(topics.model_accel(p)) for p in self._points}
+        self._meshes = self.contract_publisher(topics.MODEL_MESH_FORCES)
+        self._drives = self.contract_publisher(topics.MODEL_DRIVES)
+        self.contract_subscription(topics.LOADS_OPERATING_POINT, self._on_operating_point)
 
     def activate(self) -> None:
-        """Take loads from now on; what came before has not been waiting."""
-        self._taken = Rate()
-        self._subscribe(PointCloud2, topics.LOADS_BLOCK, self._on_loads, qos.BLOCK)
-
-    def _subscribe(self, kind: Any, name: str, callback: Any, profile: Any) -> None:
-        self.create_subscription(kind, name, callback, profile, qos_overriding_options=qos.overridable())
+        """Subscribe to the loads: of those before nothing has been waiting."""
+        self._received = Rate()
+        self.contract_subscription(topics.LOADS_BLOCK, self._on_loads)
 
     def parameters_changed(self, names: frozenset[str]) -> None:
-        """Take over another live rate."""
+        """Use another live rate."""
         if "live_rate" in names:
             self._new_live_filters()
 
     def _new_sensors(self) -> None:
         """Sensors and live filters for a fresh run."""
-        rate = int(self.value("block_rate"))
-        samples = int(self.value("block_samples"))
-        given = {name.removeprefix("sensor."): self.value(name) for name in _SENSOR}
+        rate, samples = self.value("block_rate"), self.value("block_samples")
+        given = self.values("sensor")
         given["rate_hz"] = given.pop("rate") or rate
         parameters = SensorParameters(packet_samples=samples, **given)
         whole = round(self._rate)
         if whole % rate:
             raise InputError(f"parameter block_rate: {rate}, allowed: what divides the load_rate of {whole} Hz")
-        seed = int(self.value("seed"))
-        self._sensors = {point: SensorModel(parameters, whole, seed, point) for point in self._points}
+        self._sensors = {point: SensorModel(parameters, whole, self.value("seed"), point) for point in self._points}
         self._mesh_gate = samples, whole // rate
         self._mesh_offsets = np.arange(samples) * (whole // rate * self._step / NANOSECONDS)
         self._new_live_filters()
@@ -141,10 +118,10 @@ class DynamicsNode(ManagedNode):
         self._restarts = self._stream.restarts
 
     def _new_live_filters(self) -> None:
-        stride = max(1, round(self._rate / float(self.value("live_rate"))))
+        stride = max(1, round(self._rate / self.value("live_rate")))
         self._live = {name: LiveFilter(self._rate, stride) for name in (*self._points, "drives")}
 
-    def _on_operating_point(self, message: Any) -> None:
+    def _on_operating_point(self, message: JointState) -> None:
         try:
             point = operating_point.from_joint_state(message)
             reached = OperatingPoint(point.speed, point.torque, point.thrust)
@@ -154,7 +131,7 @@ class DynamicsNode(ManagedNode):
         else:
             self._faults.clear(topics.LOADS_OPERATING_POINT)
 
-    def _on_loads(self, message: Any) -> None:
+    def _on_loads(self, message: PointCloud2) -> None:
         start = time.perf_counter()
         try:
             block = messages.block_from(message)
@@ -169,11 +146,11 @@ class DynamicsNode(ManagedNode):
             self._faults.report(topics.LOADS_BLOCK, f"{topics.LOADS_BLOCK}: {error}; not used")
             return
         self._faults.clear(topics.LOADS_BLOCK)
-        self._doubt_units(block.values)
-        self._taken.count(len(block.values))
+        self._check_units(block.values)
+        self._received.add(len(block.values))
         length = len(block.values) / self._rate
         now = self.get_clock().now().nanoseconds
-        self._pace.take(length, time.perf_counter() - start, (now - block.stamp_ns) / NANOSECONDS - length)
+        self._pacer.add(length, time.perf_counter() - start, (now - block.stamp_ns) / NANOSECONDS - length)
 
     def _check_block(self, block: blocks.Block) -> None:
         if block.layout != blocks.LOADS:
@@ -188,8 +165,8 @@ class DynamicsNode(ManagedNode):
                 f"samples {found[0]:.6g} s apart, allowed: {1.0 / self._rate:g} s of load_rate {self._rate:g} Hz"
             )
 
-    def _doubt_units(self, loads: np.ndarray) -> None:
-        """Say that the thrust is off by a factor that units are off by; the loads are used as they are."""
+    def _check_units(self, loads: np.ndarray) -> None:
+        """Report a thrust that is off by a factor of units; the loads are used as they are."""
         asked = self._stream.mean_loads[0]
         share = loads[:, 0].mean() / asked if asked else 1.0
         unit = next((unit for factor, unit in _UNITS.items() if factor / 3.0 < share < 3.0 * factor), None)
@@ -233,7 +210,7 @@ class DynamicsNode(ManagedNode):
 
     def statuses(self) -> list[DiagnosticStatus]:
         """Real-time factor, losses and what is wrong with the loads."""
-        stream, pace = self._stream, self._pace
+        stream, pacer = self._stream, self._pacer
         lost, self._lost_shown = stream.lost_steps - self._lost_shown, stream.lost_steps
         dropped, self._dropped_shown = stream.dropped - self._dropped_shown, stream.dropped
         restarts, self._restarts_shown = stream.restarts - self._restarts_shown, stream.restarts
@@ -242,23 +219,23 @@ class DynamicsNode(ManagedNode):
         problems += [f"{dropped} blocks beside the stream dropped{self._rivals()}"] if dropped else []
         problems += ["the loads jumped: the run started afresh"] if restarts else []
         values = {
-            "blocks": pace.blocks,
-            "measured_rate_hz": self._taken.look(),
+            "blocks": pacer.blocks,
+            "measured_rate_hz": self._received.mean(),
             "lost_steps": stream.lost_steps,
             "restarts": stream.restarts,
             "refused_blocks": self._refused,
             "dropped_blocks": stream.dropped,
             "lost_sensor_packets": sum(sensor.lost_packets for sensor in self._sensors.values()),
-            **pace.figures(),
+            **pacer.figures(),
         }
-        silent = pace.silent()
+        silent = pacer.silent()
         level, text = self._judge(silent, problems)
         return [self.status("dynamics", level, text, values, self._machine.name)]
 
     def _judge(self, silent: float, problems: list[str]) -> tuple[messages.Level, str]:
         if self.clock_stands and not problems:
             return "ok", "the clock stands"
-        if not self._pace.blocks:
+        if not self._pacer.blocks:
             return "warn", "; ".join([f"no block on {topics.LOADS_BLOCK} yet", *problems])
         if silent:
             return "error", "; ".join([f"no block on {topics.LOADS_BLOCK} for {silent:.0f} s", *problems])
@@ -268,14 +245,3 @@ class DynamicsNode(ManagedNode):
         """Name two publishers of loads; asked only when there were any: one that was killed is listed for 20 s more."""
         names = sorted(p.node_name for p in self.get_publishers_info_by_topic(topics.LOADS_BLOCK))
         return f": {len(names)} publishers, {', '.join(names)}" if len(names) > 1 else ""
-
-
-def main() -> None:
-    """Run the node."""
-    # Small matrices: more BLAS threads only fight the other nodes for the cores.
-    threadpool_limits(1)
-    sys.exit(run_node(DynamicsNode))
-
-
-if __name__ == "__main__":
-    main()

@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-import sys
 import time
 from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
 from diagnostic_msgs.msg import DiagnosticStatus
-from geometry_msgs.msg import WrenchStamped
-from sensor_msgs.msg import JointState, PointCloud2
+from sensor_msgs.msg import JointState
 
 from tbm_dynamics import Machine, MachineError, OperatingPoint, load_machine
 from tbm_dynamics.loads.stepper import LOAD_MODELS
@@ -20,21 +18,22 @@ from tbm_msgs_py import blocks, topics
 from tbm_msgs_py.base import operating_point
 from tbm_msgs_py.base.operating_point import OperatingPointError
 from tbm_msgs_py.base.units import NANOSECONDS, R_MIN
-from tbm_msgs_py.nodes import messages, qos
-from tbm_msgs_py.nodes.faults import Faults
-from tbm_msgs_py.nodes.managed import ManagedNode, Parameter, run_node
+from tbm_msgs_py.nodes import messages
+from tbm_msgs_py.nodes.fault_log import FaultLog
+from tbm_msgs_py.nodes.managed import ManagedNode
+from tbm_msgs_py.nodes.parameters import MACHINE, Parameter, live_parameter
 from tbm_msgs_py.nodes.rate import Rate
 
 # A clock that leaps further than this (a bag that loops, a suspended computer), or than readers have room for, starts
 # the stream afresh.
 _LONGEST_BACKLOG_S = 5.0
 _MOST_BLOCKS = topics.BLOCK_QOS.depth - 8
-_MATCHING_S = 0.3  # a publisher knows of a subscriber before that one takes what it sends
+_MATCHING_S = 0.3  # a publisher knows of a subscriber before that one receives
 # A block is late by up to the time between two looks at the clock.
 _LOOKS_A_BLOCK = 5
 
 PARAMETERS = (
-    Parameter("machine", "dz101", "machine: name of a shipped one, or path of a machine file"),
+    MACHINE,
     Parameter("loads", "spectral", "Table 1's spectra, or the forces on the disc cutters", choices=LOAD_MODELS),
     Parameter("schedule", "", "CSV file with the operating point over stream time; empty: as the topic says"),
     Parameter(
@@ -43,21 +42,12 @@ PARAMETERS = (
         f"its columns, where not {' '.join(f'{key}={name}' for key, name in COLUMNS.items())}",
     ),
     Parameter("schedule_where", [""], "only rows with these cells, as column=text"),
-    Parameter("seed", 0, "seed of the load realisation", minimum=0, maximum=2**31 - 1),
-    Parameter("block_rate", topics.LOAD_BLOCK_RATE, "rate of the loads (Hz)", minimum=1000.0, maximum=50000.0),
-    Parameter("block_samples", topics.LOAD_BLOCK_SAMPLES, "samples of a block", minimum=10, maximum=100000),
-    Parameter(
-        "live_rate", topics.LIVE_RATE, "rate of loads/wrench (Hz)", minimum=1.0, maximum=1000.0, changes="running"
-    ),
+    Parameter("seed", 0, "seed of the load realisation", 0, 2**31 - 1),
+    Parameter("block_rate", topics.LOAD_BLOCK_RATE, "rate of the loads (Hz)", 1000.0, 50000.0),
+    Parameter("block_samples", topics.LOAD_BLOCK_SAMPLES, "samples of a block", 10, 100000),
+    live_parameter("live_rate", topics.LIVE_RATE, "rate of loads/wrench (Hz)", 1.0, 1000.0),
     *(
-        Parameter(
-            f"operating_point.{name}",
-            0.0,
-            f"{text}; 0: the machine's; the topic changes it too",
-            minimum=0.0,
-            maximum=1e9,
-            changes="running",
-        )
+        live_parameter(f"operating_point.{name}", 0.0, f"{text}; 0: the machine's; the topic changes it too", 0.0, 1e9)
         for name, text in (
             ("speed", "speed of the cutterhead (r/min)"),
             ("torque", "its mean torque (kN·m)"),
@@ -68,8 +58,8 @@ PARAMETERS = (
         "wait_for_subscribers",
         0,
         "subscribers of loads/block to wait for, and 0.3 s more, before the first block",
-        minimum=0,
-        maximum=16,
+        0,
+        16,
     ),
 )
 _POINT = tuple(parameter.name for parameter in PARAMETERS if parameter.name.startswith("operating_point."))
@@ -85,14 +75,14 @@ class LoadNode(ManagedNode):
     def configure(self) -> None:
         """Load the machine and create the publishers."""
         self._machine: Machine = load_machine(self.value("machine"))
-        self._rate = float(self.value("block_rate"))
-        self._samples = int(self.value("block_samples"))
+        self._rate: float = self.value("block_rate")
+        self._samples: int = self.value("block_samples")
         self._step = step_ns(self._rate)
         self._offsets = np.arange(self._samples) * self._step / NANOSECONDS
         self._stream: LoadStream | None = None
         self._epoch_ns = 0
         self._refused = 0
-        self._faults: Faults[str] = Faults(lambda text: self.get_logger().warning(text))
+        self._faults: FaultLog[str] = FaultLog(lambda text: self.get_logger().warning(text))
         self._schedule = self._read_schedule()
         self._wanted: OperatingPoint | None = None  # of the topic or the parameters, since the node was configured
         self._advance = 0.0  # of the topic: passed on, the loads do not depend on it
@@ -105,22 +95,13 @@ class LoadNode(ManagedNode):
         self._create_topics()
 
     def _create_topics(self) -> None:
-        def create(kind: Any, name: str, profile: Any) -> Any:
-            return self.create_publisher(kind, name, profile, qos_overriding_options=qos.overridable())
-
-        self._blocks = create(PointCloud2, topics.LOADS_BLOCK, qos.BLOCK)
-        self._live = create(WrenchStamped, topics.LOADS_WRENCH, qos.BLOCK)
-        self._applied = create(JointState, topics.LOADS_OPERATING_POINT, qos.LOADS_OPERATING_POINT)
-        self.create_subscription(
-            JointState,
-            topics.OPERATING_POINT,
-            self._on_operating_point,
-            qos.OPERATING_POINT,
-            qos_overriding_options=qos.overridable(),
-        )
+        self._blocks = self.contract_publisher(topics.LOADS_BLOCK)
+        self._live = self.contract_publisher(topics.LOADS_WRENCH)
+        self._applied = self.contract_publisher(topics.LOADS_OPERATING_POINT)
+        self.contract_subscription(topics.OPERATING_POINT, self._on_operating_point)
 
     def _set_live_rate(self) -> None:
-        self._live_stride = max(1, round(self._rate / float(self.value("live_rate"))))
+        self._live_stride = max(1, round(self._rate / self.value("live_rate")))
 
     def _given_point(self, changes: Mapping[str, Any]) -> OperatingPoint | None:
         """Operating point of the parameters with some of them changed; None while all are zero."""
@@ -130,14 +111,14 @@ class LoadNode(ManagedNode):
         own = self._machine.operating_point
         return OperatingPoint(given[0] * R_MIN or own.speed, given[1] * 1e3 or own.torque, given[2] * 1e3 or own.thrust)
 
-    def check_parameters(self, values: Mapping[str, Any]) -> None:
+    def check_parameters(self, values: Mapping[str, object]) -> None:
         """Refuse an operating point that the machine, its rock or a schedule does not allow."""
         if not values.keys().isdisjoint(_POINT):
             wanted = self._given_point(values) or self._machine.operating_point
             self._new_stream().set_operating_point(wanted)
 
     def parameters_changed(self, names: frozenset[str]) -> None:
-        """Take over another live rate or operating point."""
+        """Use another live rate or operating point."""
         self._set_live_rate()
         if not names.isdisjoint(_POINT):
             self._wanted = self._given_point({}) or self._machine.operating_point
@@ -152,14 +133,8 @@ class LoadNode(ManagedNode):
         return read_schedule(file, columns, where)
 
     def _new_stream(self) -> LoadStream:
-        return LoadStream(
-            self._machine,
-            int(self.value("seed")),
-            1.0 / self._rate,
-            self._samples,
-            self.value("loads"),
-            self._schedule,
-        )
+        seed, loads = self.value("seed"), self.value("loads")
+        return LoadStream(self._machine, seed, 1.0 / self._rate, self._samples, loads, self._schedule)
 
     def activate(self) -> None:
         """Start the stream at the first look at which the clock runs and the subscribers are there."""
@@ -168,7 +143,7 @@ class LoadNode(ManagedNode):
         self._matched_since: float | None = None
         self._timer = self.create_timer(self._samples / self._rate / _LOOKS_A_BLOCK, self._tick)
 
-    def _on_operating_point(self, message: Any) -> None:
+    def _on_operating_point(self, message: JointState) -> None:
         try:
             given = operating_point.from_joint_state(message)
             wanted = OperatingPoint(given.speed, given.torque, given.thrust)
@@ -200,7 +175,7 @@ class LoadNode(ManagedNode):
         """Start the stream once the clock runs and enough subscribers are there."""
         if now == 0 or not self._matched():
             return False
-        # When this look was due, however late it came: every block is complete at one, and waits for none after it.
+        # When this call was due, however late it was: every block is complete at one, and waits for none after it.
         due = now - max(0, self._timer.timer_period_ns - self._timer.time_until_next_call())
         self._epoch_ns = due // self._step * self._step
         self._stream = self._new_stream()
@@ -226,7 +201,7 @@ class LoadNode(ManagedNode):
 
     def _publish(self, block: LoadBlock) -> None:
         stamp = self._epoch_ns + block.first_step * self._step
-        self._sent.count(len(block.loads))
+        self._sent.add(len(block.loads))
         if (block.operating_point, self._advance) != self._announced:
             self._announce(stamp, block.operating_point, block.head_angle)
         self._blocks.publish(messages.block(blocks.LOADS, stamp, self._offsets, block.loads, FRAME))
@@ -241,7 +216,7 @@ class LoadNode(ManagedNode):
         values = {
             "blocks": self._stream.next_step // self._samples if self._stream else 0,
             "rate_hz": self._rate,
-            "measured_rate_hz": self._sent.look(),
+            "measured_rate_hz": self._sent.mean(),
             "refused_operating_points": self._refused,
             "speed_r_min": point.speed / R_MIN,
             "torque_kn_m": point.torque / 1e3,
@@ -253,12 +228,3 @@ class LoadNode(ManagedNode):
             going = "the clock stands"
         level: messages.Level = "ok" if running and not problems else "warn"
         return [self.status("loads", level, "; ".join([going, *problems]), values, self._machine.name)]
-
-
-def main() -> None:
-    """Run the node."""
-    sys.exit(run_node(LoadNode))
-
-
-if __name__ == "__main__":
-    main()

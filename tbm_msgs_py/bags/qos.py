@@ -1,4 +1,4 @@
-"""Quality of service as rosbag2 stores it, read and written."""
+"""QoS of service as rosbag2 stores it, read and written."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ _FOREVER = QosTime(*divmod(2**63 - 1, 10**9))
 
 
 def rosbag_profile(qos: QoS) -> Qos:
-    """Quality of service as rosbag2 stores it."""
+    """QoS of service as rosbag2 stores it."""
     return Qos(
         history=QosHistory.KEEP_LAST,
         depth=qos.depth,
@@ -27,7 +27,7 @@ def rosbag_profile(qos: QoS) -> Qos:
 
 
 def offered_qos(text: str) -> QoS | None:
-    """Quality of service that a recording states for a topic; None when it states none.
+    """QoS of service that a recording states for a topic; None when it states none.
 
     Reliable and latched only when every recorded publisher was. A volatile queue is at least as deep as that of a
     block: depth is what keeps a fast stream whole.

@@ -229,7 +229,7 @@ class BagWriter:
                 )
             text, _ = typestore().generate_msgdef(message_type, ros_version=2)
             definition = text, typestore().hash_rihs01(message_type)
-        entry = TopicEntry(topic, message_type, definition[1], qos or topics.qos(topic), definition[0])
+        entry = TopicEntry(topic, message_type, definition[1], qos or topics.contract(topic).quality, definition[0])
         self._entries[topic, message_type] = entry
         self._undescribed = True
         return entry

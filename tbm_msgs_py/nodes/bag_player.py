@@ -2,11 +2,8 @@
 
 from __future__ import annotations
 
-import json
-import sys
 import time
 from collections.abc import Iterator
-from pathlib import Path
 from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticStatus
@@ -14,35 +11,35 @@ from rclpy.clock import Clock
 from rclpy.clock_type import ClockType
 from rclpy.duration import Duration
 from rclpy.publisher import Publisher
-from rosgraph_msgs.msg import Clock as ClockMessage
+from rclpy.timer import Timer
 
 from tbm_msgs_py import topics
 from tbm_msgs_py.bags.bag import Bag
 from tbm_msgs_py.bags.batch import RawMessage, Topic
 from tbm_msgs_py.bags.qos import offered_qos
 from tbm_msgs_py.base.errors import RecordingError
-from tbm_msgs_py.base.files import write_whole
 from tbm_msgs_py.base.texts import listed
 from tbm_msgs_py.base.units import NANOSECONDS
 from tbm_msgs_py.nodes import messages, qos
-from tbm_msgs_py.nodes.managed import ManagedNode, Parameter, run_node
+from tbm_msgs_py.nodes.managed import ManagedNode
+from tbm_msgs_py.nodes.parameters import SUMMARY, Parameter, live_parameter
 
 TICK = 0.005  # s of wall time: messages are at most this late, /clock comes at 200 Hz
 DELIVERY = 2.0  # s that subscribers get to acknowledge the last messages
 
 PARAMETERS = (
     Parameter("bag", "", "rosbag2 folder or bare .mcap file"),
-    Parameter("rate", 1.0, "playing speed, times real time", 0.1, 10.0, changes="running"),
-    Parameter("paused", False, "stand still, the clock too", changes="running"),
+    live_parameter("rate", 1.0, "playing speed, times real time", 0.1, 10.0),
+    live_parameter("paused", False, "stand still, the clock too"),
     Parameter("loop", False, "start again at the end"),
-    Parameter("start", 0.0, "offset of the first message played, s", minimum=0.0),
-    Parameter("duration", 0.0, "recorded time played, s; 0 for all", minimum=0.0),
+    Parameter("start", 0.0, "offset of the first message played, s", 0.0),
+    Parameter("duration", 0.0, "recorded time played, s; 0 for all", 0.0),
     Parameter("clock", True, "publish /clock with the recorded time"),
     Parameter("topics", [""], "topics played; empty for all"),
     Parameter("wait_for_subscribers", 1, "subscriptions to the played topics before the first message", 0, 1000),
     Parameter("wait_timeout", 5.0, "longest wait for these subscriptions, s", 0.0, 3600.0),
     Parameter("exit_at_end", True, "end the process after the last message"),
-    Parameter("summary", "", "file that gets the result as JSON at the end; empty for none", changes="start"),
+    SUMMARY,
 )
 
 
@@ -57,7 +54,7 @@ class BagPlayer(ManagedNode):
         self._played: dict[tuple[str, str], Publisher] = {}  # by topic and type
         self._latched: set[str] = set()
         self._clock_publisher: Publisher | None = None
-        self._timer: Any = None
+        self._timer: Timer | None = None
 
     def configure(self) -> None:
         """Open the recording and create a publisher for each topic."""
@@ -74,7 +71,7 @@ class BagPlayer(ManagedNode):
             raise RecordingError(f"parameter start: {self.value('start')} s, allowed: below {info.duration:.3f} s")
         self._create_publishers(info.topics)
         if self.value("clock"):
-            self._clock_publisher = self.create_publisher(ClockMessage, topics.CLOCK, qos.CLOCK)
+            self._clock_publisher = self.contract_publisher(topics.CLOCK)
 
     def activate(self) -> None:
         """Begin to wait for subscribers, then play."""
@@ -90,14 +87,7 @@ class BagPlayer(ManagedNode):
     def deactivate(self) -> None:
         """Stop playing; the next activation starts from the beginning."""
         self._stop()
-        if self.value("summary"):
-            document = {
-                "played": self._count,
-                "lost": self.lost,
-                "loops": self._loops,
-                "ended": self._next is None,
-            }
-            write_whole(Path(self.value("summary")), json.dumps(document).encode())
+        self.write_summary(played=self._count, lost=self.lost, loops=self._loops, ended=self._next is None)
 
     def _stop(self) -> None:
         if self._timer is not None:
@@ -115,7 +105,7 @@ class BagPlayer(ManagedNode):
         return max(self._lost_before, self._bag.lost)
 
     def statuses(self) -> list[DiagnosticStatus]:
-        """How far it has come, and what of the recording is lost."""
+        """Position, and what of the recording is lost."""
         values = {
             "position": (min(self._now_ns, self._end_ns) - self._info.start_ns) * 1e-9,
             "length": self._info.duration,
@@ -157,7 +147,7 @@ class BagPlayer(ManagedNode):
         message_type = messages.message_class(topic.type)
         if message_type is None:
             return f"type {topic.type} is not installed"
-        quality = offered_qos(topic.qos) or topics.qos(topic.name)  # what the recording states goes first
+        quality = offered_qos(topic.qos) or topics.contract(topic.name).quality  # what the recording states goes first
         try:
             made = self.create_publisher(message_type, topic.name, qos.profile(quality))
         except Exception as error:  # noqa: BLE001 - rclpy's own: a name that is none, a topic it has as another type
@@ -230,7 +220,7 @@ class BagPlayer(ManagedNode):
         lost = f", {self.lost} lost" if self.lost else ""
         self.get_logger().info(f"end of {self._bag.path}: {self._count} messages played{lost}")
         self._stop()
-        self.say()
+        self.publish_statuses()
         if self.value("exit_at_end"):
             self.end()
 
@@ -255,12 +245,3 @@ class BagPlayer(ManagedNode):
     def _advance(self) -> None:
         following = next(self._recorded, None)
         self._next = following if following is not None and following.log_ns <= self._end_ns else None
-
-
-def main(args: list[str] | None = None) -> int:
-    """Entry point of the executable."""
-    return run_node(BagPlayer, args)
-
-
-if __name__ == "__main__":
-    sys.exit(main())

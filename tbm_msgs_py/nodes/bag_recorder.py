@@ -2,32 +2,29 @@
 
 from __future__ import annotations
 
-import json
-import sys
 from collections.abc import Callable
-from pathlib import Path
 from typing import Any, NamedTuple
 
 from diagnostic_msgs.msg import DiagnosticStatus
-from rclpy.event_handler import SubscriptionEventCallbacks
+from rclpy.event_handler import QoSMessageLostInfo, SubscriptionEventCallbacks
+from rclpy.subscription import Subscription
 
 from tbm_msgs_py import topics
 from tbm_msgs_py.bags.definitions import typestore
 from tbm_msgs_py.bags.quota import enforce, mark
 from tbm_msgs_py.bags.writing import BagWriter
 from tbm_msgs_py.base.errors import RecordingError
-from tbm_msgs_py.base.files import write_whole
 from tbm_msgs_py.nodes import messages, qos
-from tbm_msgs_py.nodes.faults import Faults
-from tbm_msgs_py.nodes.following import Offer, TopicFollower
+from tbm_msgs_py.nodes.fault_log import FaultLog
+from tbm_msgs_py.nodes.following import TopicFollower
 from tbm_msgs_py.nodes.logs import get_logger
-from tbm_msgs_py.nodes.managed import ManagedNode, Parameter, run_node
-from tbm_msgs_py.nodes.parameters import ROOT
-from tbm_msgs_py.topics import QoS
+from tbm_msgs_py.nodes.managed import ManagedNode
+from tbm_msgs_py.nodes.parameters import ROOT, SUMMARY, Parameter
+from tbm_msgs_py.topics import QoS, TopicContract
 
 DISCOVERY = 0.05  # s between looks for topics that are not there yet
 FOLLOWING = 1.0  # s between looks at what the publishers of the others offer
-MOST_HELD = 64_000_000  # bytes that may wait for a simulated clock to begin; what comes then is lost, and counted
+MOST_HELD = 64_000_000  # bytes that may wait for a simulated clock to begin; later ones are lost, and counted
 QUOTA_PERIOD = 2.0  # s between looks at the disk
 DEPTH = 1000  # messages that may wait while the disk is slow
 MEGABYTE = 1e6
@@ -36,18 +33,18 @@ PARAMETERS = (
     Parameter("output", "", "new rosbag2 folder", written=True),
     ROOT,
     Parameter("topics", [""], "topics recorded, relative to the namespace or absolute; at least one"),
-    Parameter("duration", 0.0, "s after which the recording ends; 0 for never", minimum=0.0),
+    Parameter("duration", 0.0, "s after which the recording ends; 0 for never", 0.0),
     Parameter("flush_period", 0.5, "longest time a message stays unwritten, s", 0.05, 0.5),
     Parameter("compression", "none", "compression of the chunks", choices=("none", "zstd")),
-    Parameter("split_size", 0.0, "MB after which the recording goes on in a further file; 0 for never", minimum=0.0),
-    Parameter("split_time", 0.0, "s after which the recording goes on in a further file; 0 for never", minimum=0.0),
+    Parameter("split_size", 0.0, "MB after which the recording goes on in a further file; 0 for never", 0.0),
+    Parameter("split_time", 0.0, "s after which the recording goes on in a further file; 0 for never", 0.0),
     Parameter(
         "quota",
         0.0,
         "MB that the output and what was recorded beside it with a quota take at most, the oldest files go; 0 for all",
-        minimum=0.0,
+        0.0,
     ),
-    Parameter("summary", "", "file that gets the result as JSON at the end; empty for none", changes="start"),
+    SUMMARY,
 )
 
 
@@ -68,8 +65,8 @@ class BagRecorder(ManagedNode):
         self._writer: BagWriter | None = None
         self._topics = TopicFollower(self, self)
         self._asked: dict[str, QoS] = {}
-        self._types: dict[str, str] = {}  # of the topics of which a message has come
-        self._unrecorded: Faults[str] = Faults(lambda text: self.get_logger().error(text))
+        self._types: dict[str, str] = {}  # of the topics that have had a message
+        self._unrecorded: FaultLog[str] = FaultLog(lambda text: self.get_logger().error(text))
         self._arrived: list[Arrived] = []
         self._held = 0  # bytes of what has arrived
         self._lost = self._lost_shown = 0
@@ -123,9 +120,7 @@ class BagRecorder(ManagedNode):
         """Finish the recording: index and metadata."""
         self._on_disk(lambda writer: writer.close())
         self._writer, self._types = None, {}
-        if self.value("summary"):
-            document = {"lost": self._lost + len(self._arrived), "deleted": self._deleted, "problem": self._problem}
-            write_whole(Path(self.value("summary")), json.dumps(document).encode())
+        self.write_summary(lost=self._lost + len(self._arrived), deleted=self._deleted, problem=self._problem)
 
     def _discover(self) -> None:
         for name in self._wanted:
@@ -145,12 +140,12 @@ class BagRecorder(ManagedNode):
             return "none of ROS 2 Jazzy's common interfaces"
         return "" if messages.message_class(kind) else "not installed"
 
-    def asks(self, topic: str, offered: Offer) -> QoS:
+    def requests(self, topic: str, offered: TopicContract) -> QoS:
         """Ask what was asked before; less where the publishers of now offer less."""
         before, now = self._asked.get(topic, offered.quality), offered.quality
         return now if before.reliable > now.reliable or before.latched > now.latched else before
 
-    def subscribe(self, topic: str, offer: Offer) -> Any:
+    def subscribe(self, topic: str, offer: TopicContract) -> Subscription:
         """Record a topic."""
         quality = offer.quality
         made = self.create_subscription(
@@ -164,14 +159,11 @@ class BagRecorder(ManagedNode):
         self._asked[topic] = quality
         return made
 
-    def tell(self, topic: str, problem: str) -> None:
-        """Say what of a topic is not recorded."""
-        if problem:
-            self._unrecorded.report(topic, problem)
-        else:
-            self._unrecorded.clear(topic)
+    def report(self, topic: str, problem: str) -> None:
+        """Report what of a topic is not recorded."""
+        self._unrecorded.update(topic, problem)
 
-    def _recorder(self, name: str, offer: Offer) -> Callable[[bytes], None]:
+    def _recorder(self, name: str, offer: TopicContract) -> Callable[[bytes], None]:
         def record(data: bytes) -> None:
             if self._held > MOST_HELD:
                 self._lost += 1
@@ -199,10 +191,10 @@ class BagRecorder(ManagedNode):
         except (RecordingError, OSError) as error:
             self._problem = str(error)
             running = self.context.ok()  # else it was the end after a signal, and nothing can be published
-            said_by = self.get_logger() if running else get_logger("tbm_monitor")
-            said_by.error(f"the recording ends with what was written before: {self._problem}")
+            output = self.get_logger() if running else get_logger("tbm_monitor")
+            output.error(f"the recording ends with what was written before: {self._problem}")
             if running:
-                self.say()
+                self.publish_statuses()
             self._writer.salvage()
             self._writer = None
             self.end(2)
@@ -224,7 +216,7 @@ class BagRecorder(ManagedNode):
             self.get_logger().warning(f"over the quota by {over / MEGABYTE:.3f} MB, and no older file may be deleted")
         self._over_quota = over > 0
 
-    def _on_lost(self, event: Any) -> None:
+    def _on_lost(self, event: QoSMessageLostInfo) -> None:
         self._lost += event.total_count_change
 
     def statuses(self) -> list[DiagnosticStatus]:
@@ -250,12 +242,3 @@ class BagRecorder(ManagedNode):
         }
         level: messages.Level = "error" if errors else "warn" if troubles else "ok"
         return [self.status("recorder", level, "; ".join(troubles) or "recording", values, self.value("output"))]
-
-
-def main(args: list[str] | None = None) -> int:
-    """Entry point of the executable."""
-    return run_node(BagRecorder, args)
-
-
-if __name__ == "__main__":
-    sys.exit(main())

@@ -1,4 +1,4 @@
-"""Where a node writes: anywhere its start says, and over ROS, where anybody may set a parameter, below a root only."""
+"""Where a node writes: as its start states; set over ROS, where any node may set it, below a root only."""
 
 from __future__ import annotations
 

@@ -3,43 +3,39 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
+from typing import TYPE_CHECKING, Protocol
+
+from rclpy.subscription import Subscription
+from rclpy.topic_endpoint_info import TopicEndpointInfo
 
 from tbm_msgs_py.nodes import qos
-from tbm_msgs_py.topics import QoS
+from tbm_msgs_py.topics import QoS, TopicContract
 
 if TYPE_CHECKING:
     from tbm_msgs_py.nodes.managed import ManagedNode
-
-
-class Offer(NamedTuple):
-    """Message type of a topic, and the quality of service to ask for."""
-
-    type: str
-    quality: QoS
 
 
 class Reader(Protocol):
     """What a node does with the topics that it follows."""
 
     def refuses(self, topic: str, kind: str) -> str:
-        """Say why messages of this type cannot be used; nothing if they can."""
+        """Reason why messages of this type cannot be used; empty if they can."""
 
-    def asks(self, topic: str, offered: Offer) -> QoS:
-        """Quality of service to ask of publishers that all offer this."""
+    def requests(self, topic: str, offered: TopicContract) -> QoS:
+        """QoS of service to request of publishers that all offer this."""
 
-    def subscribe(self, topic: str, offer: Offer) -> Any:
+    def subscribe(self, topic: str, offer: TopicContract) -> Subscription:
         """Create the subscription."""
 
-    def tell(self, topic: str, problem: str) -> None:
-        """Take note of what is wrong with a topic now; nothing if all is well."""
+    def report(self, topic: str, problem: str) -> None:
+        """Report what is wrong with a topic now; empty if nothing is."""
 
 
 class TopicFollower:
     """Keeps one subscription a topic.
 
     Where publishers disagree about the type, the one in use stays, and the others are a problem of the topic until
-    they are gone. The type changes when nobody publishes the one in use any more.
+    they are gone. The type changes when the one in use is published no more.
 
     Parameters
     ----------
@@ -49,8 +45,8 @@ class TopicFollower:
 
     def __init__(self, node: ManagedNode, reader: Reader) -> None:
         self._node, self._reader = node, reader
-        self._followed: dict[str, Offer] = {}
-        self._subscriptions: dict[str, Any] = {}
+        self._followed: dict[str, TopicContract] = {}
+        self._subscriptions: dict[str, Subscription] = {}
         self._others: dict[str, str] = {}  # what is wrong with publishers whose type is not in use
 
     def __contains__(self, topic: str) -> bool:
@@ -63,9 +59,9 @@ class TopicFollower:
         """Follow what the publishers of a topic offer now."""
         self.follow(topic, self.offer(topic, self._node.get_publishers_info_by_topic(topic)))
 
-    def offer(self, topic: str, found: Iterable[Any]) -> Offer | None:
-        """Say what of the publishers that were found to follow; None where none can be used."""
-        publishers: dict[str, list[Any]] = {}
+    def offer(self, topic: str, found: Iterable[TopicEndpointInfo]) -> TopicContract | None:
+        """Type and quality of service to use of the publishers found; None where none can be used."""
+        publishers: dict[str, list[TopicEndpointInfo]] = {}
         for known in found:
             publishers.setdefault(known.topic_type, []).append(known)
         kind = self._choose(topic, publishers)
@@ -76,7 +72,7 @@ class TopicFollower:
         )
         if kind is None:
             return None
-        return Offer(kind, self._reader.asks(topic, Offer(kind, qos.offered(publishers[kind]))))
+        return TopicContract(kind, self._reader.requests(topic, TopicContract(kind, qos.offered(publishers[kind]))))
 
     def _choose(self, topic: str, publishers: Iterable[str]) -> str | None:
         followed = self._followed.get(topic)
@@ -87,14 +83,14 @@ class TopicFollower:
     def _why_not(self, topic: str, kind: str, used: str | None) -> str:
         return self._reader.refuses(topic, kind) or f"allowed: {used}, which is in use"
 
-    def follow(self, topic: str, offer: Offer | None) -> None:
+    def follow(self, topic: str, offer: TopicContract | None) -> None:
         """Subscribe to what is offered, if that is something else; what was subscribed to stays where nothing is."""
         problems = [self._others.get(topic, "")]
-        if offer is not None and not self._give_way(topic, offer):
+        if offer is not None and not self._release_other(topic, offer):
             problems.append(self._subscribe(topic, offer))
-        self._reader.tell(topic, "; ".join(filter(None, problems)))
+        self._reader.report(topic, "; ".join(filter(None, problems)))
 
-    def _give_way(self, topic: str, offer: Offer) -> bool:
+    def _release_other(self, topic: str, offer: TopicContract) -> bool:
         """Release a subscription to something else; True if nothing may take its place yet, or need do so.
 
         The executor holds what is released a little longer, and the middleware the topic with its type: a subscription
@@ -107,7 +103,7 @@ class TopicFollower:
         self._followed[topic] = offer
         return before is not None and before.type != offer.type
 
-    def _subscribe(self, topic: str, offer: Offer) -> str:
+    def _subscribe(self, topic: str, offer: TopicContract) -> str:
         """Subscribe; what went wrong, if anything. The next look tries again."""
         self._followed[topic] = offer
         try:
@@ -128,5 +124,5 @@ class TopicFollower:
             self.release(topic)
 
 
-def _names(publishers: Iterable[Any]) -> str:
+def _names(publishers: Iterable[TopicEndpointInfo]) -> str:
     return ", ".join(sorted({known.node_name for known in publishers}))

@@ -1,4 +1,4 @@
-"""Callbacks whose errors do not end the process: no message of others is worth the node."""
+"""Callbacks whose errors do not end the process: no message of others ends a node."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ import traceback
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
-from tbm_msgs_py.nodes.faults import Faults
+from tbm_msgs_py.nodes.fault_log import FaultLog
 
 if TYPE_CHECKING:
     from tbm_msgs_py.nodes.managed import ManagedNode
@@ -24,16 +24,16 @@ class Guard:
     Attributes
     ----------
     failed : int
-        Callbacks that raised what nobody expected, since the start.
+        Callbacks that raised unexpected errors, since the start.
     """
 
     def __init__(self, node: ManagedNode) -> None:
         self.failed = 0
         self._node = node
-        self._faults: Faults[str] = Faults(lambda text: node.get_logger().error(text))
+        self._faults: FaultLog[str] = FaultLog(lambda text: node.get_logger().error(text))
 
     def __call__(self, callback: Callable[..., Any]) -> Callable[..., Any]:
-        """Wrap a callback; one that fails gives its last argument, which is the response of a service."""
+        """Wrap a callback; one that fails returns its last argument, which is the response of a service."""
 
         @functools.wraps(callback)
         def guarded(*args: Any) -> Any:
@@ -42,12 +42,12 @@ class Guard:
             except Exception as error:  # noqa: BLE001 - of whatever kind
                 # After SIGINT publishing fails at any line: that is the shutdown, not a fault.
                 if self._node.context.ok():
-                    self._note(_name(callback), error)
+                    self._report(_name(callback), error)
                 return args[-1] if args else None
 
         return guarded
 
-    def _note(self, name: str, error: Exception) -> None:
+    def _report(self, name: str, error: Exception) -> None:
         self.failed += 1
         text = " ".join(f"unexpected error in {name}: {type(error).__name__}: {error}".split())
         self._faults.report(name, text)
@@ -55,7 +55,7 @@ class Guard:
         self._node.get_logger().debug(traceback.format_exc())
 
     def show(self) -> list[str]:
-        """Give what went wrong since the last look."""
+        """Return the errors since the last call."""
         return list(self._faults.show().values())
 
 

@@ -10,7 +10,7 @@ from rclpy.logging import LoggingSeverity
 
 from tbm_msgs_py.base.texts import printable
 
-# A line names the one who says it, not this file; rclpy keeps what it finds in that list.
+# A line names the file that logs it, not this one; rclpy skips the files of that list.
 rcutils_logger._internal_callers.append(__file__)
 
 

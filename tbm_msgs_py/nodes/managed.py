@@ -4,28 +4,34 @@ from __future__ import annotations
 
 import copy
 import functools
+import json
 import traceback
 from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
 from typing import Any
 
-from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
+from diagnostic_msgs.msg import DiagnosticStatus
+from lifecycle_msgs.srv import ChangeState
 from rcl_interfaces.msg import SetParametersResult
 from rclpy.clock import Clock
 from rclpy.clock_type import ClockType
 from rclpy.exceptions import ParameterException
-from rclpy.lifecycle import LifecycleNode, TransitionCallbackReturn
+from rclpy.lifecycle import LifecycleNode, State, TransitionCallbackReturn
+from rclpy.parameter import Parameter as RosParameter
+from rclpy.publisher import Publisher
+from rclpy.qos import QoSProfile
+from rclpy.service import Service
+from rclpy.subscription import Subscription
 from rclpy.task import Future
+from rclpy.timer import Timer
 
-from tbm_msgs_py.base.files import data_folder
+from tbm_msgs_py.base.files import data_folder, write_whole
 from tbm_msgs_py.nodes import messages, qos
 from tbm_msgs_py.nodes.confining import check_below
 from tbm_msgs_py.nodes.guarding import Guard
 from tbm_msgs_py.nodes.logs import PrintableLogger, get_logger
-from tbm_msgs_py.nodes.parameters import AUTOSTART, DATA_ROOT, Parameter, ParameterError, ParameterValue
-from tbm_msgs_py.nodes.running import run_node
-from tbm_msgs_py.topics import DIAGNOSTICS, NAMESPACE, status_name
-
-__all__ = ["ManagedNode", "Parameter", "ParameterError", "ParameterValue", "run_node"]
+from tbm_msgs_py.nodes.parameters import AUTOSTART, DATA_ROOT, Parameter, ParameterError
+from tbm_msgs_py.topics import DIAGNOSTICS, NAMESPACE, contract, status_name
 
 STATUS_PERIOD = 1.0  # s
 _SUCCESS = TransitionCallbackReturn.SUCCESS
@@ -39,8 +45,8 @@ class ManagedNode(LifecycleNode):  # type: ignore[misc]  # rclpy is untyped
     transition with that line in the log; after any other error the node is unconfigured again. `deactivate` and
     `cleanup` also run when the process ends, the context may be gone by then: they publish nothing.
 
-    Whatever state it is in, a node says so on `/diagnostics`, once a second. An error that a callback does not expect
-    is said there and in the log, and the node goes on.
+    The state of a node is on `/diagnostics` once a second. An error that a callback does not expect is reported there
+    and in the log, and the node goes on.
 
     Parameters
     ----------
@@ -76,10 +82,8 @@ class ManagedNode(LifecycleNode):  # type: ignore[misc]  # rclpy is untyped
         for parameter in self._declared.values():
             self._declare(parameter)
             self._stated[parameter.name] = self.get_parameter(parameter.name).value
-        self._diagnostics = self.create_publisher(
-            DiagnosticArray, DIAGNOSTICS, qos.DIAGNOSTICS, qos_overriding_options=qos.overridable()
-        )
-        self.create_status_timer(self.say)
+        self._diagnostics = self.contract_publisher(DIAGNOSTICS)
+        self.create_steady_timer(STATUS_PERIOD, self.publish_statuses)
 
     def configure(self) -> None:
         """Create what the node needs, publishers and subscriptions included."""
@@ -94,19 +98,24 @@ class ManagedNode(LifecycleNode):  # type: ignore[misc]  # rclpy is untyped
         """Release what `configure` created beyond publishers, subscriptions and services."""
 
     def statuses(self) -> list[DiagnosticStatus]:
-        """Say on `/diagnostics`, once a second while active, how the node is doing."""
+        """Return what `/diagnostics` gets once a second while the node is active."""
         return []
 
     def check_parameters(self, values: Mapping[str, Any]) -> None:
-        """Raise ValueError if a configured node cannot take these new values, which are in their ranges."""
+        """Raise ValueError if a configured node cannot use these new values, which are in their ranges."""
 
     def parameters_changed(self, names: frozenset[str]) -> None:
-        """Take over the new values of these parameters of a configured node."""
+        """Use the new values of these parameters of a configured node."""
 
     def value(self, name: str) -> Any:
-        """Value of a declared parameter; lists of strings come without empty entries."""
+        """Value of a declared parameter; a list of strings without its empty entries."""
         value = self.get_parameter(name).value
         return [entry for entry in value if entry != ""] if isinstance(self._declared[name].default, list) else value
+
+    def values(self, group: str) -> dict[str, Any]:
+        """Values of the parameters of a group, by their names in it."""
+        prefix = f"{group}."
+        return {name.removeprefix(prefix): self.value(name) for name in self._declared if name.startswith(prefix)}
 
     @property
     def active(self) -> bool:
@@ -115,11 +124,16 @@ class ManagedNode(LifecycleNode):  # type: ignore[misc]  # rclpy is untyped
 
     @property
     def failed_callbacks(self) -> int:
-        """Callbacks that raised what nobody expected, since the start."""
+        """Callbacks that raised unexpected errors, since the start."""
         return self._guard.failed
 
     def status(
-        self, task: str, level: messages.Level, text: str, values: Mapping[str, Any] | None = None, hardware: str = ""
+        self,
+        task: str,
+        level: messages.Level,
+        text: str,
+        values: messages.Values | None = None,
+        hardware: str = "",
     ) -> DiagnosticStatus:
         """Status of one task of this machine; its name starts with the namespace, so that two machines stay apart."""
         return messages.status(self.status_name(task), level, text, values, hardware)
@@ -132,36 +146,55 @@ class ManagedNode(LifecycleNode):  # type: ignore[misc]  # rclpy is untyped
         """Logger of the node, which shows control characters in texts of others."""
         return get_logger(super().get_logger().name)
 
-    def create_publisher(self, kind: Any, topic: str, profile: Any, *args: Any, **kwargs: Any) -> Any:
+    def contract_publisher(self, topic: str) -> Publisher:
+        """Create a publisher of a topic of the contract; parameters may override its quality of service."""
+        kind, quality = contract(topic)
+        options = qos.overridable()
+        return self.create_publisher(
+            messages.message_class(kind), topic, qos.profile(quality), qos_overriding_options=options
+        )
+
+    def contract_subscription(self, topic: str, callback: Callable[[Any], None]) -> Subscription:
+        """Create a subscription to a topic of the contract; parameters may override its quality of service."""
+        kind, quality = contract(topic)
+        options = qos.overridable()
+        return self.create_subscription(
+            messages.message_class(kind), topic, callback, qos.profile(quality), qos_overriding_options=options
+        )
+
+    def create_publisher(self, kind: type, topic: str, profile: QoSProfile, **options: object) -> Publisher:
         """Create a publisher as rclpy does; the profile given stays as it is."""
         # A copy: overrides by parameter are written into the profile.
-        made = super().create_publisher(kind, topic, copy.copy(profile), *args, **kwargs)
+        made = super().create_publisher(kind, topic, copy.copy(profile), **options)
         return self._gather(made, self.destroy_publisher)
 
     def create_subscription(
-        self, kind: Any, topic: str, callback: Callable[..., None], profile: Any, *args: Any, **kwargs: Any
-    ) -> Any:
+        self, kind: type, topic: str, callback: Callable[..., None], profile: QoSProfile, **options: object
+    ) -> Subscription:
         """Subscription as rclpy's, with a guarded callback."""
-        made = super().create_subscription(kind, topic, self._guard(callback), copy.copy(profile), *args, **kwargs)
+        made = super().create_subscription(kind, topic, self._guard(callback), copy.copy(profile), **options)
         return self._gather(made, self.destroy_subscription)
 
-    def create_service(self, kind: Any, name: str, callback: Callable[..., Any], *args: Any, **kwargs: Any) -> Any:
+    def create_service(
+        self, kind: type, name: str, callback: Callable[..., object], *args: object, **kwargs: object
+    ) -> Service:
         """Service as rclpy's, with a guarded callback."""
         made = super().create_service(kind, name, self._guard(callback), *args, **kwargs)
         return self._gather(made, self.destroy_service)
 
-    def create_timer(self, period: float, callback: Callable[..., None], *args: Any, **kwargs: Any) -> Any:
+    def create_timer(self, period: float, callback: Callable[..., None], *args: object, **kwargs: object) -> Timer:
         """Timer as rclpy's, with a guarded callback."""
         made = super().create_timer(period, self._guard(callback), *args, **kwargs)
         return self._gather(made, self.destroy_timer)
 
-    def create_steady_timer(self, period: float, callback: Callable[..., None]) -> Any:
+    def create_steady_timer(self, period: float, callback: Callable[..., None]) -> Timer:
         """Timer that goes on when the simulated time stands still."""
         return self.create_timer(period, callback, clock=Clock(clock_type=ClockType.STEADY_TIME))
 
-    def create_status_timer(self, callback: Callable[[], None]) -> Any:
-        """Timer at 1 Hz; it goes on when the simulated time stands still."""
-        return self.create_steady_timer(STATUS_PERIOD, callback)
+    def write_summary(self, **document: object) -> None:
+        """Write a result to the file of the parameter `summary`, if one is named."""
+        if self.value("summary"):
+            write_whole(Path(self.value("summary")), json.dumps(document).encode())
 
     def start(self) -> bool:
         """Configure and activate when `autostart` says so; False when a hook refused."""
@@ -181,38 +214,38 @@ class ManagedNode(LifecycleNode):  # type: ignore[misc]  # rclpy is untyped
         if self._stage == 1:
             self._go_down("cleanup", self.cleanup, 0)
 
-    def on_configure(self, state: Any) -> TransitionCallbackReturn:  # noqa: ARG002
+    def on_configure(self, state: State) -> TransitionCallbackReturn:  # noqa: ARG002
         """Lifecycle transition; the work is in `configure`."""
         return self._go_up("configure", self.configure, 1)
 
-    def on_activate(self, state: Any) -> TransitionCallbackReturn:
+    def on_activate(self, state: State) -> TransitionCallbackReturn:
         """Lifecycle transition; managed publishers first, so that `activate` can publish."""
         super().on_activate(state)
         return self._go_up("activate", self.activate, 2)
 
-    def on_deactivate(self, state: Any) -> TransitionCallbackReturn:
+    def on_deactivate(self, state: State) -> TransitionCallbackReturn:
         """Lifecycle transition; the work is in `deactivate`."""
         result = self._go_down("deactivate", self.deactivate, 1)
         super().on_deactivate(state)
         return result
 
-    def on_cleanup(self, state: Any) -> TransitionCallbackReturn:  # noqa: ARG002
+    def on_cleanup(self, state: State) -> TransitionCallbackReturn:  # noqa: ARG002
         """Lifecycle transition; the work is in `cleanup`."""
         return self._go_down("cleanup", self.cleanup, 0)
 
-    def on_error(self, state: Any) -> TransitionCallbackReturn:  # noqa: ARG002
+    def on_error(self, state: State) -> TransitionCallbackReturn:  # noqa: ARG002
         """Release everything after a hook that failed unexpectedly: the node is unconfigured again."""
         trouble = self._trouble
         self.finish()
         self._trouble = trouble
         return _SUCCESS
 
-    def on_shutdown(self, state: Any) -> TransitionCallbackReturn:  # noqa: ARG002
+    def on_shutdown(self, state: State) -> TransitionCallbackReturn:  # noqa: ARG002
         """Lifecycle transition from any state: release everything."""
         self.finish()
         return _SUCCESS
 
-    def say(self) -> None:
+    def publish_statuses(self) -> None:
         """Publish the statuses now."""
         now = self.get_clock().now().nanoseconds
         self.clock_stands, self._clock_seen = now == self._clock_seen, now
@@ -241,7 +274,7 @@ class ManagedNode(LifecycleNode):  # type: ignore[misc]  # rclpy is untyped
         result = self._call(name, hook)
         self._release(stage + 1)
         self._stage = stage
-        # What is released does not come back: the node is down, whatever the hook tripped over.
+        # What is released does not come back: the node is down, whatever went wrong in the hook.
         return _SUCCESS if result == TransitionCallbackReturn.FAILURE else result
 
     def _call(self, name: str, hook: Callable[[], None]) -> TransitionCallbackReturn:
@@ -257,7 +290,7 @@ class ManagedNode(LifecycleNode):  # type: ignore[misc]  # rclpy is untyped
         return _SUCCESS
 
     def _report(self, message: str) -> None:
-        if self.context.ok():  # else the hook tripped over a shutdown that was asked for
+        if self.context.ok():  # else a shutdown that was asked for broke the hook off
             self._trouble = " ".join(message.split())
             self.get_logger().error(self._trouble)
             self.get_logger().debug(traceback.format_exc())
@@ -276,7 +309,7 @@ class ManagedNode(LifecycleNode):  # type: ignore[misc]  # rclpy is untyped
         service = self._service_change_state
         change = service.callback
 
-        def answer(request: Any, response: Any) -> Any:
+        def answer(request: ChangeState.Request, response: ChangeState.Response) -> ChangeState.Response:
             try:
                 return change(request, response)
             except RuntimeError:  # rcl has logged which one
@@ -292,7 +325,7 @@ class ManagedNode(LifecycleNode):  # type: ignore[misc]  # rclpy is untyped
             found = str(error.args[0]).removesuffix(f": {parameter.name}")
             raise ParameterError(f"parameter {parameter.name}: allowed: {parameter.allowed()}; {found}") from error
 
-    def _check(self, candidates: Sequence[Any]) -> SetParametersResult:
+    def _check(self, candidates: Sequence[RosParameter]) -> SetParametersResult:
         known = [(self._declared[new.name], new.value) for new in candidates if new.name in self._declared]
         problems = [problem for parameter, value in known if (problem := parameter.problem(value))]
         problems += [problem for parameter, value in known if (problem := self._outside(parameter, value))]
@@ -310,7 +343,7 @@ class ManagedNode(LifecycleNode):  # type: ignore[misc]  # rclpy is untyped
         return SetParametersResult(successful=not problems, reason="; ".join(problems))
 
     def _outside(self, parameter: Parameter, value: Any) -> str:
-        """Why a path that is set after the start is not taken; empty if it is."""
+        """Reason why a path that is set after the start is refused; empty if it is not."""
         if not parameter.written or parameter.name not in self._stated or value in parameter.no_path:
             return ""
         stated = self._stated[parameter.name]
@@ -321,7 +354,7 @@ class ManagedNode(LifecycleNode):  # type: ignore[misc]  # rclpy is untyped
             return str(error)
         return ""
 
-    def _after_set(self, changed: Sequence[Any]) -> None:
+    def _after_set(self, changed: Sequence[RosParameter]) -> None:
         names = frozenset(new.name for new in changed if new.name in self._declared)
         if self._stage and names:
             self.parameters_changed(names)

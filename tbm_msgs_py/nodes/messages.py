@@ -25,9 +25,10 @@ from std_msgs.msg import Header
 from tbm_msgs_py import blocks
 from tbm_msgs_py.base.operating_point import OperatingPoint
 from tbm_msgs_py.base.texts import printable
-from tbm_msgs_py.blocks import BlockLayout
+from tbm_msgs_py.blocks import Block, BlockError, BlockLayout
 
 Level = Literal["ok", "warn", "error", "stale"]
+Values = Mapping[str, object]
 _LEVELS = {
     "ok": DiagnosticStatus.OK,
     "warn": DiagnosticStatus.WARN,
@@ -101,8 +102,16 @@ def block(layout: BlockLayout, stamp_ns: int, offsets: ArrayLike, values: ArrayL
 
 @lru_cache
 def _fields(layout: BlockLayout) -> list[PointField]:
-    """Fields of a layout, shared by its messages: nobody changes them."""
+    """Fields of a layout, shared by its messages, which do not change them."""
     return [PointField(name=name, offset=at, datatype=kind, count=1) for name, at, kind in layout.fields]
+
+
+def acceleration_block(message: PointCloud2) -> Block:
+    """Block of accelerations that a message holds; raises BlockError for any other."""
+    found = block_from(message)
+    if found.layout != blocks.ACCELERATION:
+        raise BlockError(f"block channels {' '.join(found.layout.channels)}, allowed: ax ay az")
+    return found
 
 
 def operating_point_message(stamp_ns: int, point: OperatingPoint) -> JointState:
@@ -146,7 +155,7 @@ def clock(stamp_ns: int) -> Clock:
 
 
 def status(
-    name: str, level: Level, message: str, values: Mapping[str, Any] | None = None, hardware_id: str = ""
+    name: str, level: Level, message: str, values: Values | None = None, hardware_id: str = ""
 ) -> DiagnosticStatus:
     """One diagnostic status; floats are written with six significant digits."""
     pairs = [KeyValue(key=key, value=_text(value)) for key, value in (values or {}).items()]
@@ -159,5 +168,5 @@ def diagnostics(stamp_ns: int, statuses: Iterable[DiagnosticStatus]) -> Diagnost
     return DiagnosticArray(header=header(stamp_ns), status=list(statuses))
 
 
-def _text(value: Any) -> str:
+def _text(value: object) -> str:
     return f"{value:.6g}" if isinstance(value, float) else printable(str(value))

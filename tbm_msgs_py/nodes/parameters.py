@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import partial
 from typing import Any, Literal
 
 from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescriptor
@@ -38,14 +39,14 @@ class Parameter:
         Default. An empty list of strings is ``[""]``: ROS cannot type an empty one. A list of floats keeps its length.
     description : str
         One line for the user, with the unit.
-    minimum, maximum : float, optional
+    minimum, maximum : float
         Allowed range of a number, or of every number of a list, ends included.
     choices : tuple of str
         Allowed values of a string.
     changes : "start", "unconfigured" or "running"
-        When another value is taken: at the start only (read-only), between `cleanup` and `configure`, or always.
+        When another value is accepted: at the start only (read-only), between `cleanup` and `configure`, or always.
     written : bool
-        It is a path at which the node makes files: after the start only one below the data root is taken.
+        It is a path at which the node makes files: after the start only one below the data root is accepted.
     no_path : tuple of str
         Values of such a parameter that are no path.
     """
@@ -53,8 +54,8 @@ class Parameter:
     name: str
     default: ParameterValue
     description: str
-    minimum: float | None = None
-    maximum: float | None = None
+    minimum: float = -math.inf
+    maximum: float = math.inf
     choices: tuple[str, ...] = ()
     changes: Changes = "unconfigured"
     written: bool = False
@@ -68,26 +69,24 @@ class Parameter:
             read_only=self.changes == "start",
             additional_constraints="; ".join([*constraints, _WHEN[self.changes]]),
         )
-        if isinstance(self.default, list) or (self.minimum is None and self.maximum is None):
+        if isinstance(self.default, list) or not self._limits:
             return described
         if isinstance(self.default, int):
-            lowest = -(2**63) if self.minimum is None else int(self.minimum)
-            highest = 2**63 - 1 if self.maximum is None else int(self.maximum)
-            described.integer_range = [IntegerRange(from_value=lowest, to_value=highest, step=0)]
+            low, high = max(self.minimum, -(2**63)), min(self.maximum, 2**63 - 1)
+            described.integer_range = [IntegerRange(from_value=int(low), to_value=int(high), step=0)]
         else:
-            low, high = self._float_limits()
+            low, high = float(self.minimum), float(self.maximum)
             described.floating_point_range = [FloatingPointRange(from_value=low, to_value=high, step=0.0)]
         return described
 
     def problem(self, value: Any) -> str | None:
         """Name what is wrong with a value of the right type, in one line; None when it is allowed."""
-        low, high = self._float_limits()
         entries = list(value) if self._vector else [value]
         numbers = [entry for entry in entries if isinstance(entry, int | float) and not isinstance(entry, bool)]
         wrong = (
             (self.choices and value not in self.choices)
             or (self._vector and len(entries) != len(self.default))  # type: ignore[arg-type]  # a vector has a length
-            or not all(math.isfinite(number) and low <= number <= high for number in numbers)
+            or not all(math.isfinite(number) and self.minimum <= number <= self.maximum for number in numbers)
         )
         return f"parameter {self.name}: {_text(value)}, allowed: {self.allowed()}" if wrong else None
 
@@ -95,29 +94,32 @@ class Parameter:
         """Type and range in words."""
         if self.choices:
             return f"one of {', '.join(self.choices)}"
-        low, high = self._float_limits()
-        limits = "" if math.isinf(low) and math.isinf(high) else f" from {low:g} to {high:g}"
         if isinstance(self.default, list) and self._vector:
-            return f"{len(self.default)} decimal numbers{limits}"
-        return f"{_KINDS[type(self.default)]}{limits}"
+            return f"{len(self.default)} decimal numbers{self._limits}"
+        return f"{_KINDS[type(self.default)]}{self._limits}"
+
+    @property
+    def _limits(self) -> str:
+        """Limits in words; empty where there are none."""
+        known = math.isfinite(self.minimum) or math.isfinite(self.maximum)
+        return f" from {self.minimum:g} to {self.maximum:g}" if known else ""
 
     @property
     def _vector(self) -> bool:
         return isinstance(self.default, list) and all(isinstance(entry, float) for entry in self.default)
-
-    def _float_limits(self) -> tuple[float, float]:
-        low = -math.inf if self.minimum is None else float(self.minimum)
-        high = math.inf if self.maximum is None else float(self.maximum)
-        return low, high
 
 
 def _text(value: Any) -> str:
     return shortened(str(value) if isinstance(value, bool | int | float | str) else str(list(value)), LONGEST_NAME)
 
 
+live_parameter = partial(Parameter, changes="running")
+
 AUTOSTART = Parameter(
     "autostart", True, "configure and activate at the start, without a lifecycle manager", changes="start"
 )
+MACHINE = Parameter("machine", "dz101", "machine: name of a shipped one, or path of a machine file")
+SUMMARY = Parameter("summary", "", "file that gets the result as JSON at the end; empty for none", changes="start")
 ROOT = Parameter(
     DATA_ROOT,
     "",

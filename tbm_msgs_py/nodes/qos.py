@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from typing import Any
 
 from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSPolicyKind, QoSProfile, ReliabilityPolicy
 from rclpy.qos_overriding_options import QoSOverridingOptions
+from rclpy.topic_endpoint_info import TopicEndpointInfo
 
 from tbm_msgs_py import topics
 from tbm_msgs_py.topics import QoS
@@ -27,20 +27,20 @@ def overridable() -> QoSOverridingOptions:
     return QoSOverridingOptions([QoSPolicyKind.DEPTH, QoSPolicyKind.RELIABILITY, QoSPolicyKind.DURABILITY])
 
 
-def offered(publishers: Iterable[Any]) -> QoS:
-    """Quality of service that every publisher of a topic offers: asking for it matches all of them.
+def offered(publishers: Iterable[TopicEndpointInfo]) -> QoS:
+    """QoS of service that every publisher of a topic offers: asking for it matches all of them.
 
     Parameters
     ----------
-    publishers : iterable
-        What `Node.get_publishers_info_by_topic` gives.
+    publishers : iterable of TopicEndpointInfo
+        As `Node.get_publishers_info_by_topic` returns them.
     """
     profiles = [publisher.qos_profile for publisher in publishers]
     depths = [known.depth for known in profiles if known.history == HistoryPolicy.KEEP_LAST]
     return QoS(
         reliable=all(known.reliability == ReliabilityPolicy.RELIABLE for known in profiles),
         latched=all(known.durability == DurabilityPolicy.TRANSIENT_LOCAL for known in profiles),
-        # Fast DDS tells nobody how much others keep: as much then as keeps a live topic whole.
+        # Fast DDS does not publish the depth of others: the one that keeps a live topic whole.
         depth=max([0, *depths]) or topics.LIVE_QOS.depth,
     )
 

@@ -6,17 +6,17 @@ import time
 
 
 class Rate:
-    """Counts samples; a look gives their rate since the look before."""
+    """Counts samples."""
 
     def __init__(self) -> None:
         self._count, self._since = 0, time.monotonic()
 
-    def count(self, samples: int) -> None:
-        """Take note of samples."""
+    def add(self, samples: int) -> None:
+        """Count samples."""
         self._count += samples
 
-    def look(self) -> float:
-        """Give the samples per second of wall time since the last look."""
+    def mean(self) -> float:
+        """Return the samples per second of wall time since the last call."""
         now = time.monotonic()
         rate = self._count / max(now - self._since, 1e-9)
         self._count, self._since = 0, now

@@ -10,7 +10,7 @@ import sys
 import pytest
 
 from tbm_gsa.app.cli.commands import LINES
-from tbm_gsa.app.nodes.start import NODES
+from tbm_msgs_py.nodes.registry import NODES
 
 # They take up to a second to import.
 FITTED_AND_DRAWN = {"matplotlib", "PIL", "jinja2", "sklearn", "SALib", "pandas", "emcee", "distributed"}
@@ -50,8 +50,8 @@ def test_the_help_of_a_command_waits_for_no_library(command):
 @pytest.mark.parametrize("node", NODES)
 def test_a_node_loads_nothing_that_it_does_not_need(node):
     pytest.importorskip("rclpy")
-    modules, _ = loaded(f"{TOLD}import {NODES[node]}")
-    assert NODES[node] in modules
+    modules, _ = loaded(f"{TOLD}import {NODES[node].module}")
+    assert NODES[node].module in modules
     assert not (FITTED_AND_DRAWN | {"typer", "rich"}) & modules
     assert ("numba" in modules) == (node in COMPILING)
     assert ("scipy.signal" in modules) == (node in FILTERING)
@@ -85,7 +85,8 @@ def work():
         assert slow.process(chunk.first_step, chunk.mesh_force)
 """,
     "analysis": """
-from tbm_gsa.app.nodes.analysis_node import WindowedComparison
+import tbm_gsa.app.nodes.analysis_node
+from tbm_gsa.comparison import WindowedComparison
 
 comparison = WindowedComparison(0.5)
 

@@ -16,7 +16,7 @@ from tbm_gsa.app.nodes.analysis_node import AnalysisNode
 from tbm_msgs_py import ACCELERATION, BagWriter
 from tbm_msgs_py.nodes.bag_player import BagPlayer
 from tbm_msgs_py.nodes.bag_recorder import BagRecorder
-from tbm_msgs_py.nodes.managed import run_node
+from tbm_msgs_py.nodes.running import run_node
 
 pytestmark = pytest.mark.ros
 
@@ -97,7 +97,7 @@ def test_a_log_line_steers_no_terminal(node, parameter, process):
 
 
 def test_a_process_with_bad_parameters_ends_with_2():
-    command = [sys.executable, "-m", "tbm_gsa.app.nodes.start", "tbm_msgs_py.nodes.bag_player"]
+    command = [sys.executable, "-m", "tbm_gsa.app.nodes.start", "bag_player"]
     done = subprocess.run(command, capture_output=True, text=True, check=False)
     assert (done.returncode, done.stdout, len(done.stderr.splitlines())) == (2, "", 1), done
     assert "parameter bag" in done.stderr

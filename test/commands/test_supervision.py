@@ -22,7 +22,7 @@ class _Run:
     def __init__(self, capsys):
         self.now, self.diagnostics, self._capsys = 0.0, {}, capsys
         self.nodes = Supervision(_Processes(), self.diagnostics, lambda: self.now)
-        self.nodes.start(NodeCommand("load_node", "module"))
+        self.nodes.start(NodeCommand("load_node"))
 
     def go_on(self, seconds, text=None):
         """Lines of so many seconds; without a text the node is silent."""

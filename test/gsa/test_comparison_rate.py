@@ -5,7 +5,7 @@ from collections.abc import Iterator
 import numpy as np
 import pytest
 
-from tbm_gsa.app.nodes.health import StreamHealth
+from tbm_gsa.app.nodes.stream_health import StreamHealth
 from tbm_gsa.comparison import WindowedComparison, WindowResult
 
 SECOND = 1_000_000_000
@@ -53,7 +53,7 @@ class Run:
         both = [*blocks("model", model_hz), *field]
         for source, stamp, offsets, values in sorted(both, key=lambda block: block[1]):
             if stamp >= look:
-                found = health.look(self.comparison.counters, True, self.comparison.apart_ns())
+                found = health.conditions(self.comparison.counters, True, self.comparison.apart_ns())
                 self.doubts[look] = [text for condition in found.values() for text in condition.doubts]
                 look += 1.0
             self.results += self.comparison.feed("shield", source, EPOCH + round(stamp * SECOND), offsets, values)

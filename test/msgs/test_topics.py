@@ -53,7 +53,7 @@ def test_unknown_quantity_is_refused():
     ],
 )
 def test_quality_of_the_contract(name, reliable, latched):
-    quality = topics.qos(name)
+    quality = topics.contract(name).quality
     assert (quality.reliable, quality.latched) == (reliable, latched)
 
 

@@ -9,7 +9,7 @@ import math
 import os
 import sys
 import time
-from contextlib import ExitStack, suppress
+from contextlib import AbstractContextManager, ExitStack, suppress
 from importlib import import_module
 from pathlib import Path
 
@@ -23,9 +23,9 @@ from rclpy.executors import SingleThreadedExecutor, TimeoutException
 from rclpy.parameter import Parameter
 from rosgraph_msgs.msg import Clock
 
-from tbm_gsa.app.nodes.start import NODES
 from tbm_msgs_py.nodes import messages, qos
 from tbm_msgs_py.nodes.parameters import AUTOSTART
+from tbm_msgs_py.nodes.registry import NODES
 
 NOT_OURS = ("qos_overrides", "use_sim_time", "start_type_description")  # parameters that rclpy declares
 TRANSITIONS = {"configure": 1, "cleanup": 2, "activate": 3, "deactivate": 4}
@@ -76,7 +76,7 @@ class HostedNode:
     def report(self):
         """Let it do what is due and say how it is."""
         self._peer.settle()
-        self.node.say()
+        self.node.publish_statuses()
         self._peer.spin()
         self._peer.settle()
 
@@ -211,7 +211,7 @@ class Peer:
         """
         names = self.call(ListParameters, f"{namespace}/{node}/list_parameters").result.names
         own = [name for name in names if not name.startswith(NOT_OURS)]
-        known = {one.name: one for one in (AUTOSTART, *import_module(NODES[node]).PARAMETERS)}
+        known = {one.name: one for one in (AUTOSTART, *import_module(NODES[node].module).PARAMETERS)}
         assert set(own) == set(known)
         request = DescribeParameters.Request(names=own)
         found = self.call(DescribeParameters, f"{namespace}/{node}/describe_parameters", request).descriptors
@@ -236,6 +236,29 @@ class Peer:
 
     def state(self, node):
         return self.call(GetState, f"{node}/get_state").current_state.label
+
+
+class Rig(AbstractContextManager):
+    """A publisher of others: in a context, and so a participant, of its own, in no namespace, never spun."""
+
+    def __init__(self, kind, topic, profile, name="rig"):
+        self._context = rclpy.Context()
+        rclpy.init(context=self._context)
+        self._node = rclpy.create_node(name, context=self._context)
+        self._publisher = self._node.create_publisher(kind, topic, profile)
+        self.publish = self._publisher.publish
+
+    @property
+    def matched(self):
+        """Subscriptions that it has."""
+        return self._publisher.get_subscription_count()
+
+    def close(self):
+        self._node.destroy_node()
+        self._context.try_shutdown()
+
+    def __exit__(self, *_):
+        self.close()
 
 
 class SimulatedClock:

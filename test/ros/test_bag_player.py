@@ -24,7 +24,7 @@ from tbm_msgs_py.nodes.bag_player import BagPlayer  # noqa: E402
 
 pytestmark = pytest.mark.ros
 
-PLAYER, RECORDER = "tbm_msgs_py.nodes.bag_player", "tbm_msgs_py.nodes.bag_recorder"
+PLAYER, RECORDER = "bag_player", "bag_recorder"
 STATUS = "tbm: player"
 START_NS = 1_700_000_000_000_000_000
 TOPIC = "/tbm/field/cutterhead/block"

@@ -29,7 +29,7 @@ from tbm_msgs_py.nodes.bag_recorder import BagRecorder  # noqa: E402
 
 pytestmark = pytest.mark.ros
 
-RECORDER = "tbm_msgs_py.nodes.bag_recorder"
+RECORDER = "bag_recorder"
 COMMAND = [sys.executable, "-m", "tbm_gsa.app.cli.main", "bag"]
 TOPIC = "/tbm/field/cutterhead/block"
 START_NS = 1_700_000_000_000_000_000
@@ -323,3 +323,17 @@ def test_a_signal_while_the_node_starts(started, bag, tmp_path, what, number):
     assert (command.returncode, out, said) == (0, b"", "stopped before it had begun\n")
     assert not any(map(alive, nodes))
     assert not (tmp_path / "copy").exists()
+
+
+def test_a_silent_topic_is_named(tmp_path):
+    done = subprocess.run(
+        [*COMMAND, "record", "--out", "new", "--topics", "nobody/here,/other", "--duration", "0.5", "--json"],
+        cwd=tmp_path,
+        capture_output=True,
+        text=True,
+        timeout=300,
+        check=False,
+    )
+    assert done.returncode == 0, done.stderr
+    assert json.loads(done.stdout)["messages"] == 0
+    assert "warning: no message on /tbm/nobody/here, /other" in done.stderr.splitlines()

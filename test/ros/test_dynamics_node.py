@@ -57,8 +57,8 @@ def test_live_equals_offline_bit_for_bit(run_node, peer):
     accel = peer.listen(AccelStamped, "/tbm/model/shield/accel", qos.LIVE)
     drives = peer.listen(JointState, "/tbm/model/drives", qos.LIVE)
     nodes = [
-        run_node("tbm_dynamics.nodes.dynamics_node", seed=5),
-        run_node("tbm_dynamics.nodes.load_node", seed=5, wait_for_subscribers=2),
+        run_node("dynamics_node", seed=5),
+        run_node("load_node", seed=5, wait_for_subscribers=2),
     ]
     peer.wait_for(lambda: all(len(blocks) >= 20 for blocks in model.values()))
     epoch = stamps(loads)[0]

@@ -8,12 +8,11 @@ import pytest
 pytest.importorskip("rclpy")
 
 import rclpy
-from rigs import Rig
+from peer import Rig
 from sensor_msgs.msg import PointCloud2
 
-from tbm_gsa.app.cli.doctor import exchange
+from tbm_gsa.app.cli.doctor import SENDER, exchange
 from tbm_gsa.app.cli.processes import NodeCommand
-from tbm_gsa.app.cli.ros import SENDER
 from tbm_msgs_py.base.errors import RunError
 from tbm_msgs_py.nodes import qos
 
@@ -28,13 +27,13 @@ def sender(tmp_path, monkeypatch):
     def make(source):
         (tmp_path / "sender_module.py").write_text(source)
         monkeypatch.setenv("PYTHONPATH", os.pathsep.join([str(tmp_path), os.environ.get("PYTHONPATH", "")]))
-        return NodeCommand("doctor_sender", "sender_module")
+        return NodeCommand("doctor_sender", module="sender_module")
 
     return make
 
 
 def test_a_block_of_another_process_comes():
-    assert exchange(NodeCommand("doctor_sender", SENDER, {"topic": TOPIC}), TOPIC, 300.0) > 0.0
+    assert exchange(NodeCommand("doctor_sender", {"topic": TOPIC}, module=SENDER), TOPIC, 300.0) > 0.0
 
 
 def test_a_process_that_is_not_seen_is_said_and_ended(sender, tmp_path):

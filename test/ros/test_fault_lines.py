@@ -6,17 +6,17 @@ import pytest
 
 pytest.importorskip("rclpy")
 
-from tbm_gsa.app.nodes import health
-from tbm_gsa.app.nodes.health import StreamHealth
+from tbm_gsa.app.nodes import stream_health
+from tbm_gsa.app.nodes.stream_health import StreamHealth
 from tbm_gsa.comparison import StreamCounters
-from tbm_msgs_py.nodes.faults import MOST_LINES, REPEAT_S, Faults
+from tbm_msgs_py.nodes.fault_log import MOST_LINES, REPEAT_S, FaultLog
 
 pytestmark = pytest.mark.ros
 
 
 def test_a_line_comes_once_a_minute_whatever_its_numbers():
     clock, said = [0.0], []
-    faults = Faults(said.append, lambda: clock[0])
+    faults = FaultLog(said.append, lambda: clock[0])
     for k in range(400):
         faults.report("units", f"fx is about {1e-6 * (0.96 + 0.01 * (k % 9)):.2g} of the thrust: values in MN?")
         clock[0] += 0.05
@@ -28,7 +28,7 @@ def test_a_line_comes_once_a_minute_whatever_its_numbers():
 
 def test_two_faults_in_turn_are_two_lines_a_minute():
     clock, said = [0.0], []
-    faults = Faults(said.append, lambda: clock[0])
+    faults = FaultLog(said.append, lambda: clock[0])
     for _ in range(1000):
         for text in ("block frame_id a, allowed: cutterhead", "loads hold a value that is not finite"):
             faults.report("loads", text)
@@ -42,7 +42,7 @@ def test_two_faults_in_turn_are_two_lines_a_minute():
 
 def test_a_fault_that_is_never_the_same_is_no_flood():
     clock, said = [0.0], []
-    faults = Faults(said.append, lambda: clock[0])
+    faults = FaultLog(said.append, lambda: clock[0])
     for k in range(1000):
         faults.report("loads", "block fields: " + "".join(chr(97 + k // 26**place % 26) for place in range(3)))
         clock[0] += 0.01
@@ -58,17 +58,17 @@ def test_every_line_about_a_signal_names_its_point():
     said = []
     condition = StreamHealth(said.append)
     for source in ("model", "field"):
-        condition.arrived("girder", source, 250)
+        condition.add_samples("girder", source, 250)
     counters = {"girder": {"field": StreamCounters()}}
-    condition.look(counters, False, {"girder": 10**18})
+    condition.conditions(counters, False, {"girder": 10**18})
     counters["girder"]["field"] = StreamCounters(
         rejected=1, late=2, gaps=3, restarts=4, rate_changes=5, declared_hz=100.0, came_hz=50.0, block_gaps=6
     )
     condition.fail("girder", "/rig/imu", "/rig/imu: type a, allowed: b; not used")
-    apart = condition.look(counters, False, {"girder": 10**18})["girder"]
+    apart = condition.conditions(counters, False, {"girder": 10**18})["girder"]
     condition.refuse("girder", "field", "block fields: none")
     counters["girder"]["field"].late += 1
-    beside = condition.look(counters, False, {})["girder"]
+    beside = condition.conditions(counters, False, {})["girder"]
     told = {*apart.refused, *apart.doubts, *beside.refused, *beside.doubts}
     assert len(said) == len(told) == 8
     assert all("girder" in line for line in said), said
@@ -80,14 +80,14 @@ def test_every_line_about_a_signal_names_its_point():
 
 def test_what_was_refused_is_over_when_nothing_of_the_kind_comes(monkeypatch):
     clock = SimpleNamespace(monotonic=lambda: clock.now, now=0.0)
-    monkeypatch.setattr(health, "time", clock)
+    monkeypatch.setattr(stream_health, "time", clock)
     condition = StreamHealth(lambda _: None)
 
     def refused():
-        return [found.refused for found in condition.look({}, False, {}).values()]
+        return [found.refused for found in condition.conditions({}, False, {}).values()]
 
     condition.refuse("girder", "field", "block fields: none")
     assert refused() == refused() == [["field girder: block fields: none; not used"]]
-    clock.now = 1.1 * health.SILENCE_S
+    clock.now = 1.1 * stream_health.SILENCE_S
     assert len(refused()) == 1  # once more, that none comes and goes unseen
     assert refused() == []

@@ -15,10 +15,10 @@ from peer import Peer, SimulatedClock, stamps  # noqa: E402
 from sensor_msgs.msg import PointCloud2  # noqa: E402
 
 from tbm_dynamics import load_machine, simulate  # noqa: E402
-from tbm_dynamics.nodes import pace  # noqa: E402
+from tbm_dynamics.nodes import pacer  # noqa: E402
 from tbm_dynamics.nodes.dynamics_node import DynamicsNode  # noqa: E402
 from tbm_dynamics.nodes.load_node import LoadNode  # noqa: E402
-from tbm_gsa.app.nodes import health  # noqa: E402
+from tbm_gsa.app.nodes import stream_health  # noqa: E402
 from tbm_gsa.app.nodes.analysis_node import AnalysisNode  # noqa: E402
 from tbm_msgs_py import ACCELERATION, LOADS  # noqa: E402
 from tbm_msgs_py.nodes import messages, qos, rate  # noqa: E402
@@ -107,7 +107,7 @@ def system():
     """Loads, dynamics and analysis with a field; the tests share them and leave them sound."""
     with Peer() as peer, pytest.MonkeyPatch.context() as patch:
         clock = SimulatedClock(peer, START_NS)
-        for module in (health, rate, pace):
+        for module in (stream_health, rate, pacer):
             patch.setattr(module, "time", SimpleNamespace(monotonic=lambda: clock.now_ns * 1e-9))
         yield System(peer, clock)
 

@@ -9,8 +9,8 @@ rclpy = pytest.importorskip("rclpy")
 
 from geometry_msgs.msg import AccelStamped, Vector3Stamped  # noqa: E402
 from nav_msgs.msg import Goals  # noqa: E402
+from peer import Rig  # noqa: E402
 from rclpy.qos import QoSProfile  # noqa: E402
-from rigs import Rig  # noqa: E402
 from sensor_msgs.msg import Imu, JointState, PointCloud2  # noqa: E402
 from std_msgs.msg import String  # noqa: E402
 
@@ -48,7 +48,7 @@ class Middleware:
     def refuses(self, topic, kind):
         return ""
 
-    def asks(self, topic, offered):
+    def requests(self, topic, offered):
         return offered.quality
 
     def subscribe(self, topic, offer):
@@ -57,7 +57,7 @@ class Middleware:
         self.held = offer.type
         return offer.type
 
-    def tell(self, topic, problem):
+    def report(self, topic, problem):
         self.said.append(problem)
 
 
@@ -106,7 +106,7 @@ class Clash:
 
 def test_types_that_clash_do_not_end_the_analysis(run_node, peer, tmp_path):
     (tmp_path / "mapping.yaml").write_text(MAPPING)
-    node = run_node("tbm_gsa.app.nodes.analysis_node", history="none", mapping=tmp_path / "mapping.yaml")
+    node = run_node("analysis_node", history="none", mapping=tmp_path / "mapping.yaml")
     girder, shield = (Clash(peer, f"tbm: comparison {point}") for point in ("girder", "shield"))
     girder.is_over()
     accel, imu = "geometry_msgs/msg/AccelStamped", "sensor_msgs/msg/Imu"

@@ -11,7 +11,6 @@ from processes import wait_for  # noqa: E402
 from sensor_msgs.msg import PointCloud2  # noqa: E402
 from std_srvs.srv import Trigger  # noqa: E402
 
-from tbm_gsa.app.nodes.start import NODES  # noqa: E402
 from tbm_msgs_py import ACCELERATION  # noqa: E402
 from tbm_msgs_py.nodes import messages, qos  # noqa: E402
 from tbm_msgs_py.topics import TEST_POINTS  # noqa: E402
@@ -49,7 +48,7 @@ class System:
         self.peer.node.create_subscription(PointCloud2, f"/tbm/model/{point}/block", measure, qos.BLOCK)
 
     def start(self, name):
-        self.nodes[name] = self._run(NODES[name], **self._parameters[name])
+        self.nodes[name] = self._run(name, **self._parameters[name])
 
     def kill(self, name):
         self.nodes[name].send(signal.SIGKILL)

@@ -17,7 +17,8 @@ from tbm_gsa.app.nodes.live_view import LiveView  # noqa: E402
 from tbm_msgs_py import Bag  # noqa: E402
 from tbm_msgs_py.nodes.bag_player import BagPlayer  # noqa: E402
 from tbm_msgs_py.nodes.bag_recorder import BagRecorder  # noqa: E402
-from tbm_msgs_py.nodes.managed import ManagedNode, Parameter  # noqa: E402
+from tbm_msgs_py.nodes.managed import ManagedNode  # noqa: E402
+from tbm_msgs_py.nodes.parameters import Parameter  # noqa: E402
 
 pytestmark = pytest.mark.ros
 

@@ -30,7 +30,7 @@ def test_clients_get_what_is_published_and_what_was_latched(run_node):
     with Peer() as peer:
         sent = peer.node.create_publisher(JointState, TOPIC, qos.OPERATING_POINT)
         sent.publish(messages.operating_point_message(5, POINT))
-        view = run_node("tbm_gsa.app.nodes.live_view", port=0)
+        view = run_node("live_view", port=0)
         peer.wait_for(lambda: sent.get_subscription_count() == 1)
         port = re.search(r"ws://127\.0\.0\.1:(\d+)", view.output).group(1)
         for latched in (POINT, OTHER):

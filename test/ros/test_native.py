@@ -22,19 +22,20 @@ from processes import DEADLINE, wait_for  # noqa: E402
 from sensor_msgs.msg import JointState  # noqa: E402
 
 from tbm_gsa.app.cli.commands import load  # noqa: E402
-from tbm_gsa.app.nodes.start import NODES  # noqa: E402
 from tbm_msgs_py import OperatingPoint, topics  # noqa: E402
 from tbm_msgs_py.nodes import messages  # noqa: E402
 from tbm_msgs_py.nodes.parameters import AUTOSTART  # noqa: E402
+from tbm_msgs_py.nodes.registry import MACHINE_NODES, NODES  # noqa: E402
 
 SOURCE = Path(__file__).parents[2]
 LAUNCH, CONFIG = SOURCE / "launch", SOURCE / "config"
 PARAMETERS = {
-    node: {parameter.name: parameter for parameter in (AUTOSTART, *import_module(module).PARAMETERS)}
-    for node, module in NODES.items()
+    node: {parameter.name: parameter for parameter in (AUTOSTART, *import_module(entry.module).PARAMETERS)}
+    for node, entry in NODES.items()
 }
 NO_TOPICS = {topics.NAMESPACE, topics.RUN_GSA, topics.CANCEL_GSA}
-OF_THE_MACHINE = {text for name, text in vars(topics).items() if name.isupper() and isinstance(text, str)} - NO_TOPICS
+NAMED = {text for name, text in vars(topics).items() if name.isupper() and name[0] != "_" and isinstance(text, str)}
+OF_THE_MACHINE = NAMED - NO_TOPICS
 OF_A_POINT = {
     name(point)
     for point in topics.TEST_POINTS
@@ -104,14 +105,13 @@ def test_the_launch_files_name_nodes_and_parameters_that_there_are():
     assert [node["exec"] for node in launched] == [node["name"] for node in launched]
     assert all(node["pkg"] == "tbm_monitor" for node in launched)
     names = {node["exec"] for node in launched}
-    assert names == {"load_node", "dynamics_node", "analysis_node"} <= set(NODES)
+    assert names == set(MACHINE_NODES) <= set(NODES)
     arguments = {entry["arg"]["name"] for entry in described if "arg" in entry}
     used = set(re.findall(r"\$\(var (\w+)\)", (LAUNCH / "tbm_monitor.launch.yaml").read_text()))
     assert arguments == used
 
     tree = ast.parse((LAUNCH / "tbm_monitor.launch.py").read_text())
-    (nodes,) = [s.value for s in tree.body if isinstance(s, ast.Assign) and s.targets[0].id == "NODES"]
-    assert set(ast.literal_eval(nodes)) == names
+    assert "MACHINE_NODES" in {one.id for one in ast.walk(tree) if isinstance(one, ast.Name)}
     calls = [call for call in ast.walk(tree) if isinstance(call, ast.Call) and isinstance(call.func, ast.Name)]
     for kind in ("DeclareLaunchArgument", "LaunchConfiguration"):
         assert {call.args[0].value for call in calls if call.func.id == kind} == arguments

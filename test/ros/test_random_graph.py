@@ -11,13 +11,12 @@ rclpy = pytest.importorskip("rclpy")
 from diagnostic_msgs.msg import DiagnosticArray  # noqa: E402
 from geometry_msgs.msg import AccelStamped, Vector3Stamped  # noqa: E402
 from nav_msgs.msg import Goals  # noqa: E402
+from peer import Rig  # noqa: E402
 from rclpy.duration import Duration  # noqa: E402
 from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy  # noqa: E402
-from rigs import Rig  # noqa: E402
 from sensor_msgs.msg import Imu, JointState, PointCloud2  # noqa: E402
 from std_msgs.msg import String  # noqa: E402
 
-from tbm_gsa.app.nodes.start import NODES  # noqa: E402
 from tbm_msgs_py import ACCELERATION, LOADS  # noqa: E402
 from tbm_msgs_py.nodes import messages, qos  # noqa: E402
 
@@ -113,7 +112,7 @@ class Nodes:
             "bag_recorder": {"output": folder / "bag", "topics": f"[{','.join(TOPICS)}]"},
             "live_view": {"port": 0, "blocks": True},
         }
-        self._processes = {name: run_node(NODES[name], **parameters.get(name, {})) for name in names}
+        self._processes = {name: run_node(name, **parameters.get(name, {})) for name in names}
         self.wait_until(self._active)
 
     def wait_until(self, condition):

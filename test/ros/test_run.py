@@ -21,11 +21,11 @@ from tbm_gsa.app.cli.processes import NodeCommand, NodeProcesses  # noqa: E402
 from tbm_gsa.app.cli.shipped import shipped_bag  # noqa: E402
 from tbm_msgs_py.nodes import qos  # noqa: E402
 from tbm_msgs_py.nodes.bag_player import BagPlayer  # noqa: E402
+from tbm_msgs_py.nodes.registry import MACHINE_NODES  # noqa: E402
 
 pytestmark = pytest.mark.ros
 
 COMMAND = [sys.executable, "-m", "tbm_gsa.app.cli.main"]
-NODES = ("load_node", "dynamics_node", "analysis_node")
 NODES_YAML = Path(__file__).parents[2] / "config" / "nodes.yaml"
 
 
@@ -91,7 +91,7 @@ def test_run_follows_a_recording_and_says_what_its_nodes_do(tmp_path, peer):
     with (tmp_path / "out").open("wb") as out, errors.open("wb") as err:
         process = subprocess.Popen(command, cwd=tmp_path, stdout=out, stderr=err)
     try:
-        peer.wait_for(lambda: all(peer.text(f"tbm: {name}") == "active" for name in NODES))
+        peer.wait_for(lambda: all(peer.text(f"tbm: {name}") == "active" for name in MACHINE_NODES))
         peer.host(BagPlayer, bag=shipped_bag(), loop=True, rate=2.0)
         compared = "tbm: comparison cutterhead"
         peer.wait_for(lambda: float(peer.value(compared, "relative_error_x") or "nan") >= 0.0)
@@ -130,7 +130,7 @@ def test_run_and_its_nodes_end_within_three_seconds(tmp_path, peer):
 
 def test_a_node_that_ends_by_itself_is_noticed(tmp_path):
     with NodeProcesses(tmp_path) as nodes:
-        nodes.start(NodeCommand("one", "timeit"))  # its main just returns
+        nodes.start(NodeCommand("one", module="timeit"))  # its main just returns
         wait_for(lambda: not nodes.running("one"))
         nodes.check(ending="one")
         with pytest.raises(RuntimeError, match="one was ended"):
@@ -144,9 +144,9 @@ def test_nodes_are_ended_before_and_after_they_can_hear_of_it(tmp_path, monkeypa
         (tmp_path / f"{name}.py").write_text(f"import signal, time\ndef main():\n    {does}\n    time.sleep(60)\n")
     monkeypatch.setenv("PYTHONPATH", str(tmp_path))
     with NodeProcesses(tmp_path) as nodes:
-        nodes.start(NodeCommand("deaf", "deaf"))
+        nodes.start(NodeCommand("deaf", module="deaf"))
         wait_for(lambda: (tmp_path / "deaf.log").read_text() == "deaf\n")
-        nodes.start(NodeCommand("early", "hears"))
+        nodes.start(NodeCommand("early", module="hears"))
     assert not nodes.running("early")
     assert (tmp_path / "early.log").read_text() == ""
     with pytest.raises(RuntimeError, match="deaf ended with exit code -9"):

@@ -1,5 +1,6 @@
 """SIGINT and SIGTERM at any moment of a node's life, its start included: an end without a word, code 0."""
 
+import os
 import signal
 import subprocess
 import sys
@@ -13,14 +14,14 @@ pytest.importorskip("rclpy")
 from processes import DEADLINE, NodeProcess, wait_for
 from rclpy.executors import SingleThreadedExecutor
 
-from tbm_gsa.app.nodes import start
 from tbm_gsa.app.nodes.watch import Watch
+from tbm_msgs_py.nodes import registry
 
 pytestmark = pytest.mark.ros
 
 BAGS = Path(__file__).parents[2] / "bags"
 SLOWEST = ("dynamics_node", "analysis_node")  # to start; the others take minutes together
-NODES = [pytest.param(name, marks=() if name in SLOWEST else pytest.mark.verify) for name in start.NODES]
+NODES = [pytest.param(name, marks=() if name in SLOWEST else pytest.mark.verify) for name in registry.NODES]
 
 
 def listens(process):
@@ -51,7 +52,7 @@ def test_a_signal_during_the_start(tmp_path, monkeypatch, name):
     for place, moment in enumerate(moments):
         given = [f"{key}:={value}" for key, value in needed(name, tmp_path / f"{place}").items()]
         arguments = ["--ros-args", *(part for one in given for part in ("-p", one))] if given else []
-        node = NodeProcess(tmp_path / f"{place}.log", start.NODES[name], arguments)
+        node = NodeProcess(tmp_path / f"{place}.log", name, arguments)
         wait_for(lambda node=node: listens(node.process))
         started = time.monotonic()
         wait_for(lambda started=started, moment=moment: time.monotonic() >= started + moment)
@@ -63,7 +64,8 @@ def test_a_signal_during_the_start(tmp_path, monkeypatch, name):
 
 SWALLOWING = """
 import ctypes, os, signal, sys, time
-from tbm_msgs_py.nodes.managed import ManagedNode, run_node
+from tbm_msgs_py.nodes.managed import ManagedNode
+from tbm_msgs_py.nodes.running import run_node
 
 class Compiling(ManagedNode):
     def __init__(self):
@@ -89,9 +91,41 @@ def test_a_signal_that_a_library_swallows_comes_again():
     assert (process.returncode, out, err) == (0, "", "")
 
 
+IMPORTING = """
+import signal
+from tbm_msgs_py.nodes.managed import ManagedNode
+from tbm_msgs_py.nodes.running import run_node
+
+class Importing(ManagedNode):
+    def __init__(self):
+        super().__init__("importing")
+
+    def configure(self):
+        exec("signal.raise_signal(signal.SIGINT)")
+
+def main():
+    return run_node(Importing)
+"""
+
+
+def test_a_signal_in_executed_text_ends_a_node_well(tmp_path):
+    """As in the import of a library that makes classes of text."""
+    (tmp_path / "importing.py").write_text(IMPORTING)
+    paths = os.pathsep.join([str(tmp_path), *filter(None, [os.environ.get("PYTHONPATH")])])
+    done = subprocess.run(
+        [sys.executable, "-m", "tbm_gsa.app.nodes.start", "importing"],
+        env={**os.environ, "PYTHONPATH": paths},
+        capture_output=True,
+        text=True,
+        check=False,
+        timeout=60,
+    )
+    assert (done.returncode, done.stdout, done.stderr) == (0, "", "")
+
+
 BROKEN = """
 import signal, sys
-from tbm_msgs_py.nodes.managed import run_node
+from tbm_msgs_py.nodes.running import run_node
 
 def broken():
     try:

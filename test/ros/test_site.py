@@ -3,7 +3,7 @@
 import pytest
 
 from tbm_gsa.app.cli.site import Site
-from tbm_gsa.sensitivity.study.errors import StudyError
+from tbm_msgs_py.base.errors import InputError
 
 FILES = {
     "any namespace": "/**/load_node: {ros__parameters: {machine: a}}",
@@ -58,11 +58,11 @@ def test_names_with_dots(tmp_path):
 def test_what_nodes_share(tmp_path):
     one = site(tmp_path, FILES["any namespace"])
     assert one.common(["load_node"], "machine", "b") == "a"
-    with pytest.raises(StudyError, match=r"machine: a of load_node, b of dynamics_node; allowed: one for all of them"):
+    with pytest.raises(InputError, match=r"machine: a of load_node, b of dynamics_node; allowed: one for all of them"):
         one.common(["load_node", "dynamics_node"], "machine", "b")
 
 
 @pytest.mark.parametrize("text", ["- a", "a: [", "\x00"])
 def test_what_is_no_parameter_file(tmp_path, text):
-    with pytest.raises(StudyError, match=r"site\.yaml: not (YAML|nodes with ros__parameters)"):
+    with pytest.raises(InputError, match=r"site\.yaml: not (YAML|nodes with ros__parameters)"):
         site(tmp_path, text)

@@ -9,8 +9,8 @@ pytest.importorskip("diagnostic_msgs")
 
 from diagnostic_msgs.msg import DiagnosticStatus
 
-from tbm_gsa.app.nodes.health import Condition
 from tbm_gsa.app.nodes.statuses import comparison_status
+from tbm_gsa.app.nodes.stream_health import Condition
 from tbm_gsa.comparison import WindowResult
 
 

@@ -25,8 +25,8 @@ from tbm_msgs_py.topics import QoS  # noqa: E402
 
 pytestmark = pytest.mark.ros
 
-LOAD_NODE, DYNAMICS_NODE = "tbm_dynamics.nodes.load_node", "tbm_dynamics.nodes.dynamics_node"
-ANALYSIS_NODE, PLAYER = "tbm_gsa.app.nodes.analysis_node", "tbm_msgs_py.nodes.bag_player"
+LOAD_NODE, DYNAMICS_NODE = "load_node", "dynamics_node"
+ANALYSIS_NODE, PLAYER = "analysis_node", "bag_player"
 START_NS = 1_700_000_000_000_000_000
 BLOCK_NS, SEED = 50_000_000, 3
 STEP_NS = 200_000  # of the blocks of the model

@@ -42,7 +42,7 @@ def test_nodes_meet_and_share_memory_only_when_told_to(run_node, stated, theirs)
     """A node as we start it and one with the transports of rmw_fastrtps, found by a peer as we start it."""
     with Peer() as peer:
         stated({RANGE: "LOCALHOST", **theirs})
-        node = run_node("tbm_dynamics.nodes.load_node").process.pid
+        node = run_node("load_node").process.pid
         peer.wait_for(lambda: "tbm: loads" in peer.diagnostics)
         assert peer.state("/tbm/load_node") == "active"
         shared = {pid: "/dev/shm/fastrtps_" in Path(f"/proc/{pid}/maps").read_text() for pid in (os.getpid(), node)}
@@ -69,7 +69,7 @@ def test_the_firewall_rule_names_every_port_of_rtps():
 def test_the_firewall_rule_names_every_open_port(run_node, stated):
     """What a node of the default range, the subnet, really listens on: Fast DDS has ports of its own beside RTPS's."""
     stated({RANGE: "SUBNET"})
-    node = run_node("tbm_dynamics.nodes.load_node")
+    node = run_node("load_node")
     with Peer() as peer:
         peer.wait_for(lambda: "tbm: loads" in peer.diagnostics)
         sockets = psutil.Process(node.process.pid).net_connections("udp")

@@ -29,7 +29,7 @@ def watch():
 def test_statuses_of_other_machines_do_not_enter(watch):
     for name in ("tbm: loads", "north: loads", "tbm_2: loads", "loads", ""):
         watch._on_diagnostics(array(name, "streaming", {"blocks": 3}))
-    assert watch.seen.diagnostics == {"tbm: loads": (1, "streaming", {"blocks": "3"})}
+    assert watch.state.diagnostics == {"tbm: loads": (1, "streaming", {"blocks": "3"})}
 
 
 @pytest.mark.parametrize(
@@ -44,8 +44,8 @@ def test_statuses_of_other_machines_do_not_enter(watch):
 def test_no_study_is_taken_from_elsewhere(watch, name, values):
     watch._on_gsa_status(array("tbm: sensitivity analysis", "by us", OF_STUDY))
     watch._on_gsa_status(array(name, "by them", values))
-    assert watch.seen.gsa == {"state": "running", "done": "3", "total": "9"}
-    assert watch.seen.gsa_message == "by us"
+    assert watch.state.gsa == {"state": "running", "done": "3", "total": "9"}
+    assert watch.state.gsa_message == "by us"
 
 
 @pytest.mark.parametrize(
@@ -60,7 +60,7 @@ def test_no_study_is_taken_from_elsewhere(watch, name, values):
 def test_no_result_is_taken_from_elsewhere(watch, name, values):
     watch._on_gsa_result(array("tbm: sensitivity of MF_M", "x1", OF_RESULT))
     watch._on_gsa_result(array(name, "x1", values))
-    assert watch.seen.result == {"MF_M": {key: str(value) for key, value in OF_RESULT.items()}}
+    assert watch.state.result == {"MF_M": {key: str(value) for key, value in OF_RESULT.items()}}
 
 
 @pytest.mark.parametrize(
@@ -89,4 +89,4 @@ def test_a_flooded_topic_starves_no_other():
         for _ in range(20):
             watch.flood.publish(PointCloud2())
         diagnostics.publish(array("tbm: loads"))
-        wait_for(lambda: watch.seen.diagnostics, step=lambda: watch.spin(0.1))
+        wait_for(lambda: watch.state.diagnostics, step=lambda: watch.spin(0.1))

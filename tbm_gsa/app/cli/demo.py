@@ -25,9 +25,9 @@ from tbm_gsa.app.cli.output import (
     results,
     split_names,
 )
-from tbm_gsa.app.cli.processes import NodeCommand, NodeProcesses, ParameterValue, settle_ros_environment
-from tbm_gsa.app.cli.ros import ANALYSIS_NODE, BAG_PLAYER, DYNAMICS_NODE, LOAD_NODE, SAID, watch
+from tbm_gsa.app.cli.processes import NodeCommand, NodeProcesses, settle_ros_environment
 from tbm_gsa.app.cli.shipped import shipped_bag
+from tbm_gsa.app.cli.supervision import ACTIVE_STATUSES, watch
 from tbm_gsa.sensitivity.study.outputs import parse_outputs
 from tbm_msgs_py.bags.metadata import is_synthetic
 from tbm_msgs_py.base.errors import RunError
@@ -36,7 +36,7 @@ from tbm_msgs_py.recordings.mapping import default_mapping_file
 from tbm_msgs_py.recordings.recording import Recording, read_recording
 
 if TYPE_CHECKING:
-    from tbm_gsa.app.nodes.watch import Seen, Watch
+    from tbm_gsa.app.nodes.watch import Watch, WatchState
 
 _LOOK_S = 0.2
 _ASKED_S = 10.0
@@ -75,7 +75,7 @@ def demo(
         )
         _play(watching, nodes, length)
         _finish_study(watching, nodes)
-    document = demo_document(described, watching.seen, time.monotonic() - start)
+    document = demo_document(described, watching.state, time.monotonic() - start)
     if json:
         print_json(document)
     else:
@@ -86,8 +86,8 @@ def node_commands(
     recording: Recording, machine: str, seed: int, out: Path, samples: int, test: int, outputs: Sequence[str]
 ) -> list[NodeCommand]:
     """Name the three nodes, which follow the recording's clock."""
-    common: dict[str, ParameterValue] = {"machine": machine, "use_sim_time": True}
-    study: dict[str, ParameterValue] = {
+    common: dict[str, object] = {"machine": machine, "use_sim_time": True}
+    study: dict[str, object] = {
         "gsa.samples": samples,
         "gsa.test": test,
         "gsa.outputs": list(outputs) or [""],  # empty: all of them
@@ -96,60 +96,60 @@ def node_commands(
         "history": str(out / "history.sqlite"),  # not among the windows of a real machine
     }
     mapping = default_mapping_file(recording.path)
-    stated: dict[str, ParameterValue] = {"mapping": str(mapping)} if mapping else {}
+    stated: dict[str, object] = {"mapping": str(mapping)} if mapping else {}
     return [
-        NodeCommand("analysis_node", ANALYSIS_NODE, {**common, **study, **stated}),
-        NodeCommand("dynamics_node", DYNAMICS_NODE, {**common, "seed": seed}),
+        NodeCommand("analysis_node", {**common, **study, **stated}),
+        NodeCommand("dynamics_node", {**common, "seed": seed}),
         # Dynamics and this process: both see the stream from its first block.
-        NodeCommand("load_node", LOAD_NODE, {**common, "seed": seed, "wait_for_subscribers": 2}),
+        NodeCommand("load_node", {**common, "seed": seed, "wait_for_subscribers": 2}),
     ]
 
 
 def player_command(recording: Recording) -> NodeCommand:
     """Name the player; the comparison sees every topic from its first message."""
-    play: dict[str, ParameterValue] = {"wait_for_subscribers": max(2, len(recording.points)), "wait_timeout": 30.0}
-    return NodeCommand("bag_player", BAG_PLAYER, {"bag": str(recording.path), **play})
+    play: dict[str, object] = {"wait_for_subscribers": max(2, len(recording.points)), "wait_timeout": 30.0}
+    return NodeCommand("bag_player", {"bag": str(recording.path), **play})
 
 
 def _wait_until_active(watching: Watch, nodes: NodeProcesses) -> None:
-    """Wait until every node says how it is: on a computer that still compiles the recording would be over before."""
-    _wait_while(watching, nodes, lambda: not watching.seen.diagnostics.keys() >= SAID, _START_S)
-    if missing := sorted(SAID - watching.seen.diagnostics.keys()):
+    """Wait until every node reports: on a computer that still compiles the recording would be over before."""
+    _wait_while(watching, nodes, lambda: not watching.state.diagnostics.keys() >= ACTIVE_STATUSES, _START_S)
+    if missing := sorted(ACTIVE_STATUSES - watching.state.diagnostics.keys()):
         raise RunError(f"{missing[0]}: nothing on /diagnostics for {_START_S:g} s; see the logs")
 
 
 def _play(watching: Watch, nodes: NodeProcesses, length: float) -> None:
     """Follow the playback to its end, saying once when the comparison starts a study."""
     announced = False
-    progress = watching.seen.blocks
+    progress = watching.state.blocks
     with progress_bar("playing") as bar:
         task = bar.add_task("", total=length)
         while nodes.running("bag_player"):
             watching.spin(_LOOK_S)
             nodes.check(ending="bag_player")
             bar.update(task, completed=min(count.stream_time for count in progress.values()))
-            if not announced and watching.seen.gsa.get("state") == "running":
-                notes.print(f"sensitivity analysis {watching.seen.gsa_message}", highlight=False)
+            if not announced and watching.state.gsa.get("state") == "running":
+                notes.print(f"sensitivity analysis {watching.state.gsa_message}", highlight=False)
                 announced = True
 
 
 def _finish_study(watching: Watch, nodes: NodeProcesses) -> None:
     """Wait for the study; one that the comparison did not start is asked for."""
-    seen = watching.seen
-    if seen.gsa.get("state", "idle") == "idle":
+    state = watching.state
+    if state.gsa.get("state", "idle") == "idle":
         notes.print("the comparison stayed under its threshold: asking for a sensitivity analysis", highlight=False)
         watching.run_gsa()
-        _wait_while(watching, nodes, lambda: seen.gsa.get("state", "idle") == "idle", _ASKED_S)
+        _wait_while(watching, nodes, lambda: state.gsa.get("state", "idle") == "idle", _ASKED_S)
     with progress_bar("simulations") as bar:
-        task = bar.add_task("", total=int(seen.gsa.get("total", 0)))
-        while seen.gsa.get("state") == "running":
+        task = bar.add_task("", total=int(state.gsa.get("total", 0)))
+        while state.gsa.get("state") == "running":
             watching.spin(_LOOK_S)
             nodes.check(ending="bag_player")
-            bar.update(task, completed=int(seen.gsa["done"]))
-    if seen.gsa.get("state") != "finished":
-        raise RunError(f"sensitivity analysis: {seen.gsa_message}")
-    _wait_while(watching, nodes, lambda: not seen.result, _ASKED_S)
-    if not seen.result:
+            bar.update(task, completed=int(state.gsa["done"]))
+    if state.gsa.get("state") != "finished":
+        raise RunError(f"sensitivity analysis: {state.gsa_message}")
+    _wait_while(watching, nodes, lambda: not state.result, _ASKED_S)
+    if not state.result:
         raise RunError("sensitivity analysis: finished, but no result came")
 
 
@@ -160,7 +160,7 @@ def _wait_while(watching: Watch, nodes: NodeProcesses, condition: Callable[[], b
         nodes.check(ending="bag_player")
 
 
-def demo_document(machine: Machine, seen: Seen, seconds: float) -> dict[str, Any]:
+def demo_document(machine: Machine, state: WatchState, seconds: float) -> dict[str, Any]:
     """Gather what `demo --json` prints.
 
     Returns
@@ -172,16 +172,16 @@ def demo_document(machine: Machine, seen: Seen, seconds: float) -> dict[str, Any
     """
     points = {}
     for point, node in machine.description.test_points.items():
-        predicted, measured = seen.rms(point, "model_rms")[0], seen.rms(point, "field_rms")[0]
+        predicted, measured = state.rms(point, "model_rms")[0], state.rms(point, "field_rms")[0]
         points[point] = {
             "node": node,
             "predicted_g": float(predicted / STANDARD_GRAVITY),
             "measured_g": float(measured / STANDARD_GRAVITY),
             "relative_error": float(abs(measured - predicted) / measured) if measured > 0.0 else float("nan"),
-            "windows": seen.windows[point]["relative_error"].count,
+            "windows": state.windows[point]["relative_error"].count,
         }
     outputs = {}
-    for name, values in seen.result.items():
+    for name, values in state.result.items():
         first = {key.removeprefix("first_"): float(value) for key, value in values.items() if key.startswith("first_")}
         outputs[name] = {
             "surrogate": values["surrogate"],
@@ -192,9 +192,9 @@ def demo_document(machine: Machine, seen: Seen, seconds: float) -> dict[str, Any
     return {
         "points": points,
         "outputs": outputs,
-        "blocks": {name: {"received": count.received, "lost": count.lost} for name, count in seen.blocks.items()},
-        "trigger": seen.gsa_message,
-        "report": seen.gsa.get("report"),
+        "blocks": {name: {"received": count.received, "lost": count.lost} for name, count in state.blocks.items()},
+        "trigger": state.gsa_message,
+        "report": state.gsa.get("report"),
         "seconds": seconds,
     }
 

@@ -10,18 +10,18 @@ import time
 from collections.abc import Callable
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
 import typer
 
 from tbm_gsa.app.cli.output import JSON_OPTION, print_json, results
 from tbm_gsa.app.cli.processes import NodeCommand, NodeProcesses, settle_ros_environment
-from tbm_gsa.app.cli.ros import SENDER
 from tbm_gsa.app.cli.shipped import shipped_bag
 from tbm_msgs_py.base.errors import RunError
 from tbm_msgs_py.nodes.transport import DISCOVERY_RANGE
 from tbm_msgs_py.topics import absolute
 
+SENDER = "tbm_gsa.app.nodes.exchange"
 _PATIENCE_S = 60.0  # for a block of another process; it starts in seconds, on a busy computer too
 
 _PACKAGES = (
@@ -45,26 +45,21 @@ def doctor(json: Annotated[bool, JSON_OPTION] = False) -> None:
         checks[name] = _attempt(check)
         if not json:  # each as it is known: the first compiles for a while
             _print_check(name, checks[name])
-    document: dict[str, Any] = {
-        "ok": all(check["ok"] for check in checks.values()),
-        "checks": checks,
-        "versions": _versions(),
-    }
+    ok, versions = all(check["ok"] for check in checks.values()), _versions()
     if json:
-        print_json(document)
+        print_json({"ok": ok, "checks": checks, "versions": versions})
     else:
-        results.print(
-            "versions: " + ", ".join(f"{name} {found}" for name, found in document["versions"].items()), highlight=False
-        )
-    if not document["ok"]:
+        listed = ", ".join(f"{name} {found}" for name, found in versions.items())
+        results.print(f"versions: {listed}", highlight=False)
+    if not ok:
         raise typer.Exit(2)
 
 
-def _print_check(name: str, check: dict[str, Any]) -> None:
+def _print_check(name: str, check: dict[str, object]) -> None:
     results.print(f"{'ok  ' if check['ok'] else 'FAIL'} {name}: {check['detail']}", highlight=False)
 
 
-def _attempt(check: Callable[[], str]) -> dict[str, Any]:
+def _attempt(check: Callable[[], str]) -> dict[str, object]:
     try:
         return {"ok": True, "detail": check()}
     except Exception as error:  # noqa: BLE001 - whatever is wrong is the answer
@@ -85,7 +80,7 @@ def _ros() -> str:
     discovery = os.environ.get(DISCOVERY_RANGE) or "LOCALHOST, as for run and demo"
     settle_ros_environment()
     topic = absolute(f"doctor/block_{os.getpid()}")  # beside another doctor
-    seconds = exchange(NodeCommand("doctor_sender", SENDER, {"topic": topic}), topic, _PATIENCE_S)
+    seconds = exchange(NodeCommand("doctor_sender", {"topic": topic}, module=SENDER), topic, _PATIENCE_S)
     return f"a block of another process came after {seconds:.1f} s; domain {_domain()}, discovery {discovery}"
 
 

@@ -14,9 +14,10 @@ import typer
 import tbm_gsa
 from tbm_gsa.app.cli.commands import CommandLine
 from tbm_gsa.app.cli.output import notes, results
-from tbm_gsa.app.cli.start import ENDING, INTERRUPTED
+from tbm_gsa.app.cli.start import INTERRUPTED
 from tbm_msgs_py.base.errors import InputError, RunError
 from tbm_msgs_py.base.texts import shortened
+from tbm_msgs_py.nodes.processes import handle_signals
 
 app = typer.Typer(
     name="tbm-monitor",
@@ -50,7 +51,7 @@ _UsageError: type[Exception] = next(kind for kind in typer.BadParameter.__mro__ 
 class _Interruption:
     """Signal handler that remembers; it raises KeyboardInterrupt where the program stands.
 
-    A command that goes on until it is told to end handles signals itself once it has begun; before, it ends at once.
+    A command that goes on until a signal ends it handles signals itself once it has begun; before, it ends at once.
     """
 
     received = False
@@ -67,12 +68,9 @@ class _Interruption:
 def main() -> None:
     """Run the command line; exit code 0 on success, 2 on bad input, 1 on a fault of the program.
 
-    After Ctrl-C 130, but 0 for a command that goes on until it is told to end.
+    After Ctrl-C 130, but 0 for a command that goes on until a signal ends it.
     """
-    # What was started is ended in order, whichever signal comes.
-    for number in ENDING:
-        if signal.getsignal(number) != signal.SIG_IGN:  # nohup
-            signal.signal(number, _Interruption.handle)
+    handle_signals(_Interruption.handle)  # what was started is ended in order, whichever comes
     code = _run()
     if _Interruption.received and code != 0:
         code = INTERRUPTED  # a library may have turned the interruption into an error of its own
@@ -84,8 +82,8 @@ def main() -> None:
     sys.exit(code)
 
 
-def _run() -> int:  # noqa: PLR0911 - one for each kind of end
-    """Exit code of the command, every error said in one line."""
+def _run() -> int:
+    """Exit code of the command, every error in one line."""
     try:
         # -c and -m runs have no useful argv[0]; the name users type stands in messages.
         code = app(prog_name="tbm-monitor", standalone_mode=False)
@@ -93,35 +91,24 @@ def _run() -> int:  # noqa: PLR0911 - one for each kind of end
         return leave.exit_code
     except (typer.Abort, KeyboardInterrupt):
         return INTERRUPTED
-    except (
-        BrokenPipeError,
-        SystemExit,
-    ):  # the reader of the output has seen enough; the second is what rich makes of it
+    except (BrokenPipeError, SystemExit):  # the reader of the output has gone; the second is what rich makes of it
         return 0
-    except _UsageError as error:
-        _say(_usage_line(error))
-        return BAD_INPUT
-    except OSError as error:
-        _say(f"{error.filename}: {error.strerror}" if error.filename and error.strerror else str(error))
-        return BAD_INPUT
-    except sqlite3.Error as error:
-        _say(str(error))
-        return BAD_INPUT
-    except (InputError, RunError) as error:
-        _say(str(error))
-        return BAD_INPUT
-    except MemoryError as error:
-        _say(f"not enough memory: {error}")
+    except (_UsageError, OSError, sqlite3.Error, InputError, RunError, MemoryError) as error:
+        _print_line(_line(error))
         return BAD_INPUT
     except Exception as error:  # noqa: BLE001 - never a traceback
-        _say(f"fault of the program: {type(error).__name__}: {error}")
+        _print_line(f"fault of the program: {type(error).__name__}: {error}")
         return 1
     return code if isinstance(code, int) else 0
 
 
-def _usage_line(error: Exception) -> str:
-    """Say what is wrong with the command line; a bare `tbm-monitor` has shown its help already."""
-    if type(error).__name__ == "NoArgsIsHelpError":
+def _line(error: Exception) -> str:
+    """Line of an error that the user can do something about."""
+    if isinstance(error, OSError) and error.filename and error.strerror:
+        return f"{error.filename}: {error.strerror}"
+    if isinstance(error, MemoryError):
+        return f"not enough memory: {error}"
+    if type(error).__name__ == "NoArgsIsHelpError":  # a bare `tbm-monitor` has shown its help already
         return "a command is missing, see --help"
     line = str(getattr(error, "format_message", error.__str__)())
     context = getattr(error, "ctx", None)
@@ -130,7 +117,7 @@ def _usage_line(error: Exception) -> str:
     return line
 
 
-def _say(message: str) -> None:
+def _print_line(message: str) -> None:
     notes.print(f"tbm-monitor: {shortened(' '.join(message.split()))}", highlight=False)
 
 

@@ -105,7 +105,7 @@ def print_sentence(text: str) -> None:
     results.print(Text(text), soft_wrap=False)
 
 
-def print_json(document: Any) -> None:
+def print_json(document: object) -> None:
     """Write one JSON document to stdout; numbers that are not finite become null."""
     sys.stdout.write(json_text(document, indent=2) + "\n")
 

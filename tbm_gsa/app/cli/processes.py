@@ -2,28 +2,22 @@
 
 from __future__ import annotations
 
+import json
 import os
-import signal
-import subprocess
-import sys
 import time
-from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from types import TracebackType
 from typing import Self
 
-from tbm_gsa.app.nodes.start import WITH_PARENT
+from tbm_gsa.app.nodes.start import child_command
 from tbm_msgs_py.base.errors import InputError, RunError
+from tbm_msgs_py.nodes.processes import ChildProcess, signals_ignored
 from tbm_msgs_py.nodes.transport import DISCOVERY_RANGE, avoid_shared_memory
 
 _GRACE_S = 2.2  # a command has 3 s to end, its nodes included
-_ENDING = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
-_START = "tbm_gsa.app.nodes.start"
 _LAST_DOMAIN = 232
-
-ParameterValue = bool | int | float | str | list[str]
 
 
 def settle_ros_environment() -> None:
@@ -50,60 +44,29 @@ class NodeCommand:
     Attributes
     ----------
     name : str
-        Of the log file and in messages.
-    module : str
-        Python module that runs it.
+        Of a registered node, of the log file and in messages.
     parameters : mapping
         ROS parameters.
     file : Path, optional
         Parameter file; where both name a parameter, `parameters` hold.
+    module : str
+        Module that is run for what is no registered node.
     """
 
     name: str
-    module: str
-    parameters: Mapping[str, ParameterValue] = field(default_factory=dict)
+    parameters: Mapping[str, object] = field(default_factory=dict)
     file: Path | None = None
+    module: str = ""
 
     def arguments(self) -> list[str]:
-        """Command line of the process, which ends with the one that starts it."""
+        """Command line of the process, which ends with the one that starts it; JSON is the YAML that ROS reads."""
         given = ["--params-file", str(self.file)] if self.file else []
-        given += [part for key, value in self.parameters.items() for part in ("-p", f"{key}:={_literal(value)}")]
-        return [sys.executable, "-m", _START, WITH_PARENT, self.module, *(["--ros-args", *given] if given else [])]
-
-
-def _literal(value: ParameterValue) -> str:
-    """YAML of a parameter value; strings are quoted so that a name like `1e3` or a path stays a string."""
-    if isinstance(value, bool):
-        return str(value).lower()
-    if isinstance(value, str):
-        return "'" + value.replace("'", "''") + "'"
-    return repr(value)
-
-
-def until_told() -> Callable[[], bool]:
-    """Take note of signals from now on for good; they break off nothing, so that nothing is left half-made.
-
-    Returns
-    -------
-    callable
-        Whether one has come.
-    """
-    came: list[int] = []
-    for number in _ENDING:
-        if signal.getsignal(number) != signal.SIG_IGN:  # nohup
-            signal.signal(number, lambda number, _frame: came.append(number))
-    return lambda: bool(came)
-
-
-@contextmanager
-def _deaf() -> Iterator[None]:
-    """Ignore what would break off the end of the nodes and leave some of them behind."""
-    before = {number: signal.signal(number, signal.SIG_IGN) for number in _ENDING}
-    try:
-        yield
-    finally:
-        for number, handler in before.items():
-            signal.signal(number, handler)
+        given += [
+            part
+            for key, value in self.parameters.items()
+            for part in ("-p", f"{key}:={json.dumps(value, ensure_ascii=False)}")
+        ]
+        return child_command(self.module or self.name, *(["--ros-args", *given] if given else []))
 
 
 class NodeProcesses:
@@ -117,7 +80,7 @@ class NodeProcesses:
 
     def __init__(self, log_folder: Path) -> None:
         self._folder = log_folder
-        self._running: dict[str, subprocess.Popen[bytes]] = {}
+        self._running: dict[str, ChildProcess] = {}
 
     def __enter__(self) -> Self:
         self._folder.mkdir(parents=True, exist_ok=True)
@@ -130,12 +93,7 @@ class NodeProcesses:
 
     def start(self, command: NodeCommand) -> None:
         """Start a node; its output goes to its log file."""
-        with self._log(command.name).open("wb") as log:
-            # A session of its own: Ctrl-C reaches the command line only, which then ends the nodes in order. Its end
-            # of the pipe closes with it, and tells them when it is killed.
-            self._running[command.name] = subprocess.Popen(  # noqa: S603 - our own command line
-                command.arguments(), stdin=subprocess.PIPE, stdout=log, stderr=log, start_new_session=True
-            )
+        self._running[command.name] = ChildProcess(command.arguments(), self._folder / f"{command.name}.log")
 
     def running(self, name: str) -> bool:
         """Whether a node is still there.
@@ -147,7 +105,7 @@ class NodeProcesses:
         """
         code = self._running[name].poll()
         if code:
-            raise RunError(f"{name} ended with exit code {code}: {self._last_line(name)}")
+            raise RunError(f"{name} ended with exit code {code}: {self._running[name].last_line()}")
         return code is None
 
     def check(self, ending: str = "") -> None:
@@ -157,28 +115,10 @@ class NodeProcesses:
                 raise RunError(f"{name} was ended from outside")
 
     def stop(self) -> None:
-        """End every node, after a grace period with SIGKILL; a signal meanwhile changes nothing.
-
-        A node ends when its pipe closes. That never comes too early, as a signal to a Python that still starts does.
-        """
-        with _deaf():
-            self._stop()
-
-    def _stop(self) -> None:
-        for process in self._running.values():
-            if process.stdin:
-                process.stdin.close()
-        deadline = time.monotonic() + _GRACE_S
-        for process in self._running.values():
-            try:
-                process.wait(max(0.1, deadline - time.monotonic()))
-            except subprocess.TimeoutExpired:
-                process.kill()
-                process.wait()
-
-    def _log(self, name: str) -> Path:
-        return self._folder / f"{name}.log"
-
-    def _last_line(self, name: str) -> str:
-        lines = self._log(name).read_text(encoding="utf-8", errors="replace").splitlines()
-        return next((line.strip() for line in reversed(lines) if line.strip()), "it said nothing")
+        """End every node, after a grace period with SIGKILL; a signal meanwhile changes nothing."""
+        with signals_ignored():
+            for process in self._running.values():
+                process.request_end()
+            deadline = time.monotonic() + _GRACE_S
+            for process in self._running.values():
+                process.end(deadline - time.monotonic())

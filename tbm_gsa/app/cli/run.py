@@ -7,7 +7,7 @@ import time
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
@@ -29,18 +29,17 @@ from tbm_gsa.app.cli.output import (
     progress_bar,
     results,
 )
-from tbm_gsa.app.cli.processes import NodeCommand, NodeProcesses, ParameterValue, settle_ros_environment, until_told
-from tbm_gsa.app.cli.ros import ANALYSIS_NODE, DYNAMICS_NODE, LIVE_VIEW, LOAD_NODE, SAID, watch
+from tbm_gsa.app.cli.processes import NodeCommand, NodeProcesses, settle_ros_environment
 from tbm_gsa.app.cli.simulate import schedule_of
 from tbm_gsa.app.cli.site import Site
-from tbm_gsa.app.cli.supervision import Supervision
-from tbm_gsa.sensitivity.study.errors import StudyError
+from tbm_gsa.app.cli.supervision import ACTIVE_STATUSES, Supervision, watch
 from tbm_msgs_py import topics
-from tbm_msgs_py.base.errors import RunError
+from tbm_msgs_py.base.errors import InputError, RunError
 from tbm_msgs_py.base.units import R_MIN
+from tbm_msgs_py.nodes.processes import record_signals
 
 if TYPE_CHECKING:
-    from tbm_gsa.app.nodes.watch import Watch
+    from tbm_gsa.app.nodes.watch import Watch, WatchState
 
 _FIRST_BLOCK_S = 300.0
 """Longest wait for the first block; on a cold cache the kernel is compiled in it."""
@@ -101,24 +100,23 @@ def run(
         raise typer.BadParameter("--schedule with --speed, --torque or --thrust, allowed: one way to drive")
     if point is not None:
         stream.set_operating_point(point)
-    driven: dict[str, ParameterValue] = {"machine": described.origin, "loads": level}
+    driven: dict[str, object] = {"machine": described.origin, "loads": level}
     if schedule is not None:
         driven |= {"schedule": str(schedule.absolute()), "schedule_columns": schedule_column or [""]}
         driven |= {"schedule_where": schedule_where or [""]}
     commands = node_commands(driven, seed, out, site)
     if foxglove:
-        commands.append(NodeCommand("live_view", LIVE_VIEW, {"port": foxglove}))
+        commands.append(NodeCommand("live_view", {"port": foxglove}))
     if sim_time:
         notes.print("the nodes follow /clock, as `tbm-monitor bag play` gives it", highlight=False)
         commands = [replace(one, parameters={**one.parameters, "use_sim_time": True}) for one in commands]
     watching = watch(described.description.test_points)
     patience = math.inf if sim_time else _FIRST_BLOCK_S
     first_block, stopped = _run(watching, commands, out / "logs", point, duration, patience)
-    document = run_document(watching, first_block)
     if json:
-        print_json(document)
+        print_json(run_document(watching.state, first_block))
     else:
-        _print_table(document)
+        _print_table(watching.state, first_block)
     if stopped:
         notes.print("stopped by a signal", highlight=False)
 
@@ -128,7 +126,7 @@ def _level(site: Site) -> LoadModel:
     for level in LOAD_MODELS:
         if level == stated:
             return level
-    raise StudyError(f"{site.file}: loads: {stated}, allowed: {', '.join(LOAD_MODELS)}")
+    raise InputError(f"{site.file}: loads: {stated}, allowed: {', '.join(LOAD_MODELS)}")
 
 
 def _operating_point(
@@ -144,19 +142,19 @@ def _operating_point(
     )
 
 
-def node_commands(driven: Mapping[str, ParameterValue], seed: int | None, out: Path, site: Site) -> list[NodeCommand]:
-    """Give the three nodes on the computer's clock; `driven` are parameters of the load node."""
-    common: dict[str, ParameterValue] = {name: driven[name] for name in ("machine", "loads")}
-    analysis: dict[str, ParameterValue] = {"machine": driven["machine"]}
+def node_commands(driven: Mapping[str, object], seed: int | None, out: Path, site: Site) -> list[NodeCommand]:
+    """Return the three nodes, on the computer's clock; `driven` are parameters of the load node."""
+    common: dict[str, object] = {name: driven[name] for name in ("machine", "loads")}
+    analysis: dict[str, object] = {"machine": driven["machine"]}
     if site.stated("analysis_node", "gsa.folder") is None:
         analysis["gsa.folder"] = str(out / "studies")
     if seed is not None:
         common["seed"] = analysis["gsa.seed"] = seed
     return [
-        NodeCommand("analysis_node", ANALYSIS_NODE, analysis, site.file),
-        NodeCommand("dynamics_node", DYNAMICS_NODE, common, site.file),
+        NodeCommand("analysis_node", analysis, site.file),
+        NodeCommand("dynamics_node", common, site.file),
         # Dynamics and this process: both see the stream from its first block.
-        NodeCommand("load_node", LOAD_NODE, {**common, **driven, "wait_for_subscribers": 2}, site.file),
+        NodeCommand("load_node", {**common, **driven, "wait_for_subscribers": 2}, site.file),
     ]
 
 
@@ -169,26 +167,26 @@ def _run(
     patience: float,
 ) -> tuple[float | None, bool]:
     """Seconds to the first block, and whether a signal ended it."""
-    start, told = time.monotonic(), until_told()
+    start, stopping = time.monotonic(), record_signals()
     with watching, NodeProcesses(logs) as processes:
-        nodes = Supervision(processes, watching.seen.diagnostics)
+        nodes = Supervision(processes, watching.state.diagnostics)
         if point is not None:
             watching.operate(point.speed, point.torque, point.thrust)
         for command in commands:
             nodes.start(command)
-        first_block = _wait_for_blocks(watching, nodes, start, told, patience)
-        _follow(watching, nodes, duration, told)
-        stopped = told()
+        first_block = _wait_for_blocks(watching, nodes, start, stopping, patience)
+        _follow(watching, nodes, duration, stopping)
+        stopped = stopping()
     return first_block, stopped
 
 
 def _wait_for_blocks(
-    watching: Watch, nodes: Supervision, start: float, told: Callable[[], bool], patience: float
+    watching: Watch, nodes: Supervision, start: float, stopping: Callable[[], bool], patience: float
 ) -> float | None:
-    """Seconds from the start to the first block of the model; None when told to end before it."""
-    first = watching.seen.blocks[topics.MODEL_MESH_FORCES]
+    """Seconds from the start to the first block of the model; None when stopped before it."""
+    first = watching.state.blocks[topics.MODEL_MESH_FORCES]
     while first.received == 0:
-        if told():
+        if stopping():
             return None
         nodes.check()
         if time.monotonic() - start > patience:
@@ -199,45 +197,43 @@ def _wait_for_blocks(
     return time.monotonic() - start
 
 
-def _follow(watching: Watch, nodes: Supervision, duration: float | None, told: Callable[[], bool]) -> None:
-    """Watch until every stream has the duration and all nodes have said how they are then, or until told to end."""
-    counts, diagnostics = watching.seen.blocks.values(), watching.seen.diagnostics
+def _follow(watching: Watch, nodes: Supervision, duration: float | None, stopping: Callable[[], bool]) -> None:
+    """Watch until every stream has the duration and all nodes have reported after it, or until stopped."""
+    counts, diagnostics = watching.state.blocks.values(), watching.state.diagnostics
     with progress_bar("running") as bar:
         task = bar.add_task("", total=duration)
         reached, asked = 0.0, False
-        while not told() and not (asked and diagnostics.keys() >= SAID):
+        while not stopping() and not (asked and diagnostics.keys() >= ACTIVE_STATUSES):
             nodes.check()
             watching.spin(_LOOK_S)
             reached = min(count.stream_time for count in counts)
             bar.update(task, completed=reached)
             if duration is not None and reached >= duration and not asked:
-                diagnostics.clear()  # what was said before the end is not how it is then
+                diagnostics.clear()  # of before the end
                 asked = True
 
 
-def run_document(watching: Watch, first_block: float | None) -> dict[str, Any]:
-    """Gather what `run --json` prints: blocks by topic, diagnostics by status name, seconds to the first block."""
-    seen = watching.seen
+def run_document(state: WatchState, first_block: float | None) -> dict[str, object]:
+    """Document of `run --json`: blocks by topic, diagnostics by status name, seconds to the first block."""
     return {
         "first_block_seconds": first_block,
         "topics": {
             topics.absolute(name): {"blocks": count.received, "lost": count.lost, "stream_time": count.stream_time}
-            for name, count in seen.blocks.items()
+            for name, count in state.blocks.items()
         },
         "diagnostics": {
             name: {"level": level, "message": message, "values": values}
-            for name, (level, message, values) in sorted(seen.diagnostics.items())
+            for name, (level, message, values) in sorted(state.diagnostics.items())
         },
     }
 
 
-def _print_table(document: dict[str, Any]) -> None:
+def _print_table(state: WatchState, first_block: float | None) -> None:
     table = narrow_table("Blocks", "topic", ">received", ">lost", ">stream time (s)")
-    for name, count in document["topics"].items():
-        add_row(table, name, count["blocks"], count["lost"], f"{count['stream_time']:.2f}")
+    for name, count in state.blocks.items():
+        add_row(table, topics.absolute(name), count.received, count.lost, f"{count.stream_time:.2f}")
     results.print(table)
     results.print()
-    first = document["first_block_seconds"]
-    results.print("no block" if first is None else f"first block after {first:.1f} s")
-    for name, status in document["diagnostics"].items():
-        results.print(f"{name}: {status['message']}", highlight=False)
+    results.print("no block" if first_block is None else f"first block after {first_block:.1f} s")
+    for name, (_, message, _) in sorted(state.diagnostics.items()):
+        results.print(f"{name}: {message}", highlight=False)

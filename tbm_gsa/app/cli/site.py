@@ -1,16 +1,17 @@
-"""What a ROS parameter file says of the nodes that a command starts."""
+"""Single values of a ROS parameter file, for a command that starts the nodes."""
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
-from typing import Any
 
-from tbm_gsa.sensitivity.study.errors import StudyError
+from tbm_msgs_py.base.errors import InputError
 from tbm_msgs_py.base.strict_yaml import read_yaml
 from tbm_msgs_py.topics import NAMESPACE
 
 _PARAMETERS = "ros__parameters"
+_WILDCARDS = {"*": "/[^/]+", "**": "(/[^/]+)*"}
 
 
 class Site:
@@ -23,25 +24,23 @@ class Site:
 
     Raises
     ------
-    StudyError
+    InputError
         Not a YAML file of nodes and their parameters.
     """
 
     def __init__(self, file: Path | None) -> None:
         self.file = file
-        self._content: Mapping[str, Any] = {}
+        self._content: Mapping[str, object] = {}
         if file is not None:
-            self._content = read_yaml(file, f"nodes with {_PARAMETERS}", error=StudyError)
+            self._content = read_yaml(file, f"nodes with {_PARAMETERS}")
 
-    def stated(self, node: str, name: str) -> Any:
+    def stated(self, node: str, name: str) -> object:
         """Value of a parameter of a node; None where the file does not name it. The last entry holds, as in ROS."""
         found = None
-        for parameters in _entries(self._content, _parts(f"{NAMESPACE}/{node}")):
-            value: Any = parameters
-            for part in name.split("."):
-                value = value.get(part) if isinstance(value, dict) else None
-            value = parameters.get(name, value)
-            found = found if value is None else value
+        for pattern, parameters in _entries(self._content):
+            if re.fullmatch(pattern, f"{NAMESPACE}/{node}"):
+                value = parameters.get(name, _nested(parameters, name.split(".")))
+                found = found if value is None else value
         return found
 
     def common(self, nodes: Iterable[str], name: str, default: str) -> str:
@@ -49,33 +48,21 @@ class Site:
         given = {node: self.stated(node, name) or default for node in nodes}
         if len(set(given.values())) > 1:
             listed = ", ".join(f"{value} of {node}" for node, value in given.items())
-            raise StudyError(f"{self.file}: {name}: {listed}; allowed: one for all of them")
+            raise InputError(f"{self.file}: {name}: {listed}; allowed: one for all of them")
         return str(next(iter(given.values())))
 
 
-def _entries(content: Mapping[str, Any], path: list[str]) -> Iterator[Mapping[str, Any]]:
-    """Parameters of every entry that a node's path matches: `*` is one part of it, `**` any number of them."""
+def _entries(content: Mapping[str, object], path: str = "") -> Iterator[tuple[str, Mapping[str, object]]]:
+    """Parameters with the pattern of the nodes that they are of: `*` is one part of a name, `**` any number of them."""
     for key, value in content.items():
-        if not isinstance(value, dict):
-            continue
-        if key == _PARAMETERS:
-            if not path:
-                yield value
-            continue
-        for rest in _rests(_parts(str(key)), path):
-            yield from _entries(value, rest)
+        if key == _PARAMETERS and isinstance(value, dict):
+            yield path, value
+        elif isinstance(value, dict):
+            parts = (_WILDCARDS.get(part, f"/{re.escape(part)}") for part in str(key).split("/") if part)
+            yield from _entries(value, path + "".join(parts))
 
 
-def _parts(name: str) -> list[str]:
-    return [part for part in name.split("/") if part]
-
-
-def _rests(pattern: list[str], path: list[str]) -> Iterator[list[str]]:
-    """Give what may be left of a path after a pattern."""
-    if not pattern:
-        yield path
-    elif pattern[0] == "**":
-        for taken in range(len(path) + 1):
-            yield from _rests(pattern[1:], path[taken:])
-    elif path and pattern[0] in ("*", path[0]):
-        yield from _rests(pattern[1:], path[1:])
+def _nested(parameters: object, names: Iterable[str]) -> object:
+    for name in names:
+        parameters = parameters.get(name) if isinstance(parameters, dict) else None
+    return parameters

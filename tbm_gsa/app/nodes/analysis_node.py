@@ -1,29 +1,24 @@
-"""`analysis_node`: holds the model's stream against the recording's and starts the sensitivity analysis."""
+"""`analysis_node`: compares the model's stream with the recording's and starts the sensitivity analysis."""
 
 from __future__ import annotations
 
-import sys
-import time
-from collections.abc import Mapping as AnyMapping
-from collections.abc import Sequence
-from dataclasses import replace
+import os
+from collections.abc import Mapping
 from functools import partial
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 import scipy.signal  # noqa: F401 - the filters: now, for while they load later samples would be lost
-from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
-from geometry_msgs.msg import Vector3Stamped
+from diagnostic_msgs.msg import DiagnosticStatus
 from sensor_msgs.msg import JointState, PointCloud2
 from std_srvs.srv import Trigger
 
-from tbm_dynamics import Machine, load_machine
-from tbm_gsa.app.nodes.analysis_parameters import PARAMETERS
+from tbm_dynamics.machine.machine import Machine, load_machine
+from tbm_gsa.app.nodes.error_alarm import ErrorAlarm, axis_indices
 from tbm_gsa.app.nodes.field_topics import FieldTopics
 from tbm_gsa.app.nodes.gsa_process import GsaOptions, GsaProcess, GsaStatus
-from tbm_gsa.app.nodes.health import Condition, StreamHealth
-from tbm_gsa.app.nodes.history_writer import HistoryWriter, live_now
+from tbm_gsa.app.nodes.history_writer import OFF, HistoryWriter, live_now
+from tbm_gsa.app.nodes.live_comparison import LiveComparison, field_sensors
 from tbm_gsa.app.nodes.statuses import (
     comparison_status,
     gsa_result_statuses,
@@ -31,21 +26,47 @@ from tbm_gsa.app.nodes.statuses import (
     history_status,
     surrogate_quality,
 )
-from tbm_gsa.comparison import AlarmRule, LiveOperation, WindowedComparison, WindowResult
-from tbm_gsa.comparison.results import OperatingKind
+from tbm_gsa.app.nodes.stream_health import Condition
+from tbm_gsa.comparison import WindowResult
+from tbm_gsa.comparison.streams import Side
 from tbm_gsa.history import Source
 from tbm_gsa.provenance import machine_sha256
-from tbm_msgs_py import blocks, topics
+from tbm_msgs_py import topics
 from tbm_msgs_py.base import operating_point
-from tbm_msgs_py.base.errors import InputError
 from tbm_msgs_py.base.operating_point import OperatingPointError
 from tbm_msgs_py.blocks import BlockError
-from tbm_msgs_py.nodes import messages, qos
-from tbm_msgs_py.nodes.managed import ManagedNode, run_node
-from tbm_msgs_py.recordings.mapping import SensorMapping, TopicMapping, contract_sensor, load_mapping
+from tbm_msgs_py.nodes import messages
+from tbm_msgs_py.nodes.managed import ManagedNode
+from tbm_msgs_py.nodes.parameters import MACHINE, ROOT, Parameter, live_parameter
+from tbm_msgs_py.recordings.mapping import SensorMapping, contract_sensor
 
-_AXES = ("x", "y", "z")
-_APART: tuple[OperatingKind, ...] = ("standstill", "transient")  # what says more comes first
+_MOST_WORKERS = max(2, os.cpu_count() or 1)
+_HISTORY = "history file of the windows; empty: tbm_monitor/history.sqlite in the user's data folder; none: not kept"
+_BASELINE = "baseline in the history whose errors alarms are set against; empty: the threshold is absolute"
+_WINDOWS = "windows in a row over the threshold that raise the alarm"
+_PAUSE = "least time from the start of a study to one that an alarm starts (min)"
+_MAPPING = "mapping file of the field topics; empty: the topics of the contract, m/s², gravity removed"
+PARAMETERS = (
+    MACHINE,
+    live_parameter("window", topics.WINDOW, "length of a comparison window (s)", 0.1, 3600.0),
+    live_parameter("threshold", topics.ERROR_THRESHOLD, "relative error that counts (1)", 0.001, 100.0),
+    live_parameter("threshold_windows", topics.ERROR_WINDOWS, _WINDOWS, 1, 10000),
+    live_parameter("alarm_axes", ["x"], "axes whose error is watched; the paper compares the axial one, x"),
+    Parameter("mapping", "", _MAPPING),
+    Parameter("history", "", _HISTORY, written=True, no_path=("", OFF)),
+    ROOT,
+    Parameter("history_days", 90.0, "age at which live windows go; 0: never (d)", 0.0, 36500.0),
+    live_parameter("baseline", "", _BASELINE),
+    live_parameter("gsa.on_threshold", True, "start the sensitivity analysis when the alarm is raised"),
+    live_parameter("gsa.pause", 60.0, _PAUSE, 0.0, 100000.0),
+    live_parameter("gsa.samples", 200, "training simulations", 10, 100000),
+    live_parameter("gsa.test", 20, "test simulations", 2, 100000),
+    live_parameter("gsa.duration", 3.0, "length of a simulation (s)", 0.1, 600.0),
+    live_parameter("gsa.outputs", [""], "outputs analysed; empty: the eight indicators of Table 3"),
+    live_parameter("gsa.seed", 0, "seed of design and loads", 0, 2**31 - 1),
+    live_parameter("gsa.workers", 2, "processes, one a core at most", 1, _MOST_WORKERS),
+    live_parameter("gsa.folder", "tbm_gsa_studies", "folder that gets one folder a study", written=True, no_path=()),
+)
 
 
 class AnalysisNode(ManagedNode):
@@ -58,117 +79,66 @@ class AnalysisNode(ManagedNode):
         """Read machine and mapping, create publishers, subscriptions and services."""
         machine = load_machine(self.value("machine"))
         self._points = tuple(machine.description.test_points)
-        self._sensors = self._field_sensors()
+        sensors = field_sensors(self.value("mapping"), self._points)
         self._history = self._open_history(machine)
         self._baselines = {self.value("baseline"): self._history.usual_errors(self.value("baseline"))}
         self._alarm = self._new_alarm()
-        self._rotating = frozenset(sensor.point for sensor in self._sensors.values() if sensor.frame == "rotating")
-        self._comparison = self._new_comparison()
-        self._latest: dict[str, WindowResult] = {}
-        self._health = StreamHealth(lambda text: self.get_logger().warning(text))
+        self._comparison = LiveComparison(
+            self._points, sensors.values(), self.value("window"), lambda text: self.get_logger().warning(text)
+        )
         self._gsa = GsaProcess(self._gsa_options())
-        self._gsa_shown: GsaStatus | None = None
-        self._gsa_quality: dict[str, Any] = {}
-        self._operation = {name: LiveOperation() for name in (topics.OPERATING_POINT, topics.LOADS_OPERATING_POINT)}
+        self._gsa_published: GsaStatus | None = None
+        self._gsa_quality: dict[str, object] = {}
         self._create_publishers()
         self._subscribe_model()
-        self._field_topics = FieldTopics(
-            self,
-            self._sensors,
-            partial(self._on_block, "field"),
-            self._feed_field,
-            self._health,
-            self._restart_point,
-        )
+        self._field_topics = FieldTopics(self, sensors, self._comparison, partial(self._on_samples, "field"))
         self.create_service(Trigger, topics.RUN_GSA, self._on_run_gsa)
         self.create_service(Trigger, topics.CANCEL_GSA, self._on_cancel_gsa)
 
-    def _field_sensors(self) -> dict[str, SensorMapping]:
-        """Field topics and what they hold; without a mapping file, both topics of every test point."""
-        file = self.value("mapping")
-        if file:
-            mapping: TopicMapping = load_mapping(file)
-            return dict(mapping.topics)
-        names = (name(point) for point in self._points for name in (topics.field_block, topics.field_accel))
-        return {name: contract_sensor(name.split("/")[1]) for name in names}
-
-    def _restart_point(self, point: str) -> None:
-        self._comparison.restart(point)  # whichever it is now: another window makes another
-
-    def _new_comparison(self) -> WindowedComparison:
-        return WindowedComparison(float(self.value("window")), rotating=self._rotating)
-
-    def check_parameters(self, values: AnyMapping[str, Any]) -> None:
+    def check_parameters(self, values: Mapping[str, Any]) -> None:
         """Refuse axes and baselines that there are not."""
         if "alarm_axes" in values:
-            _check_axes(values["alarm_axes"])
+            axis_indices(values["alarm_axes"])
         if "baseline" in values:  # what was read holds until it is set again, whatever happens to the file
             self._baselines[values["baseline"]] = self._history.usual_errors(values["baseline"])
 
     def parameters_changed(self, names: frozenset[str]) -> None:
-        """Take over another alarm, window or sensitivity analysis; what was counted for the old one is forgotten."""
+        """Restart with another window or alarm; a study that runs keeps its options."""
         if "window" in names:
-            self._comparison = self._new_comparison()
+            self._comparison.set_window(self.value("window"))
         if not names.isdisjoint(("threshold", "threshold_windows", "alarm_axes", "baseline")):
             self._alarm = self._new_alarm()
         self._gsa.options = self._gsa_options()
 
     def _open_history(self, machine: Machine) -> HistoryWriter:
         source = Source("live", self.get_fully_qualified_name(), "", machine.name, machine_sha256(machine))
-        days = float(self.value("history_days"))
-        return HistoryWriter(self.value("history"), source, self.get_logger().warning, days)
+        return HistoryWriter(self.value("history"), source, self.get_logger().warning, self.value("history_days"))
 
-    def _new_alarm(self) -> AlarmRule:
-        axes = self.value("alarm_axes")
-        _check_axes(axes)
-        return AlarmRule(
-            float(self.value("threshold")),
-            int(self.value("threshold_windows")),
-            self._baselines[self.value("baseline")],
-            axes=[_AXES.index(axis) for axis in axes],
-        )
+    def _new_alarm(self) -> ErrorAlarm:
+        threshold, windows, axes = map(self.value, ("threshold", "threshold_windows", "alarm_axes"))
+        baseline = self.value("baseline")
+        return ErrorAlarm(threshold, windows, axes, baseline, self._baselines[baseline])
 
     def _gsa_options(self) -> GsaOptions:
-        return GsaOptions(
-            machine=self.value("machine"),
-            samples=int(self.value("gsa.samples")),
-            test=int(self.value("gsa.test")),
-            duration=float(self.value("gsa.duration")),
-            outputs=tuple(self.value("gsa.outputs")),
-            seed=int(self.value("gsa.seed")),
-            workers=int(self.value("gsa.workers")),
-            folder=Path(self.value("gsa.folder")).resolve(),
-        )
+        return GsaOptions(self.value("machine"), **self.values("gsa"))
 
     def _create_publishers(self) -> None:
-        def create(kind: Any, name: str, profile: Any) -> Any:
-            return self.create_publisher(kind, name, profile, qos_overriding_options=qos.overridable())
-
         self._quantities = {
-            (point, quantity): create(Vector3Stamped, topics.analysis(point, quantity), qos.ANALYSIS)
+            (point, quantity): self.contract_publisher(topics.analysis(point, quantity))
             for point in self._points
             for quantity in topics.ANALYSIS_QUANTITIES
         }
-        self._gsa_status = create(DiagnosticArray, topics.GSA_STATUS, qos.GSA)
-        self._gsa_result = create(DiagnosticArray, topics.GSA_RESULT, qos.GSA)
+        self._gsa_status = self.contract_publisher(topics.GSA_STATUS)
+        self._gsa_result = self.contract_publisher(topics.GSA_RESULT)
 
     def _subscribe_model(self) -> None:
         for point in self._points:
-            callback = partial(self._on_block, "model", contract_sensor(point))
-            name = topics.model_block(point)
-            options = qos.overridable()
-            self.create_subscription(PointCloud2, name, callback, qos.BLOCK, qos_overriding_options=options)
-        for name in self._operation:  # what the machine does, and what the model does after it
-            self.create_subscription(
-                JointState,
-                name,
-                partial(self._on_operating_point, name),
-                qos.profile(topics.qos(name)),
-                qos_overriding_options=qos.overridable(),
-            )
+            self.contract_subscription(topics.model_block(point), partial(self._on_model, contract_sensor(point)))
+        for name in (topics.OPERATING_POINT, topics.LOADS_OPERATING_POINT):
+            self.contract_subscription(name, partial(self._on_operating_point, name))
 
     def activate(self) -> None:
-        """Show where the analysis process stands."""
+        """Publish the status of the sensitivity analysis."""
         self._publish_gsa()
 
     def deactivate(self) -> None:
@@ -182,164 +152,104 @@ class AnalysisNode(ManagedNode):
         self._field_topics.close()
         self._history.close()
 
-    def _on_block(self, source: Any, sensor: SensorMapping, message: Any) -> None:
+    def _on_model(self, sensor: SensorMapping, message: PointCloud2) -> None:
         if not self.active:
             return
         try:
-            block = messages.block_from(message)
-            if block.layout != blocks.ACCELERATION:
-                raise BlockError(f"block channels {' '.join(block.layout.channels)}, allowed: ax ay az")
+            block = messages.acceleration_block(message)
         except BlockError as error:
-            self._health.refuse(sensor.point, source, str(error))
-            return
-        self._feed(sensor, source, block.stamp_ns, block.offsets, np.asarray(block.values, dtype=float))
+            self._comparison.health.refuse(sensor.point, "model", str(error))
+        else:
+            self._on_samples("model", sensor, block.stamp_ns, block.offsets, block.values)
 
-    def _feed_field(self, sensor: SensorMapping, stamp: int, offsets: np.ndarray, values: np.ndarray) -> None:
-        if self.active:
-            self._feed(sensor, "field", stamp, offsets, values)
-
-    def _on_operating_point(self, name: str, message: Any) -> None:
+    def _on_operating_point(self, topic: str, message: JointState) -> None:
         try:
             point = operating_point.from_joint_state(message)
-        except OperatingPointError:  # the load node says so
+        except OperatingPointError:  # the load node reports it
             return
         stamp = messages.stamp_to_ns(message.header.stamp) or self.get_clock().now().nanoseconds
-        self._operation[name].add(stamp, (point.speed, point.torque, point.thrust))
+        self._comparison.add_operating_point(topic, stamp, (point.speed, point.torque, point.thrust))
 
-    def _feed(self, sensor: SensorMapping, source: Any, stamp: int, offsets: np.ndarray, values: np.ndarray) -> None:
-        self._health.arrived(sensor.point, source, len(offsets))
-        rows = values @ sensor.matrix().T
+    def _on_samples(
+        self, signal: Side, sensor: SensorMapping, stamp: int, offsets: np.ndarray, values: np.ndarray
+    ) -> None:
         try:
-            for result in self._comparison.feed(sensor.point, source, stamp, offsets, rows):
+            for result in self._comparison.add(sensor, signal, stamp, offsets, values):
                 self._on_window(result)
         except ValueError as error:  # a rate too low for a band, a stamp beyond what a message holds
-            self._health.refuse(sensor.point, source, str(error))
+            self._comparison.health.refuse(sensor.point, signal, str(error))
 
     def _on_window(self, result: WindowResult) -> None:
-        if result.point not in self._points:
-            return
-        result = self._operated(result)
-        self._latest[result.point] = result
         for quantity in topics.ANALYSIS_QUANTITIES:
             message = messages.vector3(result.start_ns, getattr(result, quantity), result.point)
             self._quantities[result.point, quantity].publish(message)
-        self._history.add(result, result.point in self._rotating, live_now(self.get_clock()))
-        if self._alarm.update(result):
-            windows, baseline = self.value("threshold_windows"), self.value("baseline")
-            what = f"change of the relative error against {baseline}" if baseline else "relative error"
-            reason = f"{result.point}: {what} over {self.value('threshold'):g} for {windows} windows"
+        self._history.add(result, result.point in self._comparison.rotating, live_now(self.get_clock()))
+        if reason := self._alarm.update(result):
             self.get_logger().warning(reason)
-            if self.value("gsa.on_threshold") and self._rested(reason):
-                self._start_gsa(reason)
+            if self._gsa.options.on_threshold:
+                self._start_gsa(reason, self._gsa.options.pause)
 
-    def _operated(self, result: WindowResult) -> WindowResult:
-        """Leave a window without an error in which the machine, or the model after it, was not driven steadily."""
-        end_ns = result.start_ns + result.length_ns
-        kinds = [known.kind(result.start_ns, end_ns) for known in self._operation.values()]
-        for apart in _APART:
-            if apart in kinds:
-                return replace(result, relative_error=np.full(3, np.nan), operation=apart)
-        return result
+    def _start_gsa(self, reason: str, pause: float = 0.0) -> str:
+        """Start the sensitivity analysis; why it was not, if it was not."""
+        self._poll_gsa()
+        if problem := self._gsa.start(reason, pause):
+            self.get_logger().warning(f"sensitivity analysis: {problem}; not started: {reason}")
+            return problem
+        self._gsa_quality = {}
+        self.get_logger().info(f"sensitivity analysis started in {self._gsa.status.folder}: {reason}")
+        self._publish_gsa()
+        return ""
 
-    def _rested(self, reason: str) -> bool:
-        """Whether the last study is long enough ago: an error that hovers at the threshold starts no end of them."""
-        passed = (time.monotonic() - self._gsa.started) / 60.0
-        if passed >= self.value("gsa.pause"):
-            return True
-        what = f"the last one began {passed:.0f} min ago, gsa.pause is {self.value('gsa.pause'):g} min"
-        self.get_logger().warning(f"sensitivity analysis: {what}; not started: {reason}")
-        return False
-
-    def _start_gsa(self, reason: str) -> bool:
-        self._look_at_gsa()
-        try:
-            started = self._gsa.start(reason)
-        except OSError as error:
-            self.get_logger().error(f"sensitivity analysis: {error}")
-            return False
-        if not started:
-            self.get_logger().warning(f"sensitivity analysis: one is running already; not started: {reason}")
-        else:
-            self._gsa_quality = {}
-            self.get_logger().info(f"sensitivity analysis started in {self._gsa.status.folder}: {reason}")
-            self._publish_gsa()
-        return started
-
-    def _on_run_gsa(self, _request: Any, response: Any) -> Any:
-        if not self.active:
-            response.success, response.message = False, "the node is not active"
-            return response
-        response.success = self._start_gsa(f"service {topics.RUN_GSA}")
-        running = (
-            "a sensitivity analysis is running already" if self._gsa.running else "could not be started, see the log"
-        )
-        response.message = str(self._gsa.status.folder) if response.success else running
+    def _on_run_gsa(self, _request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+        problem = self._start_gsa(f"service {topics.RUN_GSA}") if self.active else "the node is not active"
+        response.success, response.message = not problem, problem or str(self._gsa.status.folder)
         return response
 
-    def _on_cancel_gsa(self, _request: Any, response: Any) -> Any:
-        self._look_at_gsa()
+    def _on_cancel_gsa(self, _request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+        self._poll_gsa()
         response.success = self._gsa.cancel(f"service {topics.CANCEL_GSA}")
         response.message = str(self._gsa.status.folder) if response.success else "no sensitivity analysis is running"
         self._publish_gsa()
         return response
 
     def statuses(self) -> list[DiagnosticStatus]:
-        """Comparison at every point, and the sensitivity analysis."""
-        self._look_at_gsa()
-        health = self._health.look(self._comparison.counters, self.clock_stands, self._comparison.apart_ns())
+        """Comparison at every point, history and sensitivity analysis."""
+        self._poll_gsa()
+        comparison, conditions = self._comparison, self._comparison.conditions(self.clock_stands)
         statuses = [
             comparison_status(
                 self.status_name(f"comparison {point}"),
                 point,
-                self._latest.get(point),
-                self._comparison.counters.get(point),
+                comparison.latest.get(point),
+                comparison.counters(point),
                 point in self._alarm.raised,
-                health.get(point, Condition()),
+                conditions.get(point, Condition()),
             )
             for point in self._points
         ]
-        own = history_status(self.status_name("history"), self.value("machine"), self._history)
-        return [*statuses, own, self._gsa_status_now()]
+        history = history_status(self.status_name("history"), self.value("machine"), self._history)
+        return [*statuses, history, self._gsa_status_now()]
 
     def _gsa_status_now(self) -> DiagnosticStatus:
         name = self.status_name("sensitivity analysis")
         return gsa_status(name, self.value("machine"), self._gsa.status, self._gsa_quality)
 
-    def _look_at_gsa(self) -> None:
-        if self._gsa.running:
-            self._gsa.poll()
-            self._publish_gsa()
+    def _poll_gsa(self) -> None:
+        self._gsa.poll()
+        self._publish_gsa()
 
     def _publish_gsa(self) -> None:
         """Publish the status of the analysis when it has changed, and the result once it is there."""
-        status = self._gsa.status
-        if status == self._gsa_shown:
+        status, before = self._gsa.status, self._gsa_published
+        if status == before:
             return
         now = self.get_clock().now().nanoseconds
-        ended = self._gsa_shown is not None and self._gsa_shown.state == "running" and status.state != "running"
-        if ended:
+        if before is not None and before.state == "running" != status.state:
             self.get_logger().info(f"sensitivity analysis {status.state}: {status.report or status.reason}")
-        if ended and status.state == "finished":
-            document = self._gsa.result()
-            self._gsa_quality = surrogate_quality(document)
-            self._gsa_result.publish(messages.diagnostics(now, self._result_statuses(document)))
+            if status.state == "finished":
+                document, prefix = self._gsa.result(), self.status_name("sensitivity of")
+                self._gsa_quality = surrogate_quality(document)
+                statuses = gsa_result_statuses(prefix, self.value("machine"), document, status)
+                self._gsa_result.publish(messages.diagnostics(now, statuses))
         self._gsa_status.publish(messages.diagnostics(now, [self._gsa_status_now()]))
-        self._gsa_shown = status
-
-    def _result_statuses(self, document: AnyMapping[str, Any]) -> list[DiagnosticStatus]:
-        prefix = self.status_name("sensitivity of")
-        return gsa_result_statuses(prefix, self.value("machine"), document, self._gsa.status)
-
-
-def _check_axes(axes: Sequence[str]) -> None:
-    if not axes or not set(axes) <= set(_AXES):
-        raise InputError(f"parameter alarm_axes: {list(axes)}, allowed: one or more of x, y, z")
-
-
-def main() -> None:
-    """Run the node."""
-    sys.exit(run_node(AnalysisNode))
-
-
-if __name__ == "__main__":
-    main()
+        self._gsa_published = status

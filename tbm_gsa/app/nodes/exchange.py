@@ -1,11 +1,10 @@
-"""A block from one process to another: what `doctor` tries before it says that ROS works here."""
+"""A block from one process to another: the check of ROS by `doctor`."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 import rclpy
@@ -26,7 +25,7 @@ _SAMPLES = 250  # as many as a block of a sensor has by default
 
 @dataclass(frozen=True)
 class Received:
-    """What came of it.
+    """What received of it.
 
     Attributes
     ----------
@@ -73,14 +72,14 @@ def receive_block(topic: str, patience: float, look: Callable[[], None], clock: 
     rclpy.init(args=[], signal_handler_options=SignalHandlerOptions.NO)
     try:
         node = Node("doctor", namespace=NAMESPACE)
-        came: list[Any] = []
-        node.create_subscription(PointCloud2, topic, came.append, qos.BLOCK)
+        received: list[PointCloud2] = []
+        node.create_subscription(PointCloud2, topic, received.append, qos.BLOCK)
         executor = SingleThreadedExecutor()
         executor.add_node(node)
-        while not came and clock() - start < patience:
+        while not received and clock() - start < patience:
             look()
             executor.spin_once(timeout_sec=_LOOK_S)
-        seconds = clock() - start if came else None
-        return Received(bool(came) or node.count_publishers(topic) > 0, seconds)
+        seconds = clock() - start if received else None
+        return Received(bool(received) or node.count_publishers(topic) > 0, seconds)
     finally:
         rclpy.try_shutdown()

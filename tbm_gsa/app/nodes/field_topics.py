@@ -4,27 +4,34 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from functools import partial
-from typing import Any
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
 
-from tbm_gsa.app.nodes.health import StreamHealth
+from tbm_gsa.app.nodes.live_comparison import LiveComparison
 from tbm_msgs_py import topics
+from tbm_msgs_py.blocks import BlockError
 from tbm_msgs_py.nodes import messages, qos
-from tbm_msgs_py.nodes.following import Offer, TopicFollower
+from tbm_msgs_py.nodes.following import TopicFollower
 from tbm_msgs_py.nodes.managed import ManagedNode
 from tbm_msgs_py.recordings.mapping import SensorMapping
-from tbm_msgs_py.topics import QoS
+from tbm_msgs_py.topics import QoS, TopicContract
+
+if TYPE_CHECKING:
+    from geometry_msgs.msg import AccelStamped, Vector3, Vector3Stamped
+    from rclpy.subscription import Subscription
+    from sensor_msgs.msg import Imu, PointCloud2
+
+    _Sample: TypeAlias = AccelStamped | Vector3Stamped | Imu
 
 LOOK_S = 0.2  # between looks at who publishes
 _BLOCK = "sensor_msgs/msg/PointCloud2"
-_SAMPLE: dict[str, Callable[[Any], Any]] = {
+_SAMPLE: dict[str, Callable[[Any], Vector3]] = {
     "geometry_msgs/msg/AccelStamped": lambda message: message.accel.linear,
     "geometry_msgs/msg/Vector3Stamped": lambda message: message.vector,
     "sensor_msgs/msg/Imu": lambda message: message.linear_acceleration,
 }
 
-OnBlock = Callable[[SensorMapping, Any], None]
 OnSamples = Callable[[SensorMapping, int, np.ndarray, np.ndarray], None]
 
 
@@ -33,35 +40,30 @@ class FieldTopics:
 
     Topics of the contract are subscribed to at once, as the contract has them; any topic follows what its publishers
     offer, be they there before the node or after it. Of a point that is published as blocks and as single samples only
-    the blocks are taken, as from a recording.
+    the blocks are used, as of a recording.
 
     Parameters
     ----------
     node : ManagedNode
     sensors : mapping of str to SensorMapping
         By topic.
-    on_block : callable
-        Called with the sensor and a block message.
+    comparison : LiveComparison
+        Restarts at a test point whose single samples are no longer used; its health gets the faults of topics.
     on_samples : callable
-        Called with the sensor, the stamp (ns), offsets (n,) in s and values (n, 3) of single samples.
-    health : StreamHealth
-        Is told what is wrong with a topic.
-    on_left : callable
-        Called with a test point whose single samples are no longer taken.
+        Called with the sensor, the stamp (ns), offsets (n,) in s and values (n, 3) while the node is active.
     """
 
     def __init__(
         self,
         node: ManagedNode,
         sensors: Mapping[str, SensorMapping],
-        on_block: OnBlock,
+        comparison: LiveComparison,
         on_samples: OnSamples,
-        health: StreamHealth,
-        on_left: Callable[[str], None],
     ) -> None:
-        self._node, self._sensors, self._health = node, dict(sensors), health
+        self._node, self._sensors, self._comparison = node, dict(sensors), comparison
+        self._health = comparison.health
         self._points = {sensor.point for sensor in self._sensors.values()}
-        self._on_block, self._on_samples, self._on_left = on_block, on_samples, on_left
+        self._on_samples = on_samples
         self._follower = TopicFollower(node, self)
         for name in self._sensors:
             self._follower.follow(name, _contract_offer(name, node.get_namespace()))
@@ -83,28 +85,28 @@ class FieldTopics:
             else:
                 self._follower.follow(name, offer)
 
-    def _offer(self, name: str) -> Offer | None:
+    def _offer(self, name: str) -> TopicContract | None:
         publishers = self._node.get_publishers_info_by_topic(name)
         if publishers:
-            self._health.publishers(self._sensors[name].point, name, [known.node_name for known in publishers])
+            self._health.set_publishers(self._sensors[name].point, name, [known.node_name for known in publishers])
         return self._follower.offer(name, publishers)
 
     def _leave(self, name: str, point: str) -> None:
         if name in self._follower:
             self._follower.release(name)
-            self._on_left(point)
-        self.tell(name, "")
+            self._comparison.restart(point)
+        self.report(name, "")
 
     def refuses(self, topic: str, kind: str) -> str:  # noqa: ARG002
-        """Say which types are allowed if this is none of them."""
+        """List the allowed types if this is none of them."""
         return "" if kind == _BLOCK or kind in _SAMPLE else f"allowed: {', '.join([_BLOCK, *_SAMPLE])}"
 
-    def asks(self, topic: str, offered: Offer) -> QoS:  # noqa: ARG002
+    def requests(self, topic: str, offered: TopicContract) -> QoS:  # noqa: ARG002
         """As reliable as the publishers; what a late sensor sent before is of no use."""
         quality = topics.BLOCK_QOS if offered.type == _BLOCK else topics.LIVE_QOS
         return QoS(offered.quality.reliable, latched=False, depth=quality.depth)
 
-    def subscribe(self, topic: str, offer: Offer) -> Any:
+    def subscribe(self, topic: str, offer: TopicContract) -> Subscription:
         """Subscribe to blocks or single samples."""
         sensor = self._sensors[topic]
         block = offer.type == _BLOCK
@@ -112,40 +114,44 @@ class FieldTopics:
         kind = messages.message_class(offer.type)
         return self._node.create_subscription(kind, topic, callback, qos.profile(offer.quality))
 
-    def tell(self, topic: str, problem: str) -> None:
-        """Say on `/diagnostics` what is wrong with a topic of a point."""
+    def report(self, topic: str, problem: str) -> None:
+        """Report a fault of a topic of a point on `/diagnostics`, or its end."""
         point = self._sensors[topic].point
         if problem:
             self._health.fail(point, topic, problem)
         else:
             self._health.settle(point, topic)
 
-    def _foreign(self, sensor: SensorMapping, message: Any) -> bool:
-        """Whether the frame is that of another test point."""
+    def _unusable(self, sensor: SensorMapping, message: PointCloud2 | _Sample) -> bool:
+        """Whether the node is inactive, or the frame that of another test point."""
+        if not self._node.active:
+            return True
         frame = message.header.frame_id
         foreign = frame != sensor.point and frame in self._points
         if foreign:
             self._health.refuse(sensor.point, "field", f"frame_id {frame}, allowed: {sensor.point} or the sensor's own")
         return foreign
 
-    def _block(self, sensor: SensorMapping, message: Any) -> None:
-        if not self._foreign(sensor, message):
-            self._on_block(sensor, message)
+    def _block(self, sensor: SensorMapping, message: PointCloud2) -> None:
+        if self._unusable(sensor, message):
+            return
+        try:
+            block = messages.acceleration_block(message)
+        except BlockError as error:
+            self._health.refuse(sensor.point, "field", str(error))
+        else:
+            self._on_samples(sensor, block.stamp_ns, block.offsets, block.values)
 
-    def _sample(self, linear: Callable[[Any], Any], sensor: SensorMapping, message: Any) -> None:
-        if self._foreign(sensor, message):
+    def _sample(self, linear: Callable[[Any], Vector3], sensor: SensorMapping, message: _Sample) -> None:
+        if self._unusable(sensor, message):
             return
         vector = linear(message)
         stamp = messages.stamp_to_ns(message.header.stamp)
         self._on_samples(sensor, stamp, np.zeros(1), np.array([[vector.x, vector.y, vector.z]]))
 
 
-def _contract_offer(topic: str, namespace: str) -> Offer | None:
-    """Give what the contract says about a field topic; None for any other topic."""
+def _contract_offer(topic: str, namespace: str) -> TopicContract | None:
+    """TopicContract that the contract makes of a field topic; None for any other topic."""
     name = topics.absolute(topic, namespace)
-    quality = topics.qos(name, namespace)
-    if not name.startswith(topics.absolute("field/", namespace)):
-        return None
-    if name.endswith("/block"):
-        return Offer(_BLOCK, quality)
-    return Offer("geometry_msgs/msg/AccelStamped", quality) if name.endswith("/accel") else None
+    known = name.startswith(topics.absolute("field/", namespace)) and name.endswith(("/block", "/accel"))
+    return topics.contract(name, namespace) if known else None

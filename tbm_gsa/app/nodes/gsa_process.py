@@ -6,18 +6,18 @@ import math
 import os
 import signal
 import sqlite3
-import subprocess
-import sys
 import time
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any, Literal
 
-from tbm_gsa.app.nodes.start import WITH_PARENT
+from tbm_gsa.app.nodes.start import child_command
 from tbm_gsa.sensitivity.results import REPORT_NAME, RESULT_NAME, StudyResult
 from tbm_gsa.sensitivity.study.errors import StudyError
 from tbm_gsa.sensitivity.study.store import STORE_NAME, Store
+from tbm_msgs_py.nodes.processes import ChildProcess
 
 State = Literal["idle", "running", "finished", "failed", "cancelled"]
 _LOG_NAME = "gsa.log"
@@ -27,16 +27,18 @@ _GRACE_S = 1.0  # a node has 3 s to end, its study included
 
 @dataclass(frozen=True)
 class GsaOptions:
-    """What the started analysis is asked for."""
+    """The machine, and the node's parameters of the group `gsa`."""
 
     machine: str
+    on_threshold: bool
+    pause: float
     samples: int
     test: int
     duration: float
-    outputs: tuple[str, ...]
+    outputs: Sequence[str]
     seed: int
     workers: int
-    folder: Path
+    folder: str
 
 
 @dataclass(frozen=True)
@@ -74,59 +76,63 @@ class GsaProcess:
     ----------
     options : GsaOptions
     status : GsaStatus
-    started : float
-        When the last one was, s, monotonic.
     """
 
     options: GsaOptions
     status: GsaStatus = GsaStatus()
-    started: float = -math.inf
-    _process: subprocess.Popen[bytes] | None = field(default=None, repr=False)
+    _started: float = -math.inf  # s, monotonic
+    _process: ChildProcess | None = field(default=None, repr=False)
 
     @property
     def running(self) -> bool:
         """Whether an analysis is under way."""
         return self.status.state == "running"
 
-    def start(self, reason: str) -> bool:
-        """Start an analysis in a new folder; False when one is running already."""
+    def start(self, reason: str, pause: float = 0.0) -> str:
+        """Start an analysis in a new folder; why it was not, empty if it was.
+
+        Parameters
+        ----------
+        reason : str
+        pause : float
+            Least time since the start of the last one, min: an error close to the threshold starts no end of them.
+        """
+        passed = (time.monotonic() - self._started) / 60.0
+        if passed < pause:
+            return f"the last one began {passed:.0f} min ago, gsa.pause is {pause:g} min"
         if self.running:
-            return False
+            return "one is running already"
+        try:
+            self._start(reason)
+        except OSError as error:
+            return str(error)
+        return ""
+
+    def _start(self, reason: str) -> None:
         options = self.options
-        folder = _new_folder(options.folder)
-        command = [sys.executable, "-m", "tbm_gsa.app.nodes.start", WITH_PARENT, "tbm_gsa.app.cli.main"]
-        command += ["gsa", "run", "--machine", options.machine]
+        folder = _new_folder(Path(options.folder).resolve())
+        command = child_command("tbm_gsa.app.cli.main", "gsa", "run", "--json", "--machine", options.machine)
         command += ["--samples", str(options.samples), "--test", str(options.test), "--out", str(folder)]
         command += ["--duration", str(options.duration), "--seed", str(options.seed), "--workers", str(options.workers)]
         if options.outputs:
             command += ["--outputs", ",".join(options.outputs)]
-        with (folder / _LOG_NAME).open("wb") as log:
-            # A group of its own: Ctrl-C at the terminal reaches the node, which then ends this one in order. The pipe
-            # closes with the node, so that a node that was killed leaves nothing running behind.
-            self._process = subprocess.Popen(  # noqa: S603 - our own command line
-                [*command, "--json"],
-                stdin=subprocess.PIPE,
-                stdout=subprocess.DEVNULL,
-                stderr=log,
-                start_new_session=True,
-            )
+        # It ends with the node, so that a node that was killed leaves nothing running behind.
+        self._process = ChildProcess(command, folder / _LOG_NAME, results=False)
         os.setpriority(os.PRIO_PROCESS, self._process.pid, _PRIORITY)
-        self.started = time.monotonic()
+        self._started = time.monotonic()
         self.status = GsaStatus("running", reason, 0, options.samples + options.test, 0, folder)
-        return True
 
-    def poll(self) -> GsaStatus:
-        """Look at the process and its store."""
+    def poll(self) -> None:
+        """Update the status from the process and its store."""
         if not self.running or self._process is None or self.status.folder is None:
-            return self.status
+            return
         done, failed = _counts(self.status.folder / STORE_NAME)
         code = self._process.poll()
         # A signal while it still imports ends it with code 0, too.
         finished = code == 0 and (self.status.folder / RESULT_NAME).is_file()
         state: State = "running" if code is None else "finished" if finished else "failed"
-        reason = f"{_end(code)}: {_last_line(self.status.folder)}" if state == "failed" else self.status.reason
-        self.status = GsaStatus(state, reason, done, self.status.total, failed, self.status.folder)
-        return self.status
+        reason = f"{_end(code)}: {self._process.last_line()}" if state == "failed" else self.status.reason
+        self.status = replace(self.status, state=state, reason=reason, done=done, failed=failed)
 
     def result(self) -> dict[str, Any]:
         """Read the JSON document of a finished analysis."""
@@ -134,20 +140,14 @@ class GsaProcess:
         return StudyResult.read(self.status.folder / RESULT_NAME).model_dump()
 
     def cancel(self, reason: str) -> bool:
-        """End the running analysis, what it has simulated stays in its store; or take note of one that failed."""
+        """End the running analysis, what it has simulated stays in its store; or accept one that failed."""
         if self.status.state == "failed":
             self.status = replace(self.status, state="cancelled", reason=f"{reason}; it had {self.status.reason}")
             return True
         if not self.running or self._process is None:
             return False
-        self._process.send_signal(signal.SIGTERM)  # SIGINT is ignored where the node runs in the background
-        try:
-            self._process.wait(_GRACE_S)
-        except subprocess.TimeoutExpired:
-            self._process.kill()
-            self._process.wait()
-        status = self.status
-        self.status = GsaStatus("cancelled", reason, status.done, status.total, status.failed, status.folder)
+        self._process.end(_GRACE_S)
+        self.status = replace(self.status, state="cancelled", reason=reason)
         return True
 
 
@@ -179,11 +179,3 @@ def _counts(store: Path) -> tuple[int, int]:
 def _end(code: int | None) -> str:
     """How a process ended that did not end well."""
     return f"killed by {signal.Signals(-code).name}" if code and code < 0 else f"exit code {code}"
-
-
-def _last_line(folder: Path) -> str:
-    try:
-        lines = (folder / _LOG_NAME).read_text(encoding="utf-8", errors="replace").split("\n")
-    except OSError as error:  # somebody cleared the folder away
-        return str(error)
-    return next((line.strip() for line in reversed(lines) if line.strip()), "no message")

@@ -10,7 +10,7 @@ from dataclasses import replace
 from itertools import groupby
 from operator import itemgetter
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING
 
 from tbm_gsa.comparison import UsualError, WindowResult
 from tbm_gsa.history import (
@@ -24,6 +24,9 @@ from tbm_gsa.history import (
     live_entries,
 )
 
+if TYPE_CHECKING:
+    from rclpy.clock import Clock
+
 OFF = "none"
 WAIT_S = 0.2  # for another writer; callbacks wait meanwhile
 RETRY_S = 5.0  # between two tries to open a file that cannot be used
@@ -35,20 +38,20 @@ LIVE_WITHIN_NS = 60_000_000_000  # of the computer's clock; a window is complete
 _DAY_NS = 86_400_000_000_000
 
 
-def live_now(clock: Any) -> int | None:
+def live_now(clock: Clock) -> int | None:
     """Time of the computer, ns, by a node's clock; None where that is simulated."""
     return None if clock.ros_time_is_active else int(clock.now().nanoseconds)
 
 
 def kind_of(result: WindowResult, now_ns: int | None) -> Kind:
-    """Say what a window of a node is: a replay on a simulated clock, or where its stamps are not of now."""
+    """Return the kind of a window: a replay on a simulated clock, or where its stamps are not of now."""
     if now_ns is None or abs(now_ns - result.start_ns - result.length_ns) > LIVE_WITHIN_NS:
         return "replay"
     return "live"
 
 
 class HistoryWriter:
-    """Writes windows, keeps those that a locked file does not take yet, and counts those that are lost.
+    """Writes windows, keeps those that a locked file refuses for now, and counts those that are lost.
 
     Parameters
     ----------
@@ -82,7 +85,7 @@ class HistoryWriter:
         self._history: History | None = None
         self._file: Path | None = None
         self._keep_ns = round(days * _DAY_NS)
-        self._discarded_ns = 0  # this far the look for old windows has come
+        self._discarded_ns = 0  # up to here old windows have been deleted
         self._next_try = self._next_discard = -math.inf
         if file == OFF:
             return
@@ -100,7 +103,7 @@ class HistoryWriter:
         return str(self._file or "")
 
     def usual_errors(self, baseline: str) -> dict[str, UsualError]:
-        """Give the usual errors of a baseline of the source's machine; none without a name.
+        """Return the usual errors of a baseline of the source's machine; none without a name.
 
         Raises
         ------
@@ -124,7 +127,7 @@ class HistoryWriter:
         return found.usual_errors()
 
     def add(self, result: WindowResult, rotating: bool, now_ns: int | None) -> None:
-        """Write a window in which something was measured; `now_ns` as `live_now` gives it."""
+        """Write a window in which something was measured; `now_ns` as `live_now` returns it."""
         if self._file is None:
             return
         kind = kind_of(result, now_ns)

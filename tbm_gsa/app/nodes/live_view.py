@@ -2,40 +2,41 @@
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Callable, Iterable
 from queue import SimpleQueue
 from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticStatus
+from rclpy.subscription import Subscription
 
 from tbm_msgs_py import topics
 from tbm_msgs_py.bags.definitions import typestore
 from tbm_msgs_py.base.errors import InputError
 from tbm_msgs_py.nodes import messages, qos
-from tbm_msgs_py.nodes.faults import Faults
-from tbm_msgs_py.nodes.following import Offer, TopicFollower
-from tbm_msgs_py.nodes.managed import ManagedNode, Parameter, run_node
-from tbm_msgs_py.topics import QoS
+from tbm_msgs_py.nodes.fault_log import FaultLog
+from tbm_msgs_py.nodes.following import TopicFollower
+from tbm_msgs_py.nodes.managed import ManagedNode
+from tbm_msgs_py.nodes.parameters import Parameter
+from tbm_msgs_py.topics import QoS, TopicContract
 
 LOOK_S = 0.5  # between looks for topics that are not there yet
 REPEAT_S = 0.1  # between looks for clients that have missed a latched message
 
 PARAMETERS = (
     Parameter("host", "127.0.0.1", "address the server listens at; the default is this computer only"),
-    Parameter("port", 8765, "TCP port; 0 for a free one, which the log names", minimum=0, maximum=65535),
+    Parameter("port", 8765, "TCP port; 0 for a free one, which the log names", 0, 65535),
     Parameter("blocks", False, "show blocks too: no panel draws them, a recording may want them"),
 )
 
 
-class _Listener:
+class _SubscriberListener:
     """Notes which topics clients subscribe to."""
 
     def __init__(self, asked: SimpleQueue[str]) -> None:
         self._asked = asked
 
     def on_subscribe(self, client: Any, channel: Any) -> None:  # noqa: ARG002
-        """Take note of a new subscriber; the server calls from a thread of its own."""
+        """Queue the topic of a new subscriber; the server calls from a thread of its own."""
         self._asked.put(channel.topic)
 
 
@@ -55,7 +56,7 @@ class LiveView(ManagedNode):
         self._foxglove = foxglove
         self._sink = foxglove.Context()
         self._channels: dict[str, Any] = {}
-        self._kept: dict[str, tuple[bytes, int]] = {}  # last message of every latched topic, and when it came
+        self._kept: dict[str, tuple[bytes, int]] = {}  # last message of every latched topic, and its time
         self._asked: SimpleQueue[str] = SimpleQueue()  # topics of new subscribers; filled by the server's threads
         try:
             self._server = foxglove.start_server(
@@ -63,7 +64,7 @@ class LiveView(ManagedNode):
                 host=host,
                 port=port,
                 context=self._sink,
-                server_listener=_Listener(self._asked),
+                server_listener=_SubscriberListener(self._asked),
             )
         except Exception as error:
             raise InputError(f"{host}:{port}: {error}") from error
@@ -71,7 +72,7 @@ class LiveView(ManagedNode):
 
     def activate(self) -> None:
         """Look for topics, again and again."""
-        self._faults: Faults[str] = Faults(self.get_logger().warning)
+        self._faults: FaultLog[str] = FaultLog(self.get_logger().warning)
         self._topics = TopicFollower(self, self)
         self._look()
         self.create_steady_timer(LOOK_S, self._look)
@@ -99,15 +100,15 @@ class LiveView(ManagedNode):
         return own and (self.value("blocks") or not block) and not all(self.refuses(name, kind) for kind in kinds)
 
     def refuses(self, topic: str, kind: str) -> str:  # noqa: ARG002
-        """Say so of a type whose definition Foxglove could not be told."""
+        """Refuse a type whose definition is not known here."""
         known = kind in typestore().types and messages.message_class(kind)
         return "" if known else "none of the installed common interfaces of ROS 2 Jazzy"
 
-    def asks(self, topic: str, offered: Offer) -> QoS:  # noqa: ARG002
+    def requests(self, topic: str, offered: TopicContract) -> QoS:  # noqa: ARG002
         """Ask as much as every publisher offers."""
         return offered.quality
 
-    def subscribe(self, topic: str, offer: Offer) -> Any:
+    def subscribe(self, topic: str, offer: TopicContract) -> Subscription:
         """Show a topic."""
         if before := self._channels.pop(topic, None):
             before.close()
@@ -119,12 +120,9 @@ class LiveView(ManagedNode):
         passer = self._passer(topic, channel, offer.quality.latched)
         return self.create_subscription(kind, topic, passer, profile, raw=True)
 
-    def tell(self, topic: str, problem: str) -> None:
-        """Take note of what of a topic is not shown."""
-        if problem:
-            self._faults.report(topic, problem)
-        else:
-            self._faults.clear(topic)
+    def report(self, topic: str, problem: str) -> None:
+        """Report what of a topic is not shown."""
+        self._faults.update(topic, problem)
 
     def _passer(self, topic: str, channel: Any, latched: bool) -> Callable[[bytes], None]:
         self._kept.pop(topic, None)
@@ -138,11 +136,11 @@ class LiveView(ManagedNode):
         return pass_on
 
     def _repeat(self) -> None:
-        """Send the latched message of a topic again, to all its clients, for those that have come later."""
+        """Send the latched message of a topic again, to all its clients, for those that are later."""
         asked = {self._asked.get() for _ in range(self._asked.qsize())}
         for topic in asked & self._kept.keys():
-            data, came = self._kept[topic]
-            self._channels[topic].log(data, log_time=came)
+            data, stamp = self._kept[topic]
+            self._channels[topic].log(data, log_time=stamp)
 
     def statuses(self) -> list[DiagnosticStatus]:
         """Where it listens, and what it cannot show."""
@@ -152,12 +150,3 @@ class LiveView(ManagedNode):
         return [
             self.status("live view", "error" if problems else "ok", "; ".join(["showing", *problems]), values, address)
         ]
-
-
-def main() -> None:
-    """Run the node."""
-    sys.exit(run_node(LiveView))
-
-
-if __name__ == "__main__":
-    main()

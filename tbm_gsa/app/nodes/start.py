@@ -1,64 +1,50 @@
 """Start of a process of the monitor: SIGINT and SIGTERM end it cleanly from the first moment, while it still imports.
 
-`python -m tbm_gsa.app.nodes.start [--with-parent] <module> …`, or an executable of the name of a node. Nothing here may
-import anything that takes time: with it the process would die of a signal, or show a traceback, until the module has
-taken over.
+`python -m tbm_gsa.app.nodes.start [--with-parent] <node or module> …`, or an executable of the name of a node. Nothing
+here may import anything that takes time: with it the process would die of a signal, or show a traceback, until the
+module has taken over.
 """
 
 from __future__ import annotations
 
-import os
-import signal
 import sys
-import threading
 from importlib import import_module
 from pathlib import Path
-from types import FrameType
 from typing import NoReturn
 
 from tbm_gsa.compiled import settle_compiled_folder
 from tbm_msgs_py.base.errors import InputError
+from tbm_msgs_py.nodes.processes import end_with_parent, exit_at_once, handle_node_signals
+from tbm_msgs_py.nodes.registry import NODES
 
-# By name only: what they import takes seconds.
-NODES = {
-    "load_node": "tbm_dynamics.nodes.load_node",
-    "dynamics_node": "tbm_dynamics.nodes.dynamics_node",
-    "analysis_node": "tbm_gsa.app.nodes.analysis_node",
-    "live_view": "tbm_gsa.app.nodes.live_view",
-    "bag_player": "tbm_msgs_py.nodes.bag_player",
-    "bag_recorder": "tbm_msgs_py.nodes.bag_recorder",
-}
-WITH_PARENT = "--with-parent"
+_WITH_PARENT = "--with-parent"
+
+
+def child_command(start: str, *arguments: str) -> list[str]:
+    """Command line of a child process that runs a node or the main function of a module."""
+    return [sys.executable, "-m", "tbm_gsa.app.nodes.start", _WITH_PARENT, start, *arguments]
 
 
 def main() -> NoReturn:
-    """Start the node that the executable is named after, or the module that the first argument names.
+    """Start the node that the executable is named after, or the node or module that the first argument names.
 
-    With ``--with-parent`` before the module, stdin is a pipe that the parent holds open, and the process ends with it.
+    With ``--with-parent`` before it, stdin is a pipe that the parent holds open, and the process ends with it.
     """
-    for number in (signal.SIGINT, signal.SIGTERM):
-        signal.signal(number, _end)
-    if sys.argv[1:2] == [WITH_PARENT]:
+    handle_node_signals(exit_at_once(0))
+    if sys.argv[1:2] == [_WITH_PARENT]:
         del sys.argv[1]
-        threading.Thread(target=_end_with_parent, daemon=True).start()
+        end_with_parent()
     try:
         settle_compiled_folder()
     except InputError as error:
         sys.exit(str(error))
-    module = NODES.get(Path(sys.argv[0]).name) or sys.argv.pop(1)
-    sys.exit(import_module(module).main())
-
-
-def _end(_number: int, _frame: FrameType | None) -> NoReturn:
-    """End at once: there is nothing to release yet, and threads of a half-imported library would be waited for."""
-    os._exit(0)
-
-
-def _end_with_parent() -> None:
-    """Ask for an end in order when the parent is gone, however it went."""
-    while os.read(0, 1024):
-        pass
-    os.kill(os.getpid(), signal.SIGTERM)
+    name = Path(sys.argv[0]).name
+    if name not in NODES:
+        name = sys.argv.pop(1)
+    if name not in NODES:
+        sys.exit(import_module(name).main())
+    node = getattr(import_module(NODES[name].module), NODES[name].class_name)
+    sys.exit(import_module("tbm_msgs_py.nodes.running").run_node(node))  # by name, as the node: it takes time
 
 
 if __name__ == "__main__":

@@ -1,4 +1,4 @@
-"""What the analysis node says on `/diagnostics`, `gsa_status` and `gsa_result`."""
+"""Statuses of the analysis node on `/diagnostics`, `gsa_status` and `gsa_result`."""
 
 from __future__ import annotations
 
@@ -9,10 +9,11 @@ import numpy as np
 from diagnostic_msgs.msg import DiagnosticStatus
 
 from tbm_gsa.app.nodes.gsa_process import GsaStatus
-from tbm_gsa.app.nodes.health import Condition
 from tbm_gsa.app.nodes.history_writer import HistoryWriter
+from tbm_gsa.app.nodes.stream_health import Condition
 from tbm_gsa.comparison import StreamCounters, WindowResult, dead_axes
 from tbm_gsa.comparison.results import OperatingKind
+from tbm_gsa.comparison.streams import Side
 from tbm_msgs_py.base.units import STANDARD_GRAVITY
 from tbm_msgs_py.nodes import messages
 
@@ -37,12 +38,12 @@ def comparison_status(
     name: str,
     point: str,
     latest: WindowResult | None,
-    counters: Mapping[Any, StreamCounters] | None,
+    counters: Mapping[Side, StreamCounters] | None,
     alarm: bool,
     health: Condition,
 ) -> DiagnosticStatus:
     """Comparison at one test point: the latest window, what was lost, and the alarm; the worst comes first."""
-    values: dict[str, Any] = {}
+    values: dict[str, object] = {}
     for source, counts in (counters or {}).items():
         values |= {f"{source}_{key}": value for key, value in vars(counts).items()}
     if latest is not None:
@@ -84,13 +85,13 @@ def _holes(latest: WindowResult) -> list[str]:
 
 
 def _dead(latest: WindowResult) -> list[str]:
-    """Say along which axes the sensor measures next to nothing."""
+    """Report the axes along which the sensor measures next to nothing."""
     axes = [axis for axis, dead in zip("xyz", dead_axes(latest), strict=True) if dead]
     return [f"field measures next to nothing along {', '.join(axes)}: a dead channel?"] if axes else []
 
 
 def _units(latest: WindowResult) -> list[str]:
-    """Say that the field is off by a factor that units are off by, the same one on every axis."""
+    """Report a field that is off by a factor of units, the same one on every axis."""
     with np.errstate(invalid="ignore", divide="ignore"):
         ratio = np.log(np.asarray(latest.field_rms) / latest.model_rms)
     for factor, text in _UNIT_FACTORS.items():
@@ -101,15 +102,15 @@ def _units(latest: WindowResult) -> list[str]:
 
 def history_status(name: str, machine: str, history: HistoryWriter) -> DiagnosticStatus:
     """Whether the windows arrive in the history."""
-    values: dict[str, Any] = {"file": history.path, "written": history.written, "lost": history.lost}
+    values: dict[str, object] = {"file": history.path, "written": history.written, "lost": history.lost}
     if history.problem:
         return messages.status(name, "warn", history.problem, values, machine)
     return messages.status(name, "ok", "written" if history.path else "not kept", values, machine)
 
 
-def gsa_status(name: str, machine: str, status: GsaStatus, quality: Mapping[str, Any]) -> DiagnosticStatus:
+def gsa_status(name: str, machine: str, status: GsaStatus, quality: Mapping[str, object]) -> DiagnosticStatus:
     """Where the sensitivity analysis stands, and what its surrogates were worth."""
-    values: dict[str, Any] = {
+    values: dict[str, object] = {
         "state": status.state,
         "done": status.done,
         "total": status.total,
@@ -123,7 +124,7 @@ def gsa_status(name: str, machine: str, status: GsaStatus, quality: Mapping[str,
     return messages.status(name, level, text, values, machine)
 
 
-def surrogate_quality(document: Mapping[str, Any]) -> dict[str, Any]:
+def surrogate_quality(document: Mapping[str, Any]) -> dict[str, object]:
     """Kind, ten-fold and test R² of every output's surrogate."""
     return {
         f"{key}_{name}": output[key]

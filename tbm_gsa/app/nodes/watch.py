@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import signal
 import time
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from contextlib import contextmanager
 from dataclasses import dataclass, field
 from functools import partial
 from types import TracebackType
@@ -13,7 +11,7 @@ from typing import Any, Self
 
 import numpy as np
 import rclpy
-from diagnostic_msgs.msg import DiagnosticArray
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from geometry_msgs.msg import Vector3Stamped
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
@@ -25,30 +23,16 @@ from tbm_msgs_py import topics
 from tbm_msgs_py.base.operating_point import OperatingPoint
 from tbm_msgs_py.blocks import BlockError
 from tbm_msgs_py.nodes import messages, qos
+from tbm_msgs_py.nodes.processes import signals_deferred
 
-# The domain has other machines, and everybody may publish: what counts are statuses of ours, with what these hold.
+# The domain has other machines, and any node may publish: statuses of this namespace count, if they are complete.
 _TURN_S = 0.02
 _OWN, _STUDY, _RESULT = map(topics.status_name, ("", "sensitivity analysis", "sensitivity of "))
-_ENDING = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
-
-
-@contextmanager
-def _signals_held() -> Iterator[list[int]]:
-    """Hold signals back, in the list that is given: raised inside rclpy they leave half-made objects that complain."""
-    came: list[int] = []
-    before = {number: signal.signal(number, lambda number, _frame: came.append(number)) for number in _ENDING}
-    try:
-        yield came
-    finally:
-        for number, handler in before.items():
-            signal.signal(number, handler)
-        if came:
-            signal.raise_signal(came[0])
 
 
 @dataclass
 class BlockCount:
-    """Blocks of one topic: how many came, how many stamps are missing, where the stream stands (s)."""
+    """Blocks of one topic: received, missing by their stamps, and the time of the stream (s)."""
 
     received: int = 0
     lost: int = 0
@@ -61,7 +45,7 @@ class BlockCount:
         return (self.next_ns - self.first_ns) * 1e-9
 
     def count(self, stamp_ns: int, length_ns: int) -> None:
-        """Take a block; a stream that starts afresh is counted from there."""
+        """Count a block; a stream that starts again is counted from there."""
         if self.received == 0 or stamp_ns < self.first_ns:
             self.first_ns = self.next_ns = stamp_ns
         self.lost += max(0, round((stamp_ns - self.next_ns) / length_ns))
@@ -70,13 +54,13 @@ class BlockCount:
 
 
 @dataclass
-class WindowSum:
-    """Windows of one quantity of a point that have a number; sums only, they come for weeks."""
+class RunningRms:
+    """Windows of one quantity of a point that have a number; sums only, for weeks of them."""
 
     count: int = 0
     squares: np.ndarray = field(default_factory=lambda: np.zeros(3))
 
-    def take(self, message: Any) -> None:
+    def add(self, message: Vector3Stamped) -> None:
         """Add a window."""
         value = np.array([message.vector.x, message.vector.y, message.vector.z])
         if np.isfinite(value).all():
@@ -85,11 +69,11 @@ class WindowSum:
 
 
 @dataclass
-class Seen:
+class WatchState:
     """Everything that was received."""
 
     blocks: dict[str, BlockCount] = field(default_factory=dict)
-    windows: dict[str, dict[str, WindowSum]] = field(default_factory=dict)
+    windows: dict[str, dict[str, RunningRms]] = field(default_factory=dict)
     gsa: dict[str, str] = field(default_factory=dict)
     gsa_message: str = ""
     result: dict[str, dict[str, str]] = field(default_factory=dict)
@@ -98,7 +82,7 @@ class Seen:
     def rms(self, point: str, quantity: str) -> np.ndarray:
         """RMS over the windows of a point (3,), m/s²; NaN without one."""
         total = self.windows[point][quantity]
-        return np.asarray(np.sqrt(total.squares / total.count)) if total.count else np.full(3, np.nan)
+        return np.sqrt(total.squares / total.count) if total.count else np.full(3, np.nan)
 
 
 class Watch:
@@ -111,7 +95,7 @@ class Watch:
     """
 
     def __init__(self, points: Iterable[str]) -> None:
-        self.seen = Seen()
+        self.state = WatchState()
         self._points = tuple(points)
 
     def __enter__(self) -> Self:
@@ -122,15 +106,15 @@ class Watch:
         self._executor.add_node(self._node)
         block_topics = [topics.LOADS_BLOCK, topics.MODEL_MESH_FORCES, *map(topics.model_block, self._points)]
         for name in block_topics:
-            self.seen.blocks[name] = BlockCount()
-            self._subscribe(PointCloud2, name, partial(self._on_block, self.seen.blocks[name]), qos.BLOCK)
+            self.state.blocks[name] = BlockCount()
+            self._subscribe(name, partial(self._on_block, self.state.blocks[name]))
         for point in self._points:
             for quantity in topics.ANALYSIS_QUANTITIES:
-                total = self.seen.windows.setdefault(point, {}).setdefault(quantity, WindowSum())
-                self._subscribe(Vector3Stamped, topics.analysis(point, quantity), total.take, qos.ANALYSIS)
-        self._subscribe(DiagnosticArray, topics.GSA_STATUS, self._on_gsa_status, qos.GSA)
-        self._subscribe(DiagnosticArray, topics.GSA_RESULT, self._on_gsa_result, qos.GSA)
-        self._subscribe(DiagnosticArray, topics.DIAGNOSTICS, self._on_diagnostics, qos.DIAGNOSTICS)
+                total = self.state.windows.setdefault(point, {}).setdefault(quantity, RunningRms())
+                self._subscribe(topics.analysis(point, quantity), total.add)
+        self._subscribe(topics.GSA_STATUS, self._on_gsa_status)
+        self._subscribe(topics.GSA_RESULT, self._on_gsa_result)
+        self._subscribe(topics.DIAGNOSTICS, self._on_diagnostics)
         self._run_gsa = self._node.create_client(Trigger, topics.RUN_GSA)
         return self
 
@@ -143,11 +127,11 @@ class Watch:
         rclpy.try_shutdown()
 
     def spin(self, seconds: float) -> None:
-        """Handle what comes for a while; a signal ends it, and is raised after it."""
+        """Handle messages for a while; a signal ends it, and is raised after it."""
         until = time.monotonic() + seconds
-        with _signals_held() as came:
-            while not came and time.monotonic() < until:
-                # Always the same time: with another the executor begins anew with the first topic, and the last starve.
+        with signals_deferred() as received:
+            while not received and time.monotonic() < until:
+                # Always the same time: with another the executor starts again at the first topic, and the last starve.
                 self._executor.spin_once(timeout_sec=_TURN_S)
 
     def operate(self, speed: float, torque: float, thrust: float) -> None:
@@ -157,40 +141,41 @@ class Watch:
         publisher.publish(messages.operating_point_message(now, OperatingPoint(speed, torque, thrust)))
 
     def run_gsa(self) -> None:
-        """Ask the analysis node for a sensitivity analysis; the status topic tells what came of it."""
+        """Ask the analysis node for a sensitivity analysis; the status topic has the outcome."""
         self._run_gsa.call_async(Trigger.Request())
 
-    def _subscribe(self, kind: Any, name: str, callback: Callable[[Any], None], quality: Any) -> None:
-        self._node.create_subscription(kind, name, callback, quality)
+    def _subscribe(self, name: str, callback: Callable[[Any], None]) -> None:
+        kind, quality = topics.contract(name)
+        self._node.create_subscription(messages.message_class(kind), name, callback, qos.profile(quality))
 
     @staticmethod
-    def _on_block(count: BlockCount, message: Any) -> None:
+    def _on_block(count: BlockCount, message: PointCloud2) -> None:
         try:
             block = messages.block_from(message)
-        except BlockError:  # somebody else's; the nodes say on /diagnostics what they refuse
+        except BlockError:  # of another publisher; the nodes report what they refuse
             return
         samples = len(block.offsets)
         spacing = (block.offsets[-1] - block.offsets[0]) / max(1, samples - 1)
         length_ns = round(samples * spacing * 1e9)
-        if length_ns > 0:  # a single sample, or somebody's nonsense, has no length to count losses in
+        if length_ns > 0:  # a single sample, or nonsense of others, has no length to count losses in
             count.count(block.stamp_ns, length_ns)
 
-    def _on_gsa_status(self, message: Any) -> None:
+    def _on_gsa_status(self, message: DiagnosticArray) -> None:
         for status, values in _own(message):
             if status.name == _STUDY and all(values.get(key, "").isdecimal() for key in ("done", "total")):
-                self.seen.gsa, self.seen.gsa_message = values, status.message
+                self.state.gsa, self.state.gsa_message = values, status.message
 
-    def _on_gsa_result(self, message: Any) -> None:
+    def _on_gsa_result(self, message: DiagnosticArray) -> None:
         for status, values in _own(message):
             if status.name.startswith(_RESULT) and _is_result(values):
-                self.seen.result[status.name.removeprefix(_RESULT)] = values
+                self.state.result[status.name.removeprefix(_RESULT)] = values
 
-    def _on_diagnostics(self, message: Any) -> None:
+    def _on_diagnostics(self, message: DiagnosticArray) -> None:
         for status, values in _own(message):
-            self.seen.diagnostics[status.name] = (int.from_bytes(status.level, "little"), status.message, values)
+            self.state.diagnostics[status.name] = (int.from_bytes(status.level, "little"), status.message, values)
 
 
-def _own(message: Any) -> Iterator[tuple[Any, dict[str, str]]]:
+def _own(message: DiagnosticArray) -> Iterator[tuple[DiagnosticStatus, dict[str, str]]]:
     """Statuses of this namespace, with their values."""
     for status in message.status:
         if status.name.startswith(_OWN):

@@ -1,4 +1,4 @@
-"""A bag node as a command: it runs until it ends or a signal comes, its log goes to stderr."""
+"""A bag node as a command: it runs to its end or to a signal, its log goes to stderr."""
 
 from __future__ import annotations
 
@@ -12,12 +12,13 @@ from pathlib import Path
 from typing import Any
 
 from tbm_gsa.app.cli.output import notes
-from tbm_gsa.app.cli.processes import NodeCommand, NodeProcesses, settle_ros_environment, until_told
+from tbm_gsa.app.cli.processes import NodeCommand, NodeProcesses, settle_ros_environment
 from tbm_msgs_py.base.errors import RunError
+from tbm_msgs_py.nodes.processes import record_signals
 
 _LOOK_S = 0.1
 _LOG_HEAD = re.compile(r"\[\w+\] \[[\d.]+\] \[[\w.]+\]: ")  # level, time and node of a line
-_FAULTS = ("[ERROR]", "[FATAL]")  # said once, by the error that ends the command
+_FAULTS = ("[ERROR]", "[FATAL]")  # printed once, by the error that ends the command
 
 
 def run_to_end(command: NodeCommand) -> dict[str, Any] | None:
@@ -34,12 +35,12 @@ def run_to_end(command: NodeCommand) -> dict[str, Any] | None:
         It ended with an error; the message is its last line.
     """
     settle_ros_environment()
-    told = until_told()
+    stopping = record_signals()
     with tempfile.TemporaryDirectory(prefix="tbm_monitor.") as name:
         folder = Path(name)
         summary, log = folder / "summary.json", folder / f"{command.name}.log"
         try:
-            _follow(replace(command, parameters={**command.parameters, "summary": str(summary)}), log, told)
+            _follow(replace(command, parameters={**command.parameters, "summary": str(summary)}), log, stopping)
         except RunError as error:
             raise RunError(_LOG_HEAD.sub("", str(error))) from error
         if summary.exists():
@@ -48,22 +49,22 @@ def run_to_end(command: NodeCommand) -> dict[str, Any] | None:
     return None
 
 
-def _follow(command: NodeCommand, log: Path, told: Callable[[], bool]) -> None:
-    said = 0
+def _follow(command: NodeCommand, log: Path, stopping: Callable[[], bool]) -> None:
+    printed = 0
     with NodeProcesses(log.parent) as nodes:
         nodes.start(command)
-        while nodes.running(command.name) and not told():
-            said = _say(log, said)
+        while nodes.running(command.name) and not stopping():
+            printed = _print_log(log, printed)
             time.sleep(_LOOK_S)
     nodes.running(command.name)  # raises when its end, too, went wrong
-    _say(log, said)
+    _print_log(log, printed)
 
 
-def _say(log: Path, said: int) -> int:
-    """Pass on the whole lines of a log after the first `said` characters; characters passed on or left out."""
+def _print_log(log: Path, printed: int) -> int:
+    """Pass on the whole lines of a log after the first `printed` characters; the number of characters read."""
     text = log.read_text(encoding="utf-8", errors="replace")
     end = text.rfind("\n") + 1
-    for line in text[said:end].splitlines():
+    for line in text[printed:end].splitlines():
         if not line.startswith(_FAULTS):
             notes.print(line, highlight=False)
-    return max(said, end)
+    return max(printed, end)

@@ -10,7 +10,6 @@ import typer
 from tbm_gsa.app.cli.bag.node import run_to_end
 from tbm_gsa.app.cli.output import JSON_OPTION, print_json, results
 from tbm_gsa.app.cli.processes import NodeCommand
-from tbm_gsa.app.cli.ros import BAG_PLAYER
 from tbm_gsa.app.cli.shipped import RECORDING_ARGUMENT, recording_path
 from tbm_msgs_py.bags.bag import Bag
 from tbm_msgs_py.base.errors import InputError
@@ -35,25 +34,13 @@ def play(
     """Play a recording as it was recorded: raw messages, their topics, their quality of service, and its clock."""
     bag = recording_path(bag)
     names = [name.strip() for given in topics or [] for name in given.split(",") if name.strip()]
-    recorded = {topic.name for topic in Bag(bag).info().topics}  # what is no recording is said before a node starts
+    recorded = {topic.name for topic in Bag(bag).info().topics}  # no recording is an error before a node starts
     for name in names:
         if name not in recorded:
             raise InputError(f"--topics {name}: not in {bag}, allowed: {listed(sorted(recorded))}")
-    command = NodeCommand(
-        "bag_player",
-        BAG_PLAYER,
-        {
-            "bag": str(bag),
-            "rate": rate,
-            "loop": loop,
-            "clock": clock,
-            "start": start,
-            "duration": duration,
-            "topics": names or [""],
-            "wait_for_subscribers": subscribers,
-        },
-    )
-    summary = run_to_end(command)
+    given: dict[str, object] = {"bag": str(bag), "rate": rate, "loop": loop, "clock": clock, "start": start}
+    given |= {"duration": duration, "topics": names or [""], "wait_for_subscribers": subscribers}
+    summary = run_to_end(NodeCommand("bag_player", given))
     if summary is None:
         return
     document = {"path": str(bag), "rate": rate, **summary}

@@ -12,7 +12,6 @@ from tbm_gsa.app.cli.bag.info import info_document
 from tbm_gsa.app.cli.bag.node import run_to_end
 from tbm_gsa.app.cli.output import JSON_OPTION, notes, print_json, results
 from tbm_gsa.app.cli.processes import NodeCommand
-from tbm_gsa.app.cli.ros import BAG_RECORDER
 from tbm_msgs_py.bags import metadata
 from tbm_msgs_py.bags.bag import BagInfo
 from tbm_msgs_py.bags.batch import Topic
@@ -42,21 +41,10 @@ def record(
     if out.exists():
         raise RecordingError(f"{out}: exists already, allowed: a new name")
     names = [name.strip() for given in topics for name in given.split(",") if name.strip()]
-    command = NodeCommand(
-        "bag_recorder",
-        BAG_RECORDER,
-        {
-            "output": str(out),
-            "topics": names or [""],
-            "duration": duration,
-            "split_size": split_size,
-            "split_time": split_time,
-            "quota": quota,
-            "compression": "zstd" if compress else "none",
-            "use_sim_time": sim_time,
-        },
-    )
-    summary = run_to_end(command)
+    given: dict[str, object] = {"output": str(out), "topics": names or [""], "duration": duration}
+    given |= {"split_size": split_size, "split_time": split_time, "quota": quota, "use_sim_time": sim_time}
+    given["compression"] = "zstd" if compress else "none"
+    summary = run_to_end(NodeCommand("bag_recorder", given))
     if summary is None:
         return
     described = metadata.read(out)
@@ -82,7 +70,7 @@ def record(
 def _info(described: Metadata) -> BagInfo:
     """Give what the metadata of a finished recording say.
 
-    The files say the same, but what reads them takes a second to load, or four to compile, and an end has three.
+    The files hold the same, but their reader takes a second to load, or four to compile, and an end has three.
     """
     counts = [(topic["topic_metadata"], topic["message_count"]) for topic in described["topics_with_message_count"]]
     topics = {Topic(topic["name"], topic["type"]): count for topic, count in counts}

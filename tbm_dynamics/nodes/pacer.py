@@ -1,4 +1,4 @@
-"""How a node keeps up with a stream of blocks."""
+"""Whether a node keeps up with a stream of blocks."""
 
 from __future__ import annotations
 
@@ -7,8 +7,8 @@ import time
 _SILENCE_S = 2.0  # wall time without a block that is a fault, beside three times the block's length
 
 
-class Pace:
-    """Work and age of the blocks since the last look.
+class RealTimePacer:
+    """Work and age of the blocks since the last call of `figures`.
 
     Attributes
     ----------
@@ -26,7 +26,7 @@ class Pace:
     def _fresh(self) -> None:
         self._count, self._stream, self._busy, self._age = 0, 0.0, 0.0, 0.0
 
-    def take(self, length: float, busy: float, age: float) -> None:
+    def add(self, length: float, busy: float, age: float) -> None:
         """Count a block: its length, the work it took, and how long after its end it was done with, all in s."""
         self.blocks += 1
         self._count += 1
@@ -41,7 +41,7 @@ class Pace:
         return waited if waited > max(_SILENCE_S, 3.0 * self._length) else 0.0
 
     def figures(self) -> dict[str, float]:
-        """Real-time factor, mean work and largest age of the blocks since the last look; the last ones without any."""
+        """Real-time factor, mean work and largest age of the blocks since the last call; the last ones without any."""
         if self._count:
             self._figures = {
                 "real_time_factor": self._stream / self._busy,

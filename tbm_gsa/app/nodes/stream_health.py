@@ -1,18 +1,17 @@
-"""What is wrong with the signals that come in, by test point."""
+"""Faults of the incoming signals, by test point."""
 
 from __future__ import annotations
 
 import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from typing import Any
 
 from tbm_gsa.comparison import StreamCounters
-from tbm_gsa.comparison.streams import SIDES
-from tbm_msgs_py.nodes.faults import Faults
+from tbm_gsa.comparison.streams import SIDES, Side
+from tbm_msgs_py.nodes.fault_log import FaultLog
 from tbm_msgs_py.nodes.rate import Rate
 
-SILENCE_S = 2.0  # wall time after which a signal that came no longer comes, and what was refused is over
+SILENCE_S = 2.0  # wall time without a sample after which a signal is silent, and a refusal over
 _COUNTED = {
     "rejected": "{} samples of the {} that are not finite or absurdly large",
     "late": "{} samples of the {} late or twice: ",
@@ -35,9 +34,9 @@ class Condition:
     doubts : list of str
         What is used, but is not right.
     silent : list of str
-        Signals that came and come no more.
+        Signals that have stopped.
     rates : dict of str to float
-        Samples that came in a second of wall time, by signal.
+        Samples in a second of wall time, by signal.
     """
 
     refused: list[str] = field(default_factory=list)
@@ -47,27 +46,27 @@ class Condition:
 
 
 class StreamHealth:
-    """Gathers what blocks, publishers and counters tell about every signal.
+    """Gathers what blocks, publishers and counters show of every signal.
 
     Parameters
     ----------
     warn : callable
-        Takes a line for the log.
+        Called with a line for the log.
     """
 
     def __init__(self, warn: Callable[[str], object]) -> None:
-        self._faults: Faults[tuple[str, str, str]] = Faults(warn)
-        self._came: dict[tuple[str, str], float] = {}
+        self._faults: FaultLog[tuple[str, str, str]] = FaultLog(warn)
+        self._received: dict[tuple[str, str], float] = {}
         self._refused: dict[tuple[str, str], float] = {}  # when last
         self._rates: dict[tuple[str, str], Rate] = {}
-        self._counted: dict[tuple[str, Any, str], int] = {}
+        self._counted: dict[tuple[str, Side, str], int] = {}
         self._publishers: dict[str, dict[str, list[str]]] = {}  # by point and topic
-        self._apart: set[str] = set()  # points at the last look
+        self._apart: set[str] = set()  # points at the last call
 
-    def arrived(self, point: str, source: str, samples: int) -> None:
-        """Take note of samples that are used."""
-        self._came[point, source] = time.monotonic()
-        self._rates.setdefault((point, source), Rate()).count(samples)
+    def add_samples(self, point: str, source: str, samples: int) -> None:
+        """Add samples that are used."""
+        self._received[point, source] = time.monotonic()
+        self._rates.setdefault((point, source), Rate()).add(samples)
         self._accept(point, source)
 
     def _accept(self, point: str, source: str) -> None:
@@ -75,35 +74,35 @@ class StreamHealth:
             self._faults.clear(("refused", point, source))
 
     def refuse(self, point: str, source: str, reason: str) -> None:
-        """Take note of samples that cannot be used; over once others come, or none for a while."""
-        self._came.pop((point, source), None)
+        """Add samples that cannot be used: a fault until others come, or none for a while."""
+        self._received.pop((point, source), None)
         self._refused[point, source] = time.monotonic()
         self._faults.report(("refused", point, source), f"{source} {point}: {reason}; not used")
 
     def doubt(self, point: str, key: str, text: str) -> None:
-        """Take note that something is not right, until it is settled."""
+        """Report what is used, but is not right, until it is settled."""
         self._faults.report(("doubts", point, key), text, f"{point}: ")
 
     def fail(self, point: str, topic: str, text: str) -> None:
-        """Take note that a topic, or one of its publishers, cannot be used, until it is settled."""
+        """Report a topic, or one of its publishers, that cannot be used, until it is settled."""
         self._faults.report(("refused", point, topic), text, f"{point}: ")
 
     def settle(self, point: str, key: str) -> None:
-        """Take note that it is right now."""
+        """Mark a topic or a doubt as right."""
         for kind in ("refused", "doubts"):
             self._faults.clear((kind, point, key))
 
-    def publishers(self, point: str, topic: str, nodes: list[str]) -> None:
-        """Take note of who publishes a field topic."""
+    def set_publishers(self, point: str, topic: str, nodes: list[str]) -> None:
+        """Set the publishers of a field topic."""
         self._publishers.setdefault(point, {})[topic] = sorted(nodes)
 
-    def look(
+    def conditions(
         self,
-        counters: Mapping[str, Mapping[Any, StreamCounters]],
+        counters: Mapping[str, Mapping[Side, StreamCounters]],
         clock_stands: bool,
         apart_ns: Mapping[str, int],
     ) -> dict[str, Condition]:
-        """Give what was found since the last look, by test point; `apart_ns` is that of the `WindowedComparison`."""
+        """Return what was found since the last call, by test point; `apart_ns` is that of the `WindowedComparison`."""
         for (point, source), last in list(self._refused.items()):
             if time.monotonic() - last > SILENCE_S:
                 self._accept(point, source)
@@ -120,14 +119,14 @@ class StreamHealth:
         for (point, source), silence in silences.items():
             found.setdefault(point, Condition()).silent.append(f"no signal of the {source} for {silence:.0f} s")
         for (point, source), rate in self._rates.items():
-            found.setdefault(point, Condition()).rates[source] = rate.look()
+            found.setdefault(point, Condition()).rates[source] = rate.mean()
         return found
 
     def _compare_stamps(self, apart_ns: Mapping[str, int], silences: Mapping[tuple[str, str], float]) -> None:
-        """Say where both signals come, but with stamps too far apart to be compared; a jump takes a look or two."""
+        """Report stamps that are too far apart to be compared; for a call after a jump they may be."""
         before, self._apart = self._apart, set(apart_ns)
         for point in before | self._apart:
-            both = all((point, source) in self._came and (point, source) not in silences for source in SIDES)
+            both = all((point, source) in self._received and (point, source) not in silences for source in SIDES)
             if both and point in before & self._apart:
                 ahead = apart_ns[point]
                 away = f"{_span(abs(ahead) * 1e-9)} {'behind' if ahead > 0 else 'ahead of'} the model's"
@@ -135,7 +134,7 @@ class StreamHealth:
             else:
                 self.settle(point, "stamps")
 
-    def _compare(self, point: str, source: Any, name: str, counts: StreamCounters, text: str) -> None:
+    def _compare(self, point: str, source: Side, name: str, counts: StreamCounters, text: str) -> None:
         count = getattr(counts, name)
         more = count - self._counted.get((point, source, name), 0)
         self._counted[point, source, name] = count
@@ -145,7 +144,7 @@ class StreamHealth:
         else:
             self.settle(point, f"{source} {name}")
 
-    def _compare_rates(self, point: str, source: Any, counts: StreamCounters) -> None:
+    def _compare_rates(self, point: str, source: Side, counts: StreamCounters) -> None:
         if counts.block_gaps:
             rates = f"{counts.declared_hz:.0f} Hz declared, {counts.came_hz:.0f} Hz came"
             self.doubt(point, f"{source} pace", f"{counts.block_gaps} gaps between the blocks of the {source}: {rates}")
@@ -161,9 +160,9 @@ class StreamHealth:
 
     def _silences(self, clock_stands: bool) -> dict[tuple[str, str], float]:
         now = time.monotonic()
-        if clock_stands:  # nothing comes from a bag that pauses
-            self._came = dict.fromkeys(self._came, now)
-        return {key: now - came for key, came in self._came.items() if now - came > SILENCE_S}
+        if clock_stands:  # a bag that pauses sends nothing
+            self._received = dict.fromkeys(self._received, now)
+        return {key: now - last for key, last in self._received.items() if now - last > SILENCE_S}
 
 
 def _span(seconds: float) -> str:

@@ -1,0 +1,51 @@
+"""The alarm on the relative error, with the reason why it was raised."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+from tbm_gsa.comparison import AlarmRule, UsualError, WindowResult
+from tbm_msgs_py.base.errors import InputError
+
+_AXES = ("x", "y", "z")
+
+
+def axis_indices(axes: Sequence[str]) -> list[int]:
+    """Places of axes in x, y, z; raises InputError where there are others, or none."""
+    if not axes or not set(axes) <= set(_AXES):
+        raise InputError(f"parameter alarm_axes: {list(axes)}, allowed: one or more of x, y, z")
+    return [_AXES.index(axis) for axis in axes]
+
+
+class ErrorAlarm:
+    """Watches the windows of all test points.
+
+    Parameters
+    ----------
+    threshold : float
+        Of the relative error, or of its change against the baseline.
+    windows : int
+        Consecutive windows over it.
+    axes : sequence of str
+        That are watched.
+    baseline : str
+        Name; empty: none.
+    usual : mapping of str to UsualError
+        Errors of the baseline by test point.
+    """
+
+    def __init__(
+        self, threshold: float, windows: int, axes: Sequence[str], baseline: str, usual: Mapping[str, UsualError]
+    ) -> None:
+        self._rule = AlarmRule(threshold, windows, usual, axis_indices(axes))
+        what = f"change of the relative error against {baseline}" if baseline else "relative error"
+        self._text = f"{what} over {threshold:g} for {windows} windows"
+
+    @property
+    def raised(self) -> frozenset[str]:
+        """Test points whose alarm stands."""
+        return self._rule.raised
+
+    def update(self, result: WindowResult) -> str:
+        """Add a window of a test point; why the alarm is raised by it, empty if it is not."""
+        return f"{result.point}: {self._text}" if self._rule.update(result) else ""

@@ -1,0 +1,107 @@
+"""The live comparison of all test points: windows, how the machine was driven in them, faults of the signals."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from tbm_gsa.app.nodes.stream_health import Condition, StreamHealth
+from tbm_gsa.comparison import LiveOperation, StreamCounters, WindowedComparison, WindowResult
+from tbm_gsa.comparison.results import OperatingKind
+from tbm_gsa.comparison.streams import Side
+from tbm_msgs_py import topics
+from tbm_msgs_py.recordings.mapping import SensorMapping, contract_sensor, load_mapping
+
+_NOT_STEADY: tuple[OperatingKind, ...] = ("standstill", "transient")  # the first says more
+
+
+def field_sensors(mapping: str, points: Iterable[str]) -> dict[str, SensorMapping]:
+    """Sensors by field topic: those of a mapping file; without one, both topics of the contract of every test point."""
+    if mapping:
+        return dict(load_mapping(mapping).topics)
+    names = (name(point) for point in points for name in (topics.field_block, topics.field_accel))
+    return {name: contract_sensor(name.split("/")[1]) for name in names}
+
+
+class LiveComparison:
+    """Compares model and field in windows.
+
+    Parameters
+    ----------
+    points : sequence of str
+        Test points of the machine.
+    sensors : iterable of SensorMapping
+        Of the field.
+    window : float
+        Length of a window, s.
+    warn : callable
+        Called with a line for the log.
+
+    Attributes
+    ----------
+    latest : dict of str to WindowResult
+        By test point.
+    rotating : frozenset of str
+        Test points whose sensor turns with the head.
+    health : StreamHealth
+    """
+
+    def __init__(
+        self, points: Sequence[str], sensors: Iterable[SensorMapping], window: float, warn: Callable[[str], object]
+    ) -> None:
+        self.latest: dict[str, WindowResult] = {}
+        self.rotating = frozenset(sensor.point for sensor in sensors if sensor.frame == "rotating")
+        self.health = StreamHealth(warn)
+        self._points = points
+        # What the machine does, and what the model does after it.
+        self._operation = {name: LiveOperation() for name in (topics.OPERATING_POINT, topics.LOADS_OPERATING_POINT)}
+        self.set_window(window)
+
+    def set_window(self, seconds: float) -> None:
+        """Restart with windows of another length."""
+        self._windows = WindowedComparison(seconds, rotating=self.rotating)
+
+    def restart(self, point: str) -> None:
+        """Restart at a test point."""
+        self._windows.restart(point)
+
+    def add_operating_point(self, topic: str, stamp_ns: int, point: ArrayLike) -> None:
+        """Add speed, torque and thrust (3,) from a stamp on, of one of the two topics."""
+        self._operation[topic].add(stamp_ns, point)
+
+    def add(
+        self, sensor: SensorMapping, source: Side, stamp_ns: int, offsets: np.ndarray, values: np.ndarray
+    ) -> list[WindowResult]:
+        """Add samples of a sensor at some offsets from a stamp (s); the windows that are complete with them.
+
+        Raises
+        ------
+        ValueError
+            A rate that is too low for a band.
+        """
+        self.health.add_samples(sensor.point, source, len(offsets))
+        rows = np.asarray(values, dtype=float) @ sensor.matrix().T
+        results = self._windows.feed(sensor.point, source, stamp_ns, offsets, rows)
+        known = [self._without_error_unless_steady(result) for result in results if result.point in self._points]
+        self.latest |= {result.point: result for result in known}
+        return known
+
+    def _without_error_unless_steady(self, result: WindowResult) -> WindowResult:
+        """Window without its error where the machine, or the model after it, was not driven steadily."""
+        end_ns = result.start_ns + result.length_ns
+        kinds = [operation.kind(result.start_ns, end_ns) for operation in self._operation.values()]
+        for kind in _NOT_STEADY:
+            if kind in kinds:
+                return replace(result, relative_error=np.full(3, np.nan), operation=kind)
+        return result
+
+    def counters(self, point: str) -> dict[Side, StreamCounters] | None:
+        """Counters of both signals of a test point; None before the first sample."""
+        return self._windows.counters.get(point)
+
+    def conditions(self, clock_stands: bool) -> dict[str, Condition]:
+        """Conditions of the signals since the last call, by test point."""
+        return self.health.conditions(self._windows.counters, clock_stands, self._windows.apart_ns())

@@ -1,0 +1,73 @@
+"""Parts of the analysis node, without ROS: the live comparison, the alarm, the study process."""
+
+import sys
+
+import numpy as np
+import pytest
+
+from tbm_gsa.app.nodes import gsa_process
+from tbm_gsa.app.nodes.error_alarm import ErrorAlarm
+from tbm_gsa.app.nodes.gsa_process import GsaOptions, GsaProcess
+from tbm_gsa.app.nodes.live_comparison import LiveComparison, field_sensors
+from tbm_msgs_py import topics
+from tbm_msgs_py.base.errors import InputError
+
+RATE, SECOND = 1000, 10**9
+OFFSETS = np.arange(RATE) / RATE
+SINE = np.sin(2.0 * np.pi * 50.0 * OFFSETS)[:, None] * np.ones(3)
+
+
+@pytest.fixture
+def compare():
+    """Windows of half a second of sines of known amplitudes, the first ones left out while filters settle."""
+
+    def run(point="girder", operating=((1.0, 1.0, 1.0),)):
+        sensors = field_sensors("", ["girder"])
+        comparison = LiveComparison(["girder"], sensors.values(), 0.5, lambda _: None)
+        for k, driven in enumerate(operating):
+            comparison.add_operating_point(topics.OPERATING_POINT, k * SECOND, driven)
+        sensor = sensors["field/girder/block"].model_copy(update={"point": point})
+        for k in range(10):
+            comparison.add(sensor, "model", k * SECOND, OFFSETS, 3.0 * SINE)
+            comparison.add(sensor, "field", k * SECOND, OFFSETS, 2.0 * SINE)
+        return comparison
+
+    return run
+
+
+def test_sines_have_the_error_of_their_amplitudes(compare):
+    latest = compare().latest["girder"]
+    np.testing.assert_allclose(latest.relative_error, 0.5, rtol=1e-2)
+    assert latest.operation == "steady"
+
+
+def test_a_machine_that_stands_still_has_no_error(compare):
+    latest = compare(operating=[(0.0, 0.0, 0.0)]).latest["girder"]
+    assert latest.operation == "standstill"
+    assert np.isnan(latest.relative_error).all()
+
+
+def test_points_that_the_machine_has_not_are_left_out(compare):
+    assert compare("nowhere").latest == {}
+
+
+def test_the_alarm_says_what_raised_it(compare):
+    latest, alarm = compare().latest["girder"], ErrorAlarm(0.3, 2, ["x"], "", {})
+    assert [alarm.update(latest) for _ in range(3)] == ["", "girder: relative error over 0.3 for 2 windows", ""]
+    assert alarm.raised == {"girder"}
+    with pytest.raises(InputError, match="parameter alarm_axes"):
+        ErrorAlarm(0.3, 2, ["w"], "", {})
+
+
+def test_a_study_says_why_it_does_not_start(tmp_path, monkeypatch):
+    sleeps = [sys.executable, "-c", "import sys; sys.stdin.read()"]
+    monkeypatch.setattr(gsa_process, "child_command", lambda *_: sleeps)
+    options = GsaOptions("dz101", True, 60.0, 10, 2, 0.1, [], 0, 1, str(tmp_path / "studies"))
+    study = GsaProcess(options)
+    assert study.start("alarm", pause=60.0) == ""
+    assert study.start("alarm", pause=60.0) == "the last one began 0 min ago, gsa.pause is 60 min"
+    assert study.start("service") == "one is running already"
+    assert study.cancel("over")
+    (tmp_path / "file").write_text("")
+    study.options = GsaOptions("dz101", True, 60.0, 10, 2, 0.1, [], 0, 1, str(tmp_path / "file"))
+    assert "Not a directory" in study.start("service")
