@@ -78,9 +78,9 @@ class Case:
         chunk = Simulator(self.system, (8, 14), STEP, method).step(self.loads)
         return _table_3(chunk.displacement[:, 0], chunk.acceleration[:, 1], chunk.mesh_force)
 
-    def error(self, found: np.ndarray) -> float:
+    def error(self, computed: np.ndarray) -> float:
         """Largest relative error of an indicator."""
-        return float(np.abs(found / self.exact - 1.0).max())
+        return float(np.abs(computed / self.exact - 1.0).max())
 
 
 def _interpolated(times: np.ndarray, loads: np.ndarray, t: float) -> np.ndarray:

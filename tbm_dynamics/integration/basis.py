@@ -40,7 +40,7 @@ DEFAULT_TOLERANCE = 3e-3
 _LOADED_HZ = (5.0, 15.0, 30.0, 50.0, 70.0, 90.0, 110.0, 130.0, 150.0, 170.0, 190.0, 215.0, 250.0, 320.0)
 _GEARED_HZ = (*_LOADED_HZ, 450.0, 600.0, 850.0, 1150.0)
 
-# A mode up to here and less damped than this is kept whatever the samples say.
+# A mode up to here and less damped than this is always kept.
 _RESONANT_HZ, _RESONANT_RATIO = 250.0, 0.1
 
 # How fast a pinion is struck.
@@ -199,9 +199,9 @@ def _responses(problem: _Problem, forces: np.ndarray, frequencies: Sequence[floa
     """Accelerations (d, 2 f k) under harmonic forces (d, k), the largest under each force of unit mass."""
     omega = 2.0 * np.pi * np.array(frequencies)[:, None, None]
     answer = omega**2 * np.linalg.solve(problem.K + 1j * omega * problem.C - omega**2 * problem.M, forces[None])
-    found = np.concatenate([answer.real, answer.imag])
-    masses = np.einsum("fik,ij,fjk->fk", found, problem.M, found, optimize=True)
-    return np.asarray((found / np.sqrt(masses.max(axis=0))).transpose(1, 0, 2).reshape(len(forces), -1))
+    parts = np.concatenate([answer.real, answer.imag])
+    masses = np.einsum("fik,ij,fjk->fk", parts, problem.M, parts, optimize=True)
+    return np.asarray((parts / np.sqrt(masses.max(axis=0))).transpose(1, 0, 2).reshape(len(forces), -1))
 
 
 def _beyond(M: np.ndarray, kept: np.ndarray, vectors: np.ndarray, tolerance: float) -> np.ndarray:

@@ -75,9 +75,9 @@ class Condensed(Method[State]):
             inputs[part.inputs] += by_input
         rows = [symmetric]
         for i in self._recorded:
-            places, found = np.nonzero(self._drives.dofs[i][:, None] == dofs)
+            places, outputs = np.nonzero(self._drives.dofs[i][:, None] == dofs)
             shapes = np.zeros((len(dofs), split.individual.shapes.shape[1]))
-            shapes[found] = (self._drives.turns[i].T @ split.individual.shapes)[places]
+            shapes[outputs] = (self._drives.turns[i].T @ split.individual.shapes)[places]
             rows += _observed(parts.individual, split.individual, shapes)[:2]
         return np.vstack([*rows, inputs])
 

@@ -22,7 +22,7 @@ BY_LENGTH = ("transfer", "forced", "push", "couple", "own_transfer", "own_push",
 
 
 class Arrays(NamedTuple):
-    """Constant arrays of a step; those `BY_LENGTH` stand twice, for a whole step and for a substep.
+    """Constant arrays of a step; those `BY_LENGTH` hold two, for a whole step and for a substep.
 
     Attributes
     ----------
@@ -123,8 +123,28 @@ class State(NamedTuple):
 def zero_state(arrays: Arrays) -> State:
     """State without motion and force, with its workspace."""
     pairs, lanes, n = arrays.transfer.shape[2], arrays.patterns.shape[1], arrays.own_push.shape[1]
-    common = [(2, pairs), (n, lanes)]
-    working = [(4 * PATTERNS,), (4 * PATTERNS,), (4, lanes), (4, lanes), (2 * lanes,), (2 * lanes,), (1, 3, 2 * lanes)]
-    lasting = [(3, 2, lanes), (3, 2 * PATTERNS), (3, 2, lanes), (2 * lanes,), (3, 2 * lanes)]
-    workspace = Workspace(*(aligned(np.zeros(shape)) for shape in [*common, *working, (1, 2 * pairs)]))
-    return State._make([*(aligned(np.zeros(shape)) for shape in [*common, *lasting]), workspace])
+
+    def zeros(*shape: int) -> np.ndarray:
+        return aligned(np.zeros(shape))
+
+    return State(
+        symmetric=zeros(2, pairs),
+        individual=zeros(n, lanes),
+        residual=zeros(3, 2, lanes),
+        pattern_residual=zeros(3, 2 * PATTERNS),
+        individual_residual=zeros(3, 2, lanes),
+        contact_state=zeros(2 * lanes),
+        mesh_inputs=zeros(3, 2 * lanes),
+        workspace=Workspace(
+            symmetric=zeros(2, pairs),
+            individual=zeros(n, lanes),
+            predicted_pattern=zeros(4 * PATTERNS),
+            pattern_motion=zeros(4 * PATTERNS),
+            predicted=zeros(4, lanes),
+            motion=zeros(4, lanes),
+            force=zeros(2 * lanes),
+            contact_state=zeros(2 * lanes),
+            mesh_inputs=zeros(1, 3, 2 * lanes),
+            forced=zeros(1, 2 * pairs),
+        ),
+    )

@@ -235,7 +235,7 @@ def _correct_individual(push: np.ndarray, level: int, r: np.ndarray, predicted: 
 
 @njit(**_LOOPS)  # type: ignore[untyped-decorator]
 def _shift(r: np.ndarray, anew: bool) -> None:
-    """Shift the residuals (3, …) by a step; `anew`: r has jumped, and what it was before says nothing."""
+    """Shift the residuals (3, …) by a step; `anew`: r has jumped, and the quadratic begins at its end."""
     for i in range(len(r[0])):
         r[0, i] = r[2, i] if anew else r[1, i]
         r[1, i] = r[2, i]

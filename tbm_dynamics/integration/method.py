@@ -3,7 +3,7 @@
 1. A method is built from a system, the unknowns whose motion is wanted and a step τ. It holds constants only and never
    changes: any number of runs may use one, each with a state of its own. The p drives stand in L lanes (`lanes`).
 2. `start` returns the state at the start of a run, and the row of the record there.
-3. `advance` takes a state n steps further in place, fills one row of the record and of the forces for each, and returns
+3. `advance` brings a state n steps further in place, fills a row of the record and of the forces for each, and returns
    how many it did: fewer than n when the motion is no longer finite, and then the state is of no use.
 4. What is known beforehand is computed for a block of steps of always the same size (`Steps`), so that the bits do not
    depend on the pieces; the same steps give the same bits in whatever pieces `advance` is called.
@@ -103,7 +103,7 @@ class Method(ABC, Generic[StateT]):
 
     @abstractmethod
     def advance(self, laws: CouplingLaws, steps: Steps, state: StateT) -> int:
-        """Take a state n steps further in place; returns the number of steps whose motion is finite."""
+        """Advance a state by n steps in place; returns the number of steps whose motion is finite."""
 
 
 def refuse_coarse(gain_at: Callable[[float], np.ndarray], step: float, gain: np.ndarray) -> None:

@@ -195,7 +195,7 @@ class Simulator:
         return chunk
 
     def _step_block(self, loads: np.ndarray, motion: np.ndarray, mesh_force: np.ndarray) -> None:
-        """Take steps within one output block, to loads (n, 6); write motion (n, 2, nodes, 6) and force (n, p)."""
+        """Integrate within one output block, to loads (n, 6); write motion (n, 2, nodes, 6) and force (n, p)."""
         n, block = len(loads), self._block
         begin = self.next_step % _BLOCK
         rows = slice(begin, begin + n)

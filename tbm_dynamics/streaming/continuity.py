@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 from typing import Generic, NamedTuple, TypeVar
 
-# Blocks that do not continue the stream do so once they follow each other for so long and the stream stands still.
+# Length of a sequence of blocks off the stream from which on it is the stream, if none continued it meanwhile.
 CONFIRMED_NS = 150_000_000
 MOST_SEQUENCES = 16  # that wait, of as many publishers
 
@@ -75,7 +75,7 @@ class Continuity(Generic[Content]):
         length, enough = block.end_ns - sequence[0].begin_ns, self._enough(sequence, end_ns)
         if len(sequence) < 2 or length < enough:
             return []
-        # A single block may be the stream's own after a loss: the next one tells, if it comes soon.
+        # A single block may be the stream's own after a loss: the next one decides, if it comes soon.
         able = [other for other in self._waiting if len(other) > 1 or length < 2 * enough]
         nearest = min(able, key=lambda sequence: abs(sequence[0].begin_ns - end_ns))
         if len(nearest) < 2:

@@ -149,13 +149,13 @@ def pairs(name: str, given: Iterable[str]) -> dict[str, str]:
     MachineError
         A text without an equals sign; the message begins with `name`.
     """
-    found = {}
+    values = {}
     for text in given:
         key, sign, value = text.partition("=")
         if not sign:
             raise MachineError(f"{name}: {quoted(text)}, allowed is key=value")
-        found[key.strip()] = value.strip()
-    return found
+        values[key.strip()] = value.strip()
+    return values
 
 
 def _number(place: str, column: str, cell: str | None) -> float:

@@ -54,13 +54,13 @@ def test_blocks_between_those_of_a_stream_change_nothing(others):
 @given(st.lists(st.booleans(), max_size=60))
 def test_no_block_of_a_stream_with_losses_is_left_out(lost):
     stream = Stream()
-    came = [stamp for stamp, gone in zip(own(len(lost), 3), lost, strict=True) if not gone]
-    came = [*own(3), *came, *own(3, first=len(lost) + 3 + 39)]
-    for stamp in came:
+    received = [stamp for stamp, gone in zip(own(len(lost), 3), lost, strict=True) if not gone]
+    received = [*own(3), *received, *own(3, first=len(lost) + 3 + 39)]
+    for stamp in received:
         stream.send(stamp)
-    gaps = [after - before > LENGTH + LONGEST for before, after in pairwise(came)]
+    gaps = [after - before > LENGTH + LONGEST for before, after in pairwise(received)]
     if not any(gaps):
-        assert stream.admitted == came
+        assert stream.admitted == received
         assert stream.continuity.dropped == 0
 
 

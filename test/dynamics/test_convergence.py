@@ -38,15 +38,15 @@ def errors(method, amplitude=None):
 
 @pytest.mark.parametrize(("method", "order", "above"), [("reduced", 3.0, 0.15), ("full", 4.0, 0.5)])
 def test_order_with_constant_loads(method, order, above):
-    found = np.array(errors(method))
-    orders = np.log2(found[:-1] / found[1:])
+    actual = np.array(errors(method))
+    orders = np.log2(actual[:-1] / actual[1:])
     assert np.all((orders > order - 0.15) & (orders < order + above)), orders
     assert orders[-1] == pytest.approx(order, abs=0.15)
 
 
 def test_order_with_loads_linear_between_the_steps():
-    found = np.array(errors("full", 0.3))
-    assert np.log2(found[-2] / found[-1]) == pytest.approx(2.0, abs=0.15)
+    actual = np.array(errors("full", 0.3))
+    assert np.log2(actual[-2] / actual[-1]) == pytest.approx(2.0, abs=0.15)
 
 
 @pytest.mark.parametrize("drives", [1, 2, 3, 5, 9])
@@ -60,9 +60,9 @@ def test_any_number_of_drives(drives):
     reduced, full = (Simulator(system, (8, 14), method=method).step(loads) for method in ("reduced", "full"))
     assert full.mesh_force.min() > 0.0
     share = static_mesh_force(machine)
-    found, expected = (
+    actual, expected = (
         list(indicators(chunk.displacement[:, 0], chunk.acceleration[:, 1], chunk.mesh_force, share).values())
         for chunk in (reduced, full)
     )
-    assert found == pytest.approx(expected, rel=0.01)
+    assert actual == pytest.approx(expected, rel=0.01)
     assert np.abs(reduced.mesh_force - full.mesh_force).max() < 1e-3 * full.mesh_force.max()

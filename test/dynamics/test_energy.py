@@ -38,9 +38,9 @@ def receptance(system, frequency, dofs):
 @given(frequency=st.floats(0.1, 2000.0), seed=st.integers(0, 10**6))
 def test_a_force_here_moves_there_as_a_force_there_moves_here(system, frequency, seed):
     dofs = np.random.default_rng(seed).choice(system.size, 12, replace=False)
-    found = receptance(system, frequency, dofs)
-    scale = np.sqrt(np.abs(np.outer(found.diagonal(), found.diagonal())))
-    assert np.all(np.abs(found - found.T) < 1e-6 * scale)
+    actual = receptance(system, frequency, dofs)
+    scale = np.sqrt(np.abs(np.outer(actual.diagonal(), actual.diagonal())))
+    assert np.all(np.abs(actual - actual.T) < 1e-6 * scale)
 
 
 @settings(max_examples=10)

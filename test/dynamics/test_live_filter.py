@@ -17,12 +17,12 @@ RATE, STRIDE = 10_000.0, 200  # 50 Hz out, corner 20 Hz
 
 
 def run(values, first=0, stride=STRIDE, cuts=()):
-    slow, found = LiveFilter(RATE, stride), []
+    slow, actual = LiveFilter(RATE, stride), []
     edges = [0, *sorted(cuts), len(values)]
     for a, b in pairwise(edges):
         if b > a:
-            found += slow.process(first + a, values[a:b])
-    return found
+            actual += slow.process(first + a, values[a:b])
+    return actual
 
 
 @settings(max_examples=40)

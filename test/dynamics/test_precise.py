@@ -23,9 +23,9 @@ def stable(seed, n, stiffest):
     return np.block([[np.zeros((n, n)), np.eye(n)], [-K, -1e-3 * K - 0.1 * np.eye(n)]])
 
 
-def close(found, expected, tolerance):
+def close(actual, expected, tolerance):
     # T = I + Ta: a result far below 1 is as good as the identity it was added to.
-    return np.abs(found - expected).max() <= tolerance * max(1.0, np.abs(expected).max())
+    return np.abs(actual - expected).max() <= tolerance * max(1.0, np.abs(expected).max())
 
 
 @settings(max_examples=40)

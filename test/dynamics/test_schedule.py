@@ -62,14 +62,14 @@ def test_the_loads_follow_every_recorded_cycle(machine, startup_cycles, cycles):
         schedule = read_schedule(startup_cycles, COLUMNS, {"cycle": str(name)})
         stream = LoadStream(machine, 3, TIME_STEP, SAMPLES, schedule=schedule)
         blocks = [stream.next_block() for _ in range(200)]
-        found = np.array([block.loads[-1] for block in blocks])
+        actual = np.array([block.loads[-1] for block in blocks])
         ends = np.arange(1, 201) * SAMPLES
         thrust, torque = (
             np.interp(ends * TIME_STEP, rows["t_s"], rows[column]) / most
             for column, most in (("thrust_kN", 12000.0), ("torque_kNm", 3040.0))
         )
         scale = np.column_stack([thrust, torque, torque, torque, thrust, thrust])
-        np.testing.assert_allclose(found, unit.evaluate((ends - 1) * TIME_STEP) * scale, rtol=1e-9)
+        np.testing.assert_allclose(actual, unit.evaluate((ends - 1) * TIME_STEP) * scale, rtol=1e-9)
 
 
 def test_the_head_angle_is_the_integral_of_the_speed(machine, startup_cycles, cycles):

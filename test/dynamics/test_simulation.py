@@ -75,44 +75,44 @@ CLOSED, STRIKING = 0.3, 1.6  # amplitudes of the torque over its mean
 
 
 def test_every_indicator_while_the_teeth_stay_in_contact(machine, system, radau):
-    found = fixed_step(system, swinging(system, CLOSED), 1e-4, "full")
+    actual = fixed_step(system, swinging(system, CLOSED), 1e-4, "full")
     expected = [part[::4] for part in radau(CLOSED)]
     assert expected[2].min() > 0.0
     share = static_mesh_force(machine)
-    assert table_3(system, *found, share) == pytest.approx(table_3(system, *expected, share), rel=0.01)
-    assert np.abs(found[2] - expected[2]).max() < 1e-4 * expected[2].max()
+    assert table_3(system, *actual, share) == pytest.approx(table_3(system, *expected, share), rel=0.01)
+    assert np.abs(actual[2] - expected[2]).max() < 1e-4 * expected[2].max()
 
 
 def test_the_reduced_basis_while_the_teeth_stay_in_contact(machine, system, radau):
-    found = fixed_step(system, swinging(system, CLOSED), 1e-4, "reduced")
+    actual = fixed_step(system, swinging(system, CLOSED), 1e-4, "reduced")
     expected = [part[::4] for part in radau(CLOSED)]
     share = static_mesh_force(machine)
-    assert table_3(system, *found, share) == pytest.approx(table_3(system, *expected, share), rel=0.01)
-    assert np.abs(found[2] - expected[2]).max() < 2e-4 * expected[2].max()
+    assert table_3(system, *actual, share) == pytest.approx(table_3(system, *expected, share), rel=0.01)
+    assert np.abs(actual[2] - expected[2]).max() < 2e-4 * expected[2].max()
 
 
 @pytest.mark.parametrize("method", ["full", "reduced"])
 def test_displacements_and_forces_while_the_teeth_strike(machine, system, radau, method):
     # Torque reverses: teeth part and meet on both flanks.
-    found = fixed_step(system, swinging(system, STRIKING), 1e-4, method)
+    actual = fixed_step(system, swinging(system, STRIKING), 1e-4, method)
     expected = [part[::4] for part in radau(STRIKING)]
     assert (expected[2] == 0.0).mean() > 0.03
     assert expected[2].min() < 0.0 < expected[2].max()
     share = static_mesh_force(machine)
     kept = [0, 1, 2, 3, 6, 7]  # all but the pinion's lateral and rotational peaks
-    assert table_3(system, *found, share)[kept] == pytest.approx(table_3(system, *expected, share)[kept], rel=0.01)
-    assert np.abs(found[2] - expected[2]).max() < 0.01 * expected[2].max()
+    assert table_3(system, *actual, share)[kept] == pytest.approx(table_3(system, *expected, share)[kept], rel=0.01)
+    assert np.abs(actual[2] - expected[2]).max() < 0.01 * expected[2].max()
 
 
 def test_pinion_acceleration_while_the_teeth_strike(system, radau):
     # Half the step of the grid: c δ̇ jumps where teeth meet; the production method takes such a step in parts.
-    found = fixed_step(system, swinging(system, STRIKING), 1.25e-5, "reduced")[1][::2]
+    actual = fixed_step(system, swinging(system, STRIKING), 1.25e-5, "reduced")[1][::2]
     expected, pinion = radau(STRIKING)[1], system.nodes.index(14)
     for axis in (0, 1, 3):
         level = np.sqrt(np.mean(expected[:, pinion, axis] ** 2))
-        assert np.sqrt(np.mean(found[:, pinion, axis] ** 2)) == pytest.approx(level, rel=0.01)
+        assert np.sqrt(np.mean(actual[:, pinion, axis] ** 2)) == pytest.approx(level, rel=0.01)
         # A few samples lie on the other side of a jump.
-        assert np.sqrt(np.mean((found - expected)[:, pinion, axis] ** 2)) < 0.1 * level
+        assert np.sqrt(np.mean((actual - expected)[:, pinion, axis] ** 2)) < 0.1 * level
 
 
 def test_reduced_against_full_on_the_shipped_machine():
@@ -123,8 +123,8 @@ def test_reduced_against_full_on_the_shipped_machine():
     assert list(reduced.indicators().values()) == pytest.approx(list(full.indicators().values()), rel=0.01)
     for node in machine.description.test_points.values():
         # The first 20 ms hold the step from the mean load to the fluctuating one, which strikes every mode.
-        found, expected = (response.acceleration(node)[200:, :3] for response in (reduced, full))
-        assert np.sqrt(np.mean((found - expected) ** 2)) < 0.005 * np.sqrt(np.mean(expected**2))
+        actual, expected = (response.acceleration(node)[200:, :3] for response in (reduced, full))
+        assert np.sqrt(np.mean((actual - expected) ** 2)) < 0.005 * np.sqrt(np.mean(expected**2))
 
 
 @pytest.mark.parametrize("seed", [0, pytest.param(3, marks=pytest.mark.verify)])
@@ -135,17 +135,17 @@ def test_indicators_of_the_shipped_machine_while_teeth_strike(seed):
     loads = machine.loads(seed).evaluate(np.arange(steps) * 1e-4)
     between = np.arange((steps - 1) * finer + 1) / finer
     fine = np.array([np.interp(between, np.arange(steps), column) for column in loads.T]).T
-    found = Simulator(system, (8, 14)).step(loads)
+    actual = Simulator(system, (8, 14)).step(loads)
     expected = Simulator(system, (8, 14), 1e-4 / finer, "full").step(fine)
-    assert (found.mesh_force == 0.0).mean() > 0.1
-    assert found.mesh_force.min() < 0.0
+    assert (actual.mesh_force == 0.0).mean() > 0.1
+    assert actual.mesh_force.min() < 0.0
     share = static_mesh_force(machine)
 
     def indicators_of(chunk, stride):
         motion, force = chunk.motion[::stride], chunk.mesh_force[::stride]
         return list(indicators(motion[:, 0, 0], motion[:, 1, 1], force, share).values())
 
-    assert indicators_of(found, 1) == pytest.approx(indicators_of(expected, finer), rel=0.01)
+    assert indicators_of(actual, 1) == pytest.approx(indicators_of(expected, finer), rel=0.01)
 
 
 def test_the_reduced_basis_keeps_the_static_forces():
@@ -194,10 +194,10 @@ def test_without_damping_a_step_load_rings_for_ever(undamped, method):
     time = np.arange(steps) * 1e-4
     motion = (1.0 - np.cos(np.outer(time, omega))) * amplitude @ shapes.T
     still = undamped.equilibrium().displacement
-    found = chunk.displacement.reshape(steps, -1)
+    actual = chunk.displacement.reshape(steps, -1)
     # The reduced basis leaves out what is small beside the largest motion: 1 %.
     tolerance = 1e-7 if method == "full" else 0.01
-    assert np.abs(found - still - motion).max(axis=0).max() < tolerance * np.abs(motion).max()
+    assert np.abs(actual - still - motion).max(axis=0).max() < tolerance * np.abs(motion).max()
 
 
 def test_accelerations_are_those_of_the_equations_of_motion(system):
@@ -220,7 +220,7 @@ def test_a_change_of_speed_keeps_the_phase_of_the_teeth(machine, system):
     grid = loads(np.arange(count) * 1e-4)
     first = run.step(grid[: change + 1]).mesh_force
     run.set_operating_point(faster)
-    found = np.concatenate([first, run.step(grid[change + 1 :]).mesh_force])
+    actual = np.concatenate([first, run.step(grid[change + 1 :]).mesh_force])
 
     def angle(t):
         return point.speed * (t + max(0.0, t - change * 1e-4))
@@ -228,6 +228,6 @@ def test_a_change_of_speed_keeps_the_phase_of_the_teeth(machine, system):
     times = np.arange(count) * 1e-4
     _, _, force = reference_motion(system, start_of(system), lambda t: loads(t)[0], times, angle, tolerance=1e-7)
     # The rate of the error doubles at once: that step has a corner, the rest is as good as without the change.
-    difference = np.abs(found - force).max(axis=1) / force.max()
+    difference = np.abs(actual - force).max(axis=1) / force.max()
     assert difference.max() < 2e-4
     assert difference[change + 50 :].max() < 1e-5

@@ -155,13 +155,13 @@ def test_a_torque_ramp_is_the_torque_of_each_of_its_steps(machine, system, loads
     for run in (at_once, by_hand):
         run.step(loads[:100])
     at_once.set_operating_point(half, over=steps)
-    found = at_once.step(loads[100:200])
+    actual = at_once.step(loads[100:200])
     expected = []
     for k in range(100):
         share = min((k + 1) / steps, 1.0)
         by_hand.set_operating_point(replace(point, torque=point.torque * (1.0 - 0.5 * share)))
         expected.append(by_hand.step(loads[100 + k : 101 + k]).mesh_force)
-    assert found.mesh_force == pytest.approx(np.concatenate(expected), rel=1e-9)
+    assert actual.mesh_force == pytest.approx(np.concatenate(expected), rel=1e-9)
 
 
 @pytest.mark.parametrize("method", ["reduced", "full"])

@@ -36,11 +36,11 @@ def forces(chunks):
 
 
 def test_blocks_are_the_loads_of_the_machine(machine):
-    found = blocks(machine, 5)
-    assert [block.first_step for block in found] == [0, 200, 400, 600, 800]
+    actual = blocks(machine, 5)
+    assert [block.first_step for block in actual] == [0, 200, 400, 600, 800]
     expected = machine.loads(4).evaluate(np.arange(1000) * 1e-4)
-    assert np.array_equal(np.concatenate([block.loads for block in found]), expected)
-    angles = np.array([block.head_angle for block in found])
+    assert np.array_equal(np.concatenate([block.loads for block in actual]), expected)
+    angles = np.array([block.head_angle for block in actual])
     assert angles == pytest.approx(machine.operating_point.speed * np.arange(5) * 0.02)
 
 
@@ -64,12 +64,12 @@ def test_a_live_run_is_the_offline_run(machine):
 
 def test_a_lost_block_is_bridged_by_a_straight_line(machine):
     sent = blocks(machine, 12)
-    stream, came = DynamicsStream(machine, RATE), (0, 1, *range(4, 12))
-    chunks = [chunk for i in came for chunk in stream.process(stamp(sent[i]), sent[i].loads)]
+    stream, received = DynamicsStream(machine, RATE), (0, 1, *range(4, 12))
+    chunks = [chunk for i in received for chunk in stream.process(stamp(sent[i]), sent[i].loads)]
     assert [chunk.first_step for chunk in chunks] == [0, 200, 400, *range(800, 2400, 200)]
     assert (stream.lost_steps, stream.restarts, stream.dropped) == (400, 0, 0)
     known = np.concatenate([np.arange(400), np.arange(800, 2400)])
-    given = np.concatenate([sent[i].loads for i in came])
+    given = np.concatenate([sent[i].loads for i in received])
     bridged = np.column_stack([np.interp(np.arange(2400), known, column) for column in given.T])
     expected = Simulator(machine.assemble(), stream.nodes).step(bridged)
     assert forces(chunks) == pytest.approx(expected.mesh_force, rel=1e-9)
@@ -103,12 +103,12 @@ def test_a_second_publisher_changes_no_bit(machine, offset):
     sent, alone = blocks(machine, 6), DynamicsStream(machine, RATE)
     expected = [alone.process(stamp(block), block.loads)[-1].mesh_force for block in sent]
     stream = DynamicsStream(machine, RATE)
-    found = []
+    actual = []
     for block in sent:
-        found += stream.process(stamp(block), block.loads)
+        actual += stream.process(stamp(block), block.loads)
         assert stream.process(stamp(block) + offset * STEP, 2.0 * block.loads) == []
     stream.process(stamp(sent[-1]) + SAMPLES * STEP, sent[-1].loads)
-    assert np.array_equal(forces(found), np.concatenate(expected))
+    assert np.array_equal(forces(actual), np.concatenate(expected))
     assert (stream.dropped, stream.restarts, stream.lost_steps) == (6, 0, 0)
 
 
@@ -154,15 +154,15 @@ def test_a_new_operating_point_is_reached_over_one_block(machine):
     after = replace(before, thrust=0.8 * before.thrust, torque=0.5 * before.torque, speed=1.1 * before.speed)
     stream.next_block(), still.next_block()
     stream.set_operating_point(after)
-    found, same = stream.next_block(), still.next_block()
+    actual, same = stream.next_block(), still.next_block()
     share = np.arange(1, SAMPLES + 1) / SAMPLES
-    assert found.loads[:, 0] == pytest.approx(same.loads[:, 0] * (1.0 - 0.2 * share))
-    assert found.loads[:, 3] == pytest.approx(same.loads[:, 3] * (1.0 - 0.5 * share))
-    assert found.operating_point == after
+    assert actual.loads[:, 0] == pytest.approx(same.loads[:, 0] * (1.0 - 0.2 * share))
+    assert actual.loads[:, 3] == pytest.approx(same.loads[:, 3] * (1.0 - 0.5 * share))
+    assert actual.operating_point == after
     later, unchanged = stream.next_block(), still.next_block()
     factors = [0.8, 0.5, 0.5, 0.5, 0.8, 0.8]  # thrust moves F_x, M_y, M_z; torque the rest
     assert later.loads == pytest.approx(unchanged.loads * factors)
-    assert (later.head_angle - found.head_angle) / (unchanged.head_angle - same.head_angle) == pytest.approx(1.1)
+    assert (later.head_angle - actual.head_angle) / (unchanged.head_angle - same.head_angle) == pytest.approx(1.1)
 
 
 def test_a_run_starts_in_the_equilibrium_of_its_operating_point(machine):
