@@ -32,6 +32,20 @@ class Part(BaseModel):
     model_config = ConfigDict(frozen=True, extra="ignore", strict=True)
 
 
+class MachineFile(Part):
+    """Machine file that numbers come from, and the digest of what it says."""
+
+    origin: Line
+    sha256: Name
+
+
+class RecordingFile(Part):
+    """Recording that numbers come from."""
+
+    path: Line
+    sha256: Name
+
+
 def read_document(file: Path, form: type[Part], what: str) -> dict[str, Any]:
     """Read a JSON document that holds at least what its form asks for.
 

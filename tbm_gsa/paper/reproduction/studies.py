@@ -7,8 +7,8 @@ from pathlib import Path
 import numpy as np
 
 from tbm_dynamics.indicators import INDICATORS
+from tbm_gsa.paper.published import METHODS
 from tbm_gsa.paper.reproduction.readings import Reading
-from tbm_gsa.paper.surrogates import METHODS
 from tbm_gsa.sensitivity.study.analysis import OutputAnalysis, OutputFit, fit_outputs
 from tbm_gsa.sensitivity.study.campaign import Progress, run_campaign
 from tbm_gsa.sensitivity.study.errors import StudyError

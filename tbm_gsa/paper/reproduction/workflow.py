@@ -1,24 +1,31 @@
-"""From a machine to every row of the reproduction: campaigns, loads, runs, rows, document."""
+"""From a machine to the result of its reproduction: campaigns, loads, runs, rows."""
 
 import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 from tbm_dynamics import Machine, load_machine
-from tbm_gsa.paper.reproduction.document import reproduction_document
-from tbm_gsa.paper.reproduction.loads import SECONDS, LoadEvidence, gather_loads, load_rows
+from tbm_gsa.paper.reproduction.loads import LoadEvidence, gather_loads, load_rows
 from tbm_gsa.paper.reproduction.model import MeshCurves, mesh_curves, model_rows
 from tbm_gsa.paper.reproduction.readings import Reading, readings
-from tbm_gsa.paper.reproduction.response import MODEL_S, RUN_S, ResponseEvidence, gather_response
+from tbm_gsa.paper.reproduction.response import ResponseEvidence, gather_response
 from tbm_gsa.paper.reproduction.response_rows import response_rows
-from tbm_gsa.paper.reproduction.row import SOURCES, Row
+from tbm_gsa.paper.reproduction.result import (
+    SOURCES,
+    ReadingSummary,
+    ReproducedRecording,
+    ReproductionResult,
+    Row,
+    Sizes,
+    count_verdicts,
+)
 from tbm_gsa.paper.reproduction.sensitivity import SensitivityEvidence, gather_sensitivity, sensitivity_rows
 from tbm_gsa.paper.reproduction.studies import Campaign, fitted_study, whole_study
 from tbm_gsa.paper.reproduction.surrogates import surrogate_rows
-from tbm_gsa.paper.surrogates import TEST, TRAIN
+from tbm_gsa.provenance import machine_sha256, package_versions
+from tbm_gsa.reading import MachineFile
 from tbm_gsa.sensitivity.study.campaign import Progress as CampaignProgress
 from tbm_gsa.sensitivity.study.errors import StudyError
 from tbm_gsa.sensitivity.study.run import StudyResult
@@ -27,43 +34,13 @@ Progress = Callable[[str, float | None], None]
 """Called with what is done now and the share of it, 0 to 1; None where the end is not known."""
 
 
-@dataclass(frozen=True)
-class Sizes:
-    """How much is simulated; the defaults are the paper's numbers and what shows its lines.
-
-    Attributes
-    ----------
-    train, test : int
-        Simulations of each campaign.
-    other_train : int
-        Instead of `train` under the other reading: light damping lets teeth part, and a run takes four times as long.
-    simulation_s : float
-        Length of each.
-    run_s, model_s, loads_s : float
-        Of the response run, of the run beside the recording, of the loads.
-    whole_study : bool
-        Whether the machine's own reading gets the whole study: sampling, screening and a report of its own.
-    """
-
-    train: int = TRAIN
-    test: int = TEST
-    other_train: int = TRAIN // 2
-    simulation_s: float = 3.0
-    run_s: float = RUN_S
-    model_s: float = MODEL_S
-    loads_s: float = SECONDS
-    whole_study: bool = True
-
-
 @dataclass(frozen=True, eq=False)
 class Reproduction:
     """The reproduction with what its figures are drawn from.
 
     Attributes
     ----------
-    document : dict
-        See `reproduction_document`.
-    rows : tuple of Row
+    result : ReproductionResult
     readings : tuple of Reading
         The machine's own first; `responses` and `sensitivities` in their order.
     mesh : MeshCurves
@@ -72,8 +49,7 @@ class Reproduction:
     sensitivities : tuple of SensitivityEvidence
     """
 
-    document: dict[str, Any]
-    rows: tuple[Row, ...]
+    result: ReproductionResult
     readings: tuple[Reading, ...]
     mesh: MeshCurves
     loads: LoadEvidence
@@ -92,7 +68,7 @@ def reproduce(
     progress: Progress = lambda *_: None,
     report: Callable[[StudyResult], None] = lambda _: None,
 ) -> Reproduction:
-    """Produce every table and figure of the paper.
+    """Every table and figure of the paper, beside ours.
 
     Parameters
     ----------
@@ -135,11 +111,11 @@ def reproduce(
     studies = []
     for campaign in campaigns:
         with clock.measure(f"campaign and surrogates, {campaign.reading.name}"):
-            place, told = folder / campaign.reading.name, _simulations(campaign.reading.name, progress)
+            place, report_done = folder / campaign.reading.name, _simulations(campaign.reading.name, progress)
             if campaign.reading.own and chosen.whole_study:
-                study = whole_study(campaign, place, workers, told, report)
+                study = whole_study(campaign, place, workers, report_done, report)
             else:
-                study = fitted_study(campaign, place, workers, told)
+                study = fitted_study(campaign, place, workers, report_done)
             studies.append(gather_sensitivity(campaign.reading, study))
     progress("loads", None)
     with clock.measure("loads"):
@@ -149,16 +125,33 @@ def reproduce(
         progress(f"runs, {reading.name}", None)
         with clock.measure(f"runs, {reading.name}"):
             responses.append(gather_response(reading, bag, seed, chosen.run_s, chosen.model_s))
-    rows = tuple(_rows(described, mesh, loads, responses, studies))
-    document = reproduction_document(rows, described, both, responses, seed, asdict(chosen), clock.seconds)
-    return Reproduction(document, rows, both, mesh, loads, tuple(responses), tuple(studies))
+    rows = _rows(described, mesh, loads, responses, studies)
+    recording = responses[0].comparison.document["recording"]
+    result = ReproductionResult(
+        rows=tuple(rows),
+        verdicts=count_verdicts(row for row in rows if row.reading in (None, both[0].name)),
+        other_reading=count_verdicts(row for row in rows if row.reading == both[1].name),
+        readings=tuple(ReadingSummary(name=one.name, title=one.title, own=one.own, fitted=one.fitted) for one in both),
+        machine=described.name,
+        machine_file=MachineFile(origin=described.origin, sha256=machine_sha256(described)),
+        recording=ReproducedRecording(
+            path=recording["path"],
+            sha256=recording["sha256"],
+            synthetic=responses[0].comparison.document.get("synthetic", False),
+        ),
+        seed=seed,
+        sizes=chosen,
+        versions=package_versions(),
+        seconds={**clock.seconds, "total": sum(clock.seconds.values())},
+    )
+    return Reproduction(result, both, mesh, loads, tuple(responses), tuple(studies))
 
 
 def _simulations(name: str, progress: Progress) -> CampaignProgress:
     """Progress of the campaign of a reading."""
 
     def report(done: int, total: int, failed: int) -> None:
-        del failed  # the document says so
+        del failed  # the notes of the rows say so
         progress(f"simulations, {name}" if done < total else f"surrogates, {name}", done / total)
 
     return report
