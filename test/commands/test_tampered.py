@@ -4,6 +4,7 @@ import json
 import signal
 import sqlite3
 import sys
+from contextlib import suppress
 
 import pytest
 from tampered import REMOVED, WRONG, places, tampered
@@ -23,6 +24,14 @@ from tbm_gsa.sensitivity.study.worker import Outcome
 from tbm_msgs_py.base.errors import InputError
 
 LONGEST = 2500  # characters of a line for a user
+LEVEL = {
+    "speed_r_min": 5.6,
+    "torque_kn_m": 2280.0,
+    "thrust_kn": 12000.0,
+    "seconds": 60.0,
+    "source": "recording",
+    "note": "recorded",
+}
 
 
 @pytest.fixture
@@ -46,32 +55,43 @@ def command(tmp_path, monkeypatch, capsys):
 
 
 def explanation():
-    machine = load_machine("dz101")
+    digest = machine_sha256(load_machine("dz101"))
     rows = {"x9": (8.1e9, [7.6e9, 8.4e9]), "x16": (0.5, [0.4, 0.6])}
+    texts = {"name": "Stiffness", "symbol": "k", "unit": "", "kind": "multiplier"}
+    numbers = {"probability": 0.5, "log_evidence": -9.0}
     causes = [
-        {
-            "input": code,
-            "name": "Stiffness",
-            "symbol": "k",
-            "unit": "",
-            "probability": 0.5,
-            "value": value,
-            "interval": interval,
-            "machine_value": 1.0,
-        }
+        {"input": code, **texts, **numbers, "value": value, "interval": interval, "machine_value": 1.0}
         for code, (value, interval) in rows.items()
     ]
+    searched = {"machine_value": 1.0, "learnt": 0.5, "lower": 0.3, "upper": 3.0, "distribution": "uniform"}
     return {
-        "causes": [*causes, {"input": None, "name": "nothing has changed", "probability": 0.0}],
+        "causes": [*causes, {"input": None, "name": "nothing has changed", **numbers}],
         "joint": {
-            "inputs": {code: {"value": value, "interval": interval} for code, (value, interval) in rows.items()},
+            "inputs": {code: {"value": value, "interval": ends, **searched} for code, (value, ends) in rows.items()},
+            "accepted": 0.3,
+            "effective_samples": 900.0,
             "standardised_misfit": 1.0,
         },
-        "standardised_misfit": {"model": 9.0, "checked": 1.0},
+        "statistics": [],
+        "misfit": {"model": 0.3, "predicted": 0.1, "checked": 0.1},
+        "standardised_misfit": {"model": 9.0, "predicted": 1.0, "checked": 1.0},
         "explained": True,
         "recording": {"path": "bag", "sha256": "0"},
-        "machine_file": {"origin": "dz101", "sha256": machine_sha256(machine)},
-        "settings": {"samples": 200, "duration": 6.0, "seed": 0},
+        "machine": "dz101",
+        "machine_file": {"origin": "dz101", "sha256": digest},
+        "operating_point": LEVEL,
+        "settings": {
+            "machine": "dz101",
+            "machine_sha256": digest,
+            "duration": 6.0,
+            "load_seed": 0,
+            "high_hz": 400.0,
+            "samples": 200,
+            "seeds": 12,
+            "model_error": 0.05,
+            "seed": 0,
+        },
+        "seconds": 100.0,
         "versions": {"tbm_monitor": "0.1.0"},
     }
 
@@ -98,7 +118,7 @@ def comparison():
         "recording": {"path": "bag", "sha256": "0", "duration": 60.0},
         "machine": "dz101",
         "machine_file": {"origin": "dz101", "sha256": machine_sha256(load_machine("dz101"))},
-        "operating_point": {"speed_r_min": 5.6, "torque_kn_m": 2280.0, "thrust_kn": 12000.0, "source": "recording"},
+        "operating_point": LEVEL,
         "model_duration": 30.0,
         "seed": 0,
     }
@@ -169,7 +189,7 @@ def test_a_document_that_is_none_is_one_line(tmp_path, command, line, text):
 def test_a_tampered_study_is_one_line(tmp_path):
     inputs = InputSet(PAPER_INPUTS.inputs[:2], {"both": ("x1", "x2")})
     evaluate = MachineEvaluation.of("dz101", 0.02, 0)
-    problem = Problem(inputs, evaluate.outputs, 3, 1, 0, evaluate.settings, KINDS[0])
+    problem = Problem(inputs, evaluate.outputs, 3, 1, 0, evaluate.settings, next(iter(KINDS)))
     with Store.create_or_open(tmp_path / "store.sqlite", problem) as store:
         for row, _ in store.pending()[:3]:
             store.record(Outcome(row, dict.fromkeys(problem.outputs, 1.0), None, 0.1))
@@ -248,7 +268,8 @@ def test_a_tampered_history_is_one_line(tmp_path, command, monkeypatch):
         with sqlite3.connect(file) as edited:
             edited.execute("PRAGMA ignore_check_constraints = ON")
             edited.execute("PRAGMA foreign_keys = OFF")
-            edited.execute(f"UPDATE OR IGNORE {table} SET {column} = ?", (value,))
+            with suppress(sqlite3.IntegrityError):  # SQLite keeps the type of a number of a row
+                edited.execute(f"UPDATE OR IGNORE {table} SET {column} = ?", (value,))
         edited.close()
         refused += any(command(line)[0] == 2 for line in HISTORY)
     assert refused > 50

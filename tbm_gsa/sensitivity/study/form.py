@@ -35,13 +35,15 @@ class _Row(Part):
 def problem_parts(texts: Mapping[str, str]) -> dict[str, Any]:
     """Validate the parts of a problem, each one JSON text; a StudyError says which is wrong."""
     joined = "{" + ", ".join(f"{json.dumps(key)}: {text}" for key, text in texts.items()) + "}"
-    return validated(joined, ProblemForm, lambda problem: StudyError(f"not the problem of a study ({problem})"))
+    validated(joined, ProblemForm, lambda problem: StudyError(f"not the problem of a study ({problem})"))
+    parts: dict[str, Any] = json.loads(joined)  # numbers stay whole where they are
+    return parts
 
 
 def numbers(text: object, count: int) -> list[float]:
     """Read the inputs or outputs of a simulation; a StudyError unless they are so many numbers."""
     joined = f'{{"numbers": {text}}}'
     found = validated(joined, _Row, lambda problem: StudyError(f"a simulation is not one of this study ({problem})"))
-    if len(found["numbers"]) != count:
-        raise StudyError(f"a simulation of {len(found['numbers'])} numbers, allowed: {count}")
-    return list(map(float, found["numbers"]))
+    if len(found.numbers) != count:
+        raise StudyError(f"a simulation of {len(found.numbers)} numbers, allowed: {count}")
+    return found.numbers
