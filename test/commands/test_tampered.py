@@ -12,7 +12,7 @@ from tampered import REMOVED, WRONG, places, tampered
 from tbm_dynamics import load_machine
 from tbm_gsa.app.cli.main import main
 from tbm_gsa.explanation import workflow
-from tbm_gsa.history import Entry, History, Source
+from tbm_gsa.history import History, HistoryEntry, WindowSource
 from tbm_gsa.provenance import machine_sha256
 from tbm_gsa.sensitivity.study.design import KINDS
 from tbm_gsa.sensitivity.study.errors import StudyError
@@ -252,8 +252,8 @@ def test_a_tampered_history_is_one_line(tmp_path, command, monkeypatch):
     file = tmp_path / "history.sqlite"
     monkeypatch.setenv("TBM_HISTORY", str(file))
     with History(file) as history:
-        source = Source("live", "node", "", "dz101", "0")
-        windows = [Entry("cutterhead", "x", k * 10**9, 10**9, 1.0, 1.1, 0.1, 1.0, 3.0, 3.0) for k in range(6)]
+        source = WindowSource("live", "node", "", "dz101", "0")
+        windows = [HistoryEntry("cutterhead", "x", k * 10**9, 10**9, 1.0, 1.1, 0.1, 1.0, 3.0, 3.0) for k in range(6)]
         history.add(source, windows)
     assert command("history baseline set commissioning")[0] == 0
     whole = file.read_bytes()

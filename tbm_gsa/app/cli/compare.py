@@ -9,6 +9,7 @@ from typing import Annotated, Any
 import typer
 from rich.table import Table
 
+from tbm_gsa.app.cli.history import HISTORY_HELP
 from tbm_gsa.app.cli.output import (
     DEFAULT_MACHINE,
     JSON_OPTION,
@@ -21,11 +22,18 @@ from tbm_gsa.app.cli.output import (
     progress_bar,
     results,
 )
-from tbm_gsa.app.cli.selection import HISTORY_HELP
 from tbm_gsa.app.cli.shipped import RECORDING_ARGUMENT, recording_path
 from tbm_gsa.comparison.document import axial_rows, stuck_texts
 from tbm_gsa.comparison.workflow import ComparisonResult, compare_recording
-from tbm_gsa.history import History, HistoryError, Kind, Source, check_history, default_history, recording_entries
+from tbm_gsa.history import (
+    History,
+    HistoryError,
+    SourceKind,
+    WindowSource,
+    check_history,
+    default_history,
+    recording_entries,
+)
 from tbm_gsa.signals.settings import Settings
 from tbm_msgs_py.bags.marks import is_synthetic
 from tbm_msgs_py.base.results import check_result
@@ -87,10 +95,10 @@ def compare(
         notes.print(f"page: {html}", highlight=False)
 
 
-def _keep(result: ComparisonResult, kind: Kind, path: Path | None) -> None:
+def _keep(result: ComparisonResult, kind: SourceKind, path: Path | None) -> None:
     """Put the windows into the history; a default one that cannot be used spoils no comparison."""
     document = result.document
-    source = Source(
+    source = WindowSource(
         kind,
         document["recording"]["path"],
         document["recording"]["sha256"],

@@ -33,7 +33,7 @@ from tbm_gsa.app.nodes.statuses import (
 )
 from tbm_gsa.comparison import AlarmRule, Operation, WindowedComparison, WindowResult
 from tbm_gsa.comparison.levels import Kind
-from tbm_gsa.history import Source
+from tbm_gsa.history import WindowSource
 from tbm_gsa.provenance import machine_sha256
 from tbm_msgs_py import blocks, topics
 from tbm_msgs_py.base import operating_point
@@ -114,7 +114,7 @@ class AnalysisNode(ManagedNode):
         self._gsa.options = self._gsa_options()
 
     def _open_history(self, machine: Machine) -> HistoryWriter:
-        source = Source("live", self.get_fully_qualified_name(), "", machine.name, machine_sha256(machine))
+        source = WindowSource("live", self.get_fully_qualified_name(), "", machine.name, machine_sha256(machine))
         days = float(self.value("history_days"))
         return HistoryWriter(self.value("history"), source, self.get_logger().warning, days)
 
