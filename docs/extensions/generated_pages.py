@@ -2,16 +2,21 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Iterable, Iterator
 from importlib import import_module
 from pathlib import Path
 from typing import Any
 
 import typer
+from pydantic import BaseModel
 from sphinx.application import Sphinx
 from sphinx.ext.autodoc.mock import mock
 
 from tbm_gsa.app.cli.main import app as command_line
+from tbm_gsa.explanation.result import Explanation
+from tbm_gsa.history.summary import BaselineList, BaselineSummary, HistorySummary
+from tbm_gsa.paper.reproduction.result import ReproductionResult
 
 NODES = (
     "tbm_dynamics.nodes.load_node",
@@ -21,6 +26,13 @@ NODES = (
     "tbm_msgs_py.nodes.bag_recorder",
     "tbm_gsa.app.nodes.live_view",
 )
+RESULTS: dict[str, type[BaseModel]] = {
+    "history": HistorySummary,
+    "history baseline list": BaselineList,
+    "history baseline show": BaselineSummary,
+    "gsa explain": Explanation,
+    "reproduce": ReproductionResult,
+}
 # The node modules are read without ROS: only their declarations are wanted.
 ROS = (
     "rclpy",
@@ -98,7 +110,20 @@ def parameter_page() -> str:
     return "\n".join(lines)
 
 
-PAGES = {"reference/command_line.md": command_page, "reference/parameters.md": parameter_page}
+def schema_page() -> str:
+    """JSON schema of every result that is a model."""
+    lines = ["# JSON schemas", "", "Made from the models that write and read the results of `--json`.", ""]
+    for command, result in RESULTS.items():
+        schema = json.dumps(result.model_json_schema(mode="serialization"), indent=1, ensure_ascii=False)
+        lines += [f"## {command}", "", "```json", schema, "```", ""]
+    return "\n".join(lines)
+
+
+PAGES = {
+    "reference/command_line.md": command_page,
+    "reference/parameters.md": parameter_page,
+    "reference/schemas.md": schema_page,
+}
 
 
 def write_pages(app: Sphinx) -> None:

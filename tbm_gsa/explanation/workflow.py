@@ -186,11 +186,8 @@ class _Findings:
         item = self.inputs.inputs[cause.place]
         value, low, high = item.distribution.from_unit(cause.quantiles).tolist()
         return InputCause(
+            **{key: getattr(item, key) for key in ("name", "symbol", "unit", "kind")},
             input=item.code,
-            name=item.name,
-            symbol=item.symbol,
-            unit=item.unit,
-            kind=item.kind,
             probability=cause.probability,
             log_evidence=cause.log_evidence,
             value=value,

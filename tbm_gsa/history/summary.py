@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import asdict
 from datetime import UTC, datetime
 from typing import Final, cast
 
@@ -11,7 +12,6 @@ from tbm_gsa.history.queries import Queries, Selection
 from tbm_gsa.reading import Maybe, Part
 
 _BY_SOURCE: Final = ("point", "axis", "machine", "kind")
-_NUMBERS: Final = ("field_rms", "model_rms", "relative_error", "field_peak", "field_crest_factor", "field_kurtosis")
 
 
 class TrendSummary(Part):
@@ -71,13 +71,10 @@ class ListedWindow(Part):
         """Window as it is listed."""
         entry, source = window.entry, window.source
         return cls(
+            **asdict(entry),
             start=iso_time(entry.start_ns),
-            start_ns=entry.start_ns,
             length_s=entry.length_ns * 1e-9,
-            point=entry.point,
-            axis=entry.axis,
-            **{name: getattr(entry, name) for name in _NUMBERS},
-            coverage=entry.coverage,
+            field_crest_factor=entry.field_crest_factor,
             source=source.kind,
             name=source.name,
             machine=source.machine,
@@ -103,9 +100,7 @@ class BaselineSummary(Part):
         for (point, axis), usual in baseline.usual.items():
             points.setdefault(point, {})[axis] = usual
         return cls(
-            name=baseline.name,
-            machine=baseline.machine,
-            machine_sha256=baseline.machine_sha256,
+            **vars(baseline),
             source=baseline.kind,
             created=iso_time(baseline.created_ns),
             since=iso_time(baseline.since_ns),

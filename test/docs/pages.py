@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 ROOT = Path(__file__).parents[2]
-MADE = {"command_line.md", "parameters.md"}  # from the code, when the documentation is built
+MADE = {"command_line.md", "parameters.md", "schemas.md"}  # from the code, when the documentation is built
 PAGES = sorted(
     [
         *(page for page in (ROOT / "docs").rglob("*.md") if page.name not in MADE),

@@ -160,7 +160,7 @@ def set_baseline(
     until: Until = None,
     source: Origin = None,
     machine: Of = None,
-    replace: Annotated[bool, typer.Option("--replace", help="Take the place of one of the same name.")] = False,
+    replace: Annotated[bool, typer.Option("--replace", help="Replace one of the same name.")] = False,
     json: Json = False,
 ) -> None:
     """Store mean and scatter of the error per point and axis of the chosen windows; alarms are set against them."""

@@ -39,7 +39,7 @@ def reproduce(
     seed: Annotated[int, SEED_OPTION] = 0,
     json: Annotated[bool, JSON_OPTION] = False,
 ) -> None:
-    """Give back Tables 1 to 6 and Figures 2 to 15 of the paper, each with a verdict; an interrupted run goes on."""
+    """Reproduce Tables 1 to 6 and Figures 2 to 15 of the paper, each with a verdict; an interrupted run goes on."""
     # What they import takes a second, and other commands need none of it.
     from tbm_gsa.app.report.reproduction_page import write_page  # noqa: PLC0415
     from tbm_gsa.app.report.study_report import write_study_report  # noqa: PLC0415
