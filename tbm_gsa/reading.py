@@ -7,7 +7,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Annotated, Any, Final, TypeVar
 
-from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, ValidationError
+from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, ValidationError, WithJsonSchema
 
 from tbm_msgs_py.base.bounds import LONGEST_LINE, LONGEST_NAME, quoted, read_text, shortened
 from tbm_msgs_py.base.errors import InputError
@@ -32,7 +32,12 @@ def _ordered(ends: tuple[float, float]) -> tuple[float, float]:
 
 
 Interval = Annotated[tuple[Number, Number], AfterValidator(_ordered)]
-Maybe = Annotated[float, Field(allow_inf_nan=True), BeforeValidator(lambda value: math.nan if value is None else value)]
+Maybe = Annotated[
+    float,
+    Field(allow_inf_nan=True),
+    BeforeValidator(lambda value: math.nan if value is None else value),
+    WithJsonSchema({"anyOf": [{"type": "number"}, {"type": "null"}]}),
+]
 """A number that is NaN, in JSON null, where it is not defined."""
 
 

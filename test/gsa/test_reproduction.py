@@ -21,7 +21,7 @@ from tbm_gsa.paper.reproduction.model import mesh_curves, model_rows
 from tbm_gsa.paper.reproduction.response import gather_response
 from tbm_gsa.paper.reproduction.response_rows import response_rows
 from tbm_gsa.paper.reproduction.result import SOURCES, ReproductionResult, Sizes
-from tbm_gsa.paper.reproduction.sensitivity import gather_sensitivity, sensitivity_rows
+from tbm_gsa.paper.reproduction.sensitivity import sensitivity_rows
 from tbm_gsa.paper.reproduction.surrogates import surrogate_rows
 from tbm_gsa.paper.reproduction.verdict import VERDICTS
 from tbm_gsa.paper.reproduction.workflow import reproduce
@@ -128,7 +128,7 @@ def test_again_it_redoes_no_simulation_and_says_the_same(result, folder, monkeyp
     with small_samplings():
         study = studies.fitted_study(campaign, folder / own.name, workers=1, progress=lambda *_: None)
     assert store.read_bytes() == before
-    again = [*surrogate_rows(own, study), *sensitivity_rows(gather_sensitivity(own, study))]
+    again = [*surrogate_rows(study), *sensitivity_rows(study)]
     said = {row.id: row for row in result.result.rows}
     assert len(again) > 80
     assert all(said[row.id] == row for row in again)

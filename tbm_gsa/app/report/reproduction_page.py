@@ -144,10 +144,10 @@ def _response(found: Reproduction) -> Iterator[tuple[str, Figure, str]]:
 
 
 def _studies(found: Reproduction) -> Iterator[tuple[str, Figure, str]]:
-    for evidence in found.sensitivities:
-        analyses, by = evidence.study.outputs, f"Dampings: {evidence.reading.title}."
+    for study in found.studies:
+        analyses, by = study.outputs, f"Dampings: {study.reading.title}."
         every = list(analyses.values())
-        if evidence.reading.own:
+        if study.reading.own:
             yield "Figure 8", gsa_figures.design_points(every, PAPER_INPUTS), "Over the strongest input of each output."
             yield (
                 "Figure 9",
@@ -159,7 +159,7 @@ def _studies(found: Reproduction) -> Iterator[tuple[str, Figure, str]]:
             chosen = [analysis for name, analysis in analyses.items() if name.startswith(start)]
             yield figure, gsa_figures.index_bars(chosen, PAPER_INPUTS), f"First and total indices. {by}"
         for figure, names in (("Figure 12", ("RDef_A", "PAcc_L")), ("Figure 15", ("MF_M", "MF_Se"))):
-            drawn = trend_figure(evidence.curves, names, PAPER_INPUTS)
+            drawn = trend_figure(study.curves, names, PAPER_INPUTS)
             yield figure, drawn, f"Mean of the chosen surrogate over the design, SI units. {by}"
 
 

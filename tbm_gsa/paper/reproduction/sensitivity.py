@@ -1,7 +1,6 @@
 """Figures 11 to 15: which parameters matter, by how much, and what the response does along them."""
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
@@ -14,7 +13,6 @@ from tbm_gsa.paper.published import (
     LOADS,
     MAIN,
     SHARES,
-    SHOWN_WITHOUT_STATEMENT,
     STIFFNESSES,
     TRENDS,
 )
@@ -23,39 +21,12 @@ from tbm_gsa.paper.reproduction.readings import Reading
 from tbm_gsa.paper.reproduction.result import Row
 from tbm_gsa.paper.reproduction.studies import Study
 from tbm_gsa.sensitivity.sobol.monte_carlo import SAMPLE_SIZES
-from tbm_gsa.sensitivity.study.curves import Curve, response_curve
-from tbm_gsa.sensitivity.study.inputs import PAPER_INPUTS, InputSet
+from tbm_gsa.sensitivity.study.curves import Curve
+from tbm_gsa.sensitivity.study.inputs import PAPER_INPUTS
 
 HARDLY: Final = 0.01
 """A share of the variance, or of the output's spread along an input: below it the note says so."""
 _DIRECTIONS: Final = {1: "rises", -1: "falls"}
-
-
-@dataclass(frozen=True, eq=False)
-class SensitivityEvidence:
-    """A study under one reading, with the response along every input that the paper shows.
-
-    Attributes
-    ----------
-    reading : Reading
-    study : StudyResult
-    curves : mapping of (str, str) to Curve
-        By output and input, in the paper's order.
-    """
-
-    reading: Reading
-    study: Study
-    curves: Mapping[tuple[str, str], Curve]
-
-
-def gather_sensitivity(reading: Reading, study: Study, inputs: InputSet = PAPER_INPUTS) -> SensitivityEvidence:
-    """Compute the curves of Figures 12 and 15."""
-    pairs = [(name, code) for name, codes in TRENDS.items() for code in codes] + list(SHOWN_WITHOUT_STATEMENT)
-    curves = {
-        (name, code): response_curve(study.outputs[name].best.model, inputs, inputs.codes.index(code))
-        for name, code in pairs
-    }
-    return SensitivityEvidence(reading, study, curves)
 
 
 def spearman(curve: Curve) -> float:
@@ -65,12 +36,12 @@ def spearman(curve: Curve) -> float:
     return float(scipy.stats.spearmanr(curve.values, curve.response).statistic)
 
 
-def sensitivity_rows(evidence: SensitivityEvidence, inputs: InputSet = PAPER_INPUTS) -> Iterator[Row]:
+def sensitivity_rows(study: Study) -> Iterator[Row]:
     """Rows of Figures 11 to 15."""
-    reading, analyses = evidence.reading, evidence.study.outputs
+    reading, analyses, codes = study.reading, study.outputs, PAPER_INPUTS.codes
     for name, figure in FIGURE_OF.items():
-        first = dict(zip(inputs.codes, analyses[name].indices.first.tolist(), strict=True))
-        total = dict(zip(inputs.codes, analyses[name].indices.total.tolist(), strict=True))
+        first = dict(zip(codes, analyses[name].indices.first.tolist(), strict=True))
+        total = dict(zip(codes, analyses[name].indices.total.tolist(), strict=True))
         stem = f"figure{figure}.{name}"
         if name in MAIN:
             yield _main(reading, stem, name, first)
@@ -81,14 +52,14 @@ def sensitivity_rows(evidence: SensitivityEvidence, inputs: InputSet = PAPER_INP
             note = "the paper: only sensitive to it" if share == 1.0 else "the paper: about"
             yield reading.row(f"{stem}.{code}", what, share, first[code], judged, note)
         yield from _interactions(reading, stem, name, first, total)
-    if evidence.study.sampling_gap is not None:
+    if study.sampling_gap is not None:
         what = "first indices by sampling, largest distance from those reported"
         paper = f"converged at {SAMPLE_SIZES[-1]:,}".replace(",", " ")
         note = "read as Saltelli's base size; no tolerance given"
-        yield reading.row("figure11.convergence", what, paper, evidence.study.sampling_gap, "no number", note)
-    for (name, code), curve in evidence.curves.items():
+        yield reading.row("figure11.convergence", what, paper, study.sampling_gap, "no number", note)
+    for (name, code), curve in study.curves.items():
         yield _trend(reading, name, code, curve, float(np.std(analyses[name].best.model.samples.y)))
-    yield _amplitudes(reading, evidence.curves["MF_M", "x2"], evidence.curves["MF_Se", "x2"])
+    yield _amplitudes(reading, study.curves["MF_M", "x2"], study.curves["MF_Se", "x2"])
 
 
 def _main(reading: Reading, stem: str, name: str, first: Mapping[str, float]) -> Row:

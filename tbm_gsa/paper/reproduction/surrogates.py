@@ -16,12 +16,13 @@ from tbm_gsa.sensitivity.study.candidates import Candidate
 _NAMES: Final = {"rbf": "RBF", "krg": "KRG", "svr": "SVR"}
 
 
-def surrogate_rows(reading: Reading, study: Study) -> Iterator[Row]:
+def surrogate_rows(study: Study) -> Iterator[Row]:
     """Rows of Table 6 and Figures 8 to 10 under one reading."""
+    reading, sizes = study.reading, (study.campaign.train, study.campaign.test)
     if reading.own:
-        ours = f"{study.train} + {study.test}"
+        ours = f"{sizes[0]} + {sizes[1]}"
         note = f"{study.failed} simulations failed" if study.failed else "Latin hypercubes"
-        same = verdict.echoed((study.train, study.test) == (TRAIN, TEST))
+        same = verdict.echoed(sizes == (TRAIN, TEST))
         yield Row("figure8.points", "training and test points", f"{TRAIN} + {TEST}", ours, same, note)
     for name, paper in TABLE_6.items():
         yield from _cross_validated(reading, paper, study.outputs[name])

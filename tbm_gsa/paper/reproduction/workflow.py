@@ -21,8 +21,8 @@ from tbm_gsa.paper.reproduction.result import (
     Sizes,
     count_verdicts,
 )
-from tbm_gsa.paper.reproduction.sensitivity import SensitivityEvidence, gather_sensitivity, sensitivity_rows
-from tbm_gsa.paper.reproduction.studies import Campaign, fitted_study, whole_study
+from tbm_gsa.paper.reproduction.sensitivity import sensitivity_rows
+from tbm_gsa.paper.reproduction.studies import Campaign, Study, fitted_study, whole_study
 from tbm_gsa.paper.reproduction.surrogates import surrogate_rows
 from tbm_gsa.provenance import machine_sha256, package_versions
 from tbm_gsa.reading import MachineFile
@@ -42,11 +42,11 @@ class Reproduction:
     ----------
     result : ReproductionResult
     readings : tuple of Reading
-        The machine's own first; `responses` and `sensitivities` in their order.
+        The machine's own first; `responses` and `studies` in their order.
     mesh : MeshCurves
     loads : LoadEvidence
     responses : tuple of ResponseEvidence
-    sensitivities : tuple of SensitivityEvidence
+    studies : tuple of Study
     """
 
     result: ReproductionResult
@@ -54,7 +54,7 @@ class Reproduction:
     mesh: MeshCurves
     loads: LoadEvidence
     responses: tuple[ResponseEvidence, ...]
-    sensitivities: tuple[SensitivityEvidence, ...]
+    studies: tuple[Study, ...]
 
 
 def reproduce(
@@ -113,10 +113,9 @@ def reproduce(
         with clock.measure(f"campaign and surrogates, {campaign.reading.name}"):
             place, report_done = folder / campaign.reading.name, _simulations(campaign.reading.name, progress)
             if campaign.reading.own and chosen.whole_study:
-                study = whole_study(campaign, place, workers, report_done, report)
+                studies.append(whole_study(campaign, place, workers, report_done, report))
             else:
-                study = fitted_study(campaign, place, workers, report_done)
-            studies.append(gather_sensitivity(campaign.reading, study))
+                studies.append(fitted_study(campaign, place, workers, report_done))
     progress("loads", None)
     with clock.measure("loads"):
         mesh, loads = mesh_curves(described), gather_loads(described, seed, chosen.loads_s)
@@ -131,7 +130,7 @@ def reproduce(
         rows=tuple(rows),
         verdicts=count_verdicts(row for row in rows if row.reading in (None, both[0].name)),
         other_reading=count_verdicts(row for row in rows if row.reading == both[1].name),
-        readings=tuple(ReadingSummary(name=one.name, title=one.title, own=one.own, fitted=one.fitted) for one in both),
+        readings=tuple(ReadingSummary(**vars(one)) for one in both),
         machine=described.name,
         machine_file=MachineFile(origin=described.origin, sha256=machine_sha256(described)),
         recording=ReproducedRecording(
@@ -162,7 +161,7 @@ def _rows(
     mesh: MeshCurves,
     loads: LoadEvidence,
     responses: Sequence[ResponseEvidence],
-    studies: Sequence[SensitivityEvidence],
+    studies: Sequence[Study],
 ) -> list[Row]:
     """All rows: tables, then figures, each in order."""
     found = [*load_rows(loads), *model_rows(machine, mesh)]
@@ -173,12 +172,11 @@ def _rows(
     return sorted(found, key=lambda row: SOURCES.index(row.source))
 
 
-def _study_rows(evidence: SensitivityEvidence) -> Iterator[Row]:
+def _study_rows(study: Study) -> Iterator[Row]:
     """Rows that rest on a campaign; those of the other reading say on how many points, for it may have fewer."""
-    study = evidence.study
     failed = f", {study.failed} simulations failed" if study.failed else ""
-    for row in (*surrogate_rows(evidence.reading, study), *sensitivity_rows(evidence)):
-        yield row if evidence.reading.own else row.noted(f"{study.train} points{failed}")
+    for row in (*surrogate_rows(study), *sensitivity_rows(study)):
+        yield row if study.reading.own else row.noted(f"{study.campaign.train} points{failed}")
 
 
 class _Clock:
