@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from pathlib import Path
-from typing import Annotated, Any, Final, TypeVar
+from typing import Annotated, Final, TypeVar
 
 from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, ValidationError, WithJsonSchema
 
@@ -99,7 +99,7 @@ def validated(text: str, form: type[Form], refusal: Callable[[str], InputError])
 
 def _problem(error: ValidationError) -> str:
     """Say what of a document is wrong first."""
-    first: Any = error.errors(include_url=False)[0]
+    first = error.errors(include_url=False)[0]
     if first["type"] == "json_invalid":
         return f"no JSON: {shortened(first['ctx']['error'], LONGEST_NAME)}"
     models = {model.__name__ for model in Part.__subclasses__()}  # of a choice; they are no keys

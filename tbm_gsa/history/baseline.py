@@ -16,7 +16,7 @@ _COLUMNS = {"x": (0,), "y": (1,), "z": (2,), "yz": (1, 2)}
 
 
 @dataclass(frozen=True)
-class UsualAxisError:
+class ErrorStatistics:
     """Error of one point and axis: mean and standard deviation over so many windows."""
 
     mean: float
@@ -26,7 +26,7 @@ class UsualAxisError:
 
 @dataclass(frozen=True)
 class Baseline:
-    """UsualAxisError errors of a machine.
+    """Usual errors of a machine.
 
     Attributes
     ----------
@@ -35,7 +35,7 @@ class Baseline:
     created_ns : int
     since_ns, until_ns : int
         From the begin of the first window to the end of the last one.
-    usual : mapping of (point, axis) to UsualAxisError
+    usual : mapping of (point, axis) to ErrorStatistics
     kind : {"live", "replay", "offline", "synthetic"}
         Of the windows; None where a file of an older version does not say.
     """
@@ -46,7 +46,7 @@ class Baseline:
     created_ns: int
     since_ns: int
     until_ns: int
-    usual: Mapping[tuple[str, str], UsualAxisError]
+    usual: Mapping[tuple[str, str], ErrorStatistics]
     kind: SourceKind | None = None
 
     def usual_errors(self) -> dict[str, UsualError]:
@@ -76,7 +76,7 @@ def make_baseline(name: str, groups: Iterable[WindowGroup], created_ns: int) -> 
     """
     if not (name.strip() and name.isprintable()):
         raise InputError(f"baseline {name!r}: allowed: a name of printable characters")
-    usual: dict[tuple[str, str], UsualAxisError] = {}
+    usual: dict[tuple[str, str], ErrorStatistics] = {}
     origins: set[tuple[str, ...]] = set()
     spans: list[tuple[int, int]] = []
     most = 0
@@ -90,7 +90,7 @@ def make_baseline(name: str, groups: Iterable[WindowGroup], created_ns: int) -> 
         spans.append((int(starts[0]), int((starts + group.length_ns[sound]).max())))
         most = max(most, len(errors))
         if len(errors) >= LEAST_WINDOWS:
-            usual[point, axis] = UsualAxisError(float(np.mean(errors)), float(np.std(errors, ddof=1)), len(errors))
+            usual[point, axis] = ErrorStatistics(float(np.mean(errors)), float(np.std(errors, ddof=1)), len(errors))
     _refuse_mixture(name, origins)
     if not usual:
         raise InputError(

@@ -12,7 +12,7 @@ from typing import Any, Final, Self
 
 import numpy as np
 
-from tbm_gsa.history.baseline import Baseline, UsualAxisError
+from tbm_gsa.history.baseline import Baseline, ErrorStatistics
 from tbm_gsa.history.entries import AXES, SOURCE_KINDS, HistoryEntry, StoredEntry, WindowGroup, WindowSource
 from tbm_gsa.history.schema import BASELINE_IS_SOUND, USUAL_ERROR_IS_SOUND, WINDOW_IS_SOUND, HistoryError
 from tbm_msgs_py.base.bounds import LONGEST_LINE, listed
@@ -133,7 +133,7 @@ class Queries:
             if read.size:  # not discarded meanwhile
                 yield WindowGroup(key, *(read[name] for name, _ in _COLUMNS))
 
-    def _sound(self, selection: Selection | None) -> tuple[str, list[Any]]:
+    def _sound(self, selection: Selection | None) -> tuple[str, list[str | int]]:
         """Condition of a selection and its values; a HistoryError where a window is none that this program wrote."""
         condition, values = (selection or Selection()).condition()
         self._refuse(
@@ -141,7 +141,7 @@ class Queries:
         )
         return condition, values
 
-    def _refuse(self, found: str, what: str, values: Sequence[Any] = ()) -> None:
+    def _refuse(self, found: str, what: str, values: Sequence[str | int] = ()) -> None:
         """Refuse rows of other types than this program writes: SQLite takes any."""
         if self._connection.execute(f"SELECT 1 FROM {found} LIMIT 1", values).fetchone():  # noqa: S608
             raise HistoryError(
@@ -177,22 +177,22 @@ class Queries:
             raise HistoryError(f"baseline {name}: of machine {listed(named)}, allowed: one of {machine}")
         return named[next(iter(named)) if machine is None else machine]
 
-    def _usual(self, name: str, machine: str) -> dict[tuple[str, str], UsualAxisError]:
+    def _usual(self, name: str, machine: str) -> dict[tuple[str, str], ErrorStatistics]:
         rows = self._connection.execute(
             "SELECT point, axis, mean, scatter, windows FROM usual_errors "
             "WHERE (machine, baseline) = (?, ?) ORDER BY point, axis",
             (machine, name),
         )
-        return {(point, axis): UsualAxisError(*values) for point, axis, *values in rows}
+        return {(point, axis): ErrorStatistics(*values) for point, axis, *values in rows}
 
 
 def _window(*row: Any) -> StoredEntry:
-    """StoredEntry from a row; SQLite keeps NaN as NULL."""
-    entry: list[Any] = [math.nan if value is None else value for value in row[7:]]
-    return StoredEntry(_source(*row[:5]), HistoryEntry(sys.intern(row[5]), sys.intern(row[6]), *entry))
+    """Entry with its source from a row of SQLite, which keeps NaN as NULL."""
+    numbers: list[Any] = [math.nan if value is None else value for value in row[7:]]
+    return StoredEntry(_source(*row[:5]), HistoryEntry(sys.intern(row[5]), sys.intern(row[6]), *numbers))
 
 
 @lru_cache(maxsize=256)
 def _source(*row: Any) -> WindowSource:
-    """WindowSource from its columns; many windows share one."""
+    """Source from its columns; many windows share one."""
     return WindowSource(*row)

@@ -6,7 +6,7 @@ from dataclasses import asdict
 from datetime import UTC, datetime
 from typing import Final, cast
 
-from tbm_gsa.history.baseline import Baseline, UsualAxisError
+from tbm_gsa.history.baseline import Baseline, ErrorStatistics
 from tbm_gsa.history.entries import SourceKind, StoredEntry, WindowGroup
 from tbm_gsa.history.queries import Queries, Selection
 from tbm_gsa.reading import Maybe, Part
@@ -91,12 +91,12 @@ class BaselineSummary(Part):
     created: str
     since: str
     until: str
-    points: dict[str, dict[str, UsualAxisError]]
+    points: dict[str, dict[str, ErrorStatistics]]
 
     @classmethod
     def of(cls, baseline: Baseline) -> BaselineSummary:
         """Summary of a baseline."""
-        points: dict[str, dict[str, UsualAxisError]] = {}
+        points: dict[str, dict[str, ErrorStatistics]] = {}
         for (point, axis), usual in baseline.usual.items():
             points.setdefault(point, {})[axis] = usual
         return cls(

@@ -18,7 +18,7 @@ from tbm_gsa.app.cli.main import main
 from tbm_gsa.app.report.history_figures import by_trend, trends
 from tbm_gsa.app.report.history_page import history_page
 from tbm_gsa.history import Baseline, History, HistoryEntry, StoredEntry, WindowSource
-from tbm_gsa.history.baseline import UsualAxisError
+from tbm_gsa.history.baseline import ErrorStatistics
 from tbm_gsa.history.summary import BaselineSummary, HistorySummary
 from tbm_msgs_py import OperatingPoint
 
@@ -294,7 +294,7 @@ def test_windows_of_different_kinds_and_machines_are_not_one_line():
         "girder, live, dz101": [both[2]],
     }
     here, south = ([StoredEntry(replace(live, machine=name), at) for at in (one, later)] for name in ("dz101", "south"))
-    usual = {("shield", "x"): UsualAxisError(0.2, 0.01, 9)}
+    usual = {("shield", "x"): ErrorStatistics(0.2, 0.01, 9)}
     baselines = (BaselineSummary.of(Baseline("spring", "south", "", 1, 0, 1, usual, "live")),)
     page = history_page(HistorySummary(path="h", baselines=baselines, total=4, summary=(), windows=()), [*here, *south])
     first, second = re.split("<h2>", page)[1:3]

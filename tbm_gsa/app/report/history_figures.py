@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from tbm_gsa.app.report.compare_figures import AXIS_NAMES, FIELD, MODEL, WIDTH, plain_text, tidy
 from tbm_gsa.comparison.alarm import SCATTERS
-from tbm_gsa.history.baseline import UsualAxisError
+from tbm_gsa.history.baseline import ErrorStatistics
 from tbm_gsa.history.entries import StoredEntry
 from tbm_gsa.history.summary import BaselineSummary
 from tbm_msgs_py.base.arrays import Array
@@ -73,7 +73,7 @@ def _draw_levels(panel: Axes, windows: Sequence[StoredEntry], title: str) -> Non
     panel.set_title(plain_text(title), loc="left")
 
 
-def _draw_errors(panel: Axes, windows: Sequence[StoredEntry], usual: UsualAxisError | None) -> None:
+def _draw_errors(panel: Axes, windows: Sequence[StoredEntry], usual: ErrorStatistics | None) -> None:
     time, values = _series(windows, "relative_error")
     panel.plot(time, 100.0 * values, ".-", color=_ERROR, markersize=3, linewidth=0.6)
     panel.set_title("relative error, %", loc="left")

@@ -59,10 +59,10 @@ def gather_loads(machine: Machine, seed: int, seconds: float) -> LoadEvidence:
 def load_rows(evidence: LoadEvidence) -> Iterator[Row]:
     """Rows of Table 1 and Figure 4."""
     for name, paper in TABLE_1.items():
-        yield from _spectral(name, paper, evidence.spectral.summary.components[name])
+        yield from _given(name, paper, evidence.spectral.summary.components[name])
     if evidence.cutter is not None:
         for name, paper in TABLE_1.items():
-            yield from _cutter(name, paper, evidence.cutter.summary.components[name])
+            yield from _found(name, paper, evidence.cutter.summary.components[name])
     same = verdict.echoed(evidence.cutters == CUTTERS)
     yield Row("figure4.cutters", "disc cutters", _counts(CUTTERS), _counts(evidence.cutters), same)
     diameter = evidence.head_diameter
@@ -70,24 +70,27 @@ def load_rows(evidence: LoadEvidence) -> Iterator[Row]:
     yield Row("figure4.diameter", "diameter of the cutterhead", HEAD_DIAMETER_M, diameter, same, unit="m")
 
 
-def _spectral(name: str, paper: LoadRow, found: LoadComponent) -> Iterator[Row]:
-    ours, note = abs(found.mean), "spectral level, made of Table 1; signs are ours, amplitudes assumed"
-    judged = verdict.echoed(verdict.level(paper.mean, ours) == "agrees")
-    what = f"{paper.name}, mean"
-    yield Row(f"table1.{name}.mean", what, paper.mean / 1e3, ours / 1e3, judged, note, paper.unit)
-    yield _lines(f"table1.{name}.lines", "", paper, found, verdict.echoed(_all_found(paper, found)))
+def _given(name: str, paper: LoadRow, loads: LoadComponent) -> Iterator[Row]:
+    """Rows of a component of the spectral level."""
+    judged = verdict.echoed(verdict.level(paper.mean, abs(loads.mean)) == "agrees")
+    note = "spectral level, made of Table 1; signs are ours, amplitudes assumed"
+    yield _mean(f"table1.{name}.mean", "", paper, loads, judged, note)
+    yield _lines(f"table1.{name}.lines", "", paper, loads, verdict.echoed(_all_found(paper, loads)))
 
 
-def _cutter(name: str, paper: LoadRow, found: LoadComponent) -> Iterator[Row]:
-    ours = abs(found.mean)
-    judged = verdict.level(paper.mean, ours)
+def _found(name: str, paper: LoadRow, loads: LoadComponent) -> Iterator[Row]:
+    """Rows of a component of the cutter level."""
+    judged, of = verdict.level(paper.mean, abs(loads.mean)), " of the forces on the cutters"
     if judged == "agrees":
         judged = _PUT_IN.get(name, judged)
-    note = _CUTTER_NOTES.get(name, _OTHER_NOTE)
-    what = f"{paper.name}, mean of the forces on the cutters"
-    yield Row(f"table1.{name}.mean.cutters", what, paper.mean / 1e3, ours / 1e3, judged, note, paper.unit)
-    judged = verdict.statement(_all_found(paper, found))
-    yield _lines(f"table1.{name}.lines.cutters", " of the forces on the cutters", paper, found, judged)
+    yield _mean(f"table1.{name}.mean.cutters", of, paper, loads, judged, _CUTTER_NOTES.get(name, _OTHER_NOTE))
+    judged = verdict.statement(_all_found(paper, loads))
+    yield _lines(f"table1.{name}.lines.cutters", of, paper, loads, judged)
+
+
+def _mean(stem: str, of: str, paper: LoadRow, loads: LoadComponent, judged: Verdict, note: str) -> Row:
+    ours = abs(loads.mean) / 1e3
+    return Row(stem, f"{paper.name}, mean{of}", paper.mean / 1e3, ours, judged, note, paper.unit)
 
 
 def _all_found(paper: LoadRow, found: LoadComponent) -> bool:
