@@ -95,30 +95,19 @@ def explain(comparison: ComparisonForm, folder: str | Path, options: ExplainOpti
     evaluate = MachineEvaluation(
         machine.origin, machine.description.model_dump_json(), chosen.duration, chosen.seed, names, facts.high_hz
     )
-    unit, values = _campaign(Path(folder), inputs, evaluate, chosen)
-    nominal = inputs.to_unit([[item.initial for item in inputs.inputs]])[0]
-    change = IndicatorChange.fit(unit, values, nominal, chosen.seed)
-    lengths = Lengths(chosen.duration, comparison.recording.duration, comparison.model_duration)
-    seeds = range(chosen.seed + 1, chosen.seed + 1 + chosen.seeds)
-    misfit, causes = CauseRanking(evaluate, inputs, facts, lengths, seeds, chosen.model_error).causes(change, nominal)
-    point = with_input(nominal, first_input(causes))
-    sample = inputs.sample(inputs.from_unit(point[None])[0])
-    longer = replace(evaluate, duration=comparison.model_duration, seed=comparison.seed)
-    posterior = joint_posterior(change, nominal, misfit, chosen.seed)
-    predicted, checked = change(point[None])[0], statistics_of(longer, sample)
-    found = _Findings(facts, inputs, change, misfit, posterior, predicted, checked)
+    found = _find(evaluate, inputs, facts, comparison, Path(folder), chosen)
     off = Misfits(**{name: found.deviations(left) for name, left in found.left().items()})
     result = Explanation(
         recording=RecordingFile(path=comparison.recording.path, sha256=comparison.recording.sha256),
         machine=comparison.machine,
         machine_file=comparison.machine_file,
         operating_point=comparison.operating_point,
-        causes=tuple(found.cause(cause) for cause in causes),
+        causes=tuple(map(found.cause, found.causes)),
         joint=found.joint(),
         statistics=found.statistics(),
         misfit=Misfits(**{name: float(np.sqrt(np.mean(left**2))) for name, left in found.left().items()}),
         standardised_misfit=off,
-        explained=explains(off.model if causes[0].place < 0 else off.checked),
+        explained=explains(off.model if found.causes[0].place < 0 else off.checked),
         settings=_settings(evaluate, chosen),
         seconds=time.perf_counter() - start,
         versions=package_versions(),
@@ -136,6 +125,28 @@ def compared_machine(comparison: ComparisonForm) -> Machine:
     if level.source == "machine":
         return machine
     return machine.with_inputs(x1=level.speed_r_min, x2=level.torque_kn_m, x3=level.thrust_kn)
+
+
+def _find(
+    evaluate: MachineEvaluation,
+    inputs: InputSet,
+    facts: Observed,
+    comparison: ComparisonForm,
+    folder: Path,
+    options: ExplainOptions,
+) -> _Findings:
+    """Run the campaign, rank the causes, and check the first one by the model."""
+    unit, values = _campaign(folder, inputs, evaluate, options)
+    nominal = inputs.to_unit([[item.initial for item in inputs.inputs]])[0]
+    change = IndicatorChange.fit(unit, values, nominal, options.seed)
+    lengths = Lengths(options.duration, comparison.recording.duration, comparison.model_duration)
+    seeds = range(options.seed + 1, options.seed + 1 + options.seeds)
+    misfit, causes = CauseRanking(evaluate, inputs, facts, lengths, seeds, options.model_error).causes(change, nominal)
+    posterior = joint_posterior(change, nominal, misfit, options.seed)
+    point = with_input(nominal, first_input(causes))
+    longer = replace(evaluate, duration=comparison.model_duration, seed=comparison.seed)
+    checked = statistics_of(longer, inputs.sample(inputs.from_unit(point[None])[0]))
+    return _Findings(facts, inputs, change, misfit, causes, posterior, change(point[None])[0], checked)
 
 
 def _settings(evaluate: MachineEvaluation, options: ExplainOptions) -> ExplanationSettings:
@@ -164,6 +175,8 @@ class _Findings:
     inputs : InputSet
     change : IndicatorChange
     misfit : Misfit
+    causes : list of Cause
+        The most probable first.
     posterior : JointPosterior
     predicted : ndarray, shape (k,)
         Changes of the logarithms at the median of the first cause that is an input, by the surrogates.
@@ -175,6 +188,7 @@ class _Findings:
     inputs: InputSet
     change: IndicatorChange
     misfit: Misfit
+    causes: list[Cause]
     posterior: JointPosterior
     predicted: Array
     checked: Array
