@@ -1,7 +1,7 @@
 """From a machine to the result of its reproduction: campaigns, loads, runs, rows."""
 
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -125,25 +125,37 @@ def reproduce(
         with clock.measure(f"runs, {reading.name}"):
             responses.append(gather_response(reading, bag, seed, chosen.run_s, chosen.model_s))
     rows = _rows(described, mesh, loads, responses, studies)
-    recording = responses[0].comparison.document["recording"]
-    result = ReproductionResult(
+    result = _result(rows, described, both, responses[0], seed, chosen, clock.seconds)
+    return Reproduction(result, both, mesh, loads, tuple(responses), tuple(studies))
+
+
+def _result(
+    rows: Sequence[Row],
+    machine: Machine,
+    both: Sequence[Reading],
+    response: ResponseEvidence,
+    seed: int,
+    sizes: Sizes,
+    seconds: Mapping[str, float],
+) -> ReproductionResult:
+    recording = response.comparison.document["recording"]
+    return ReproductionResult(
         rows=tuple(rows),
         verdicts=count_verdicts(row for row in rows if row.reading in (None, both[0].name)),
         other_reading=count_verdicts(row for row in rows if row.reading == both[1].name),
         readings=tuple(ReadingSummary(**vars(one)) for one in both),
-        machine=described.name,
-        machine_file=MachineFile(origin=described.origin, sha256=machine_sha256(described)),
+        machine=machine.name,
+        machine_file=MachineFile(origin=machine.origin, sha256=machine_sha256(machine)),
         recording=ReproducedRecording(
             path=recording["path"],
             sha256=recording["sha256"],
-            synthetic=responses[0].comparison.document.get("synthetic", False),
+            synthetic=response.comparison.document.get("synthetic", False),
         ),
         seed=seed,
-        sizes=chosen,
+        sizes=sizes,
         versions=package_versions(),
-        seconds={**clock.seconds, "total": sum(clock.seconds.values())},
+        seconds={**seconds, "total": sum(seconds.values())},
     )
-    return Reproduction(result, both, mesh, loads, tuple(responses), tuple(studies))
 
 
 def _simulations(name: str, progress: Progress) -> CampaignProgress:
