@@ -121,31 +121,40 @@ class BaselineList(Part):
         return cls(path=str(history.path), baselines=tuple(map(BaselineSummary.of, history.baselines())))
 
 
-class HistorySummary(BaselineList):
+class HistorySummary(Part):
     """A selection of a history.
 
     Attributes
     ----------
+    path : str
     total : int
         Entries chosen.
     summary : tuple of TrendSummary
         Over all of them.
     windows : tuple of ListedWindow
         The newest ones. Times are ISO 8601 in UTC.
+    baselines : tuple of BaselineSummary
+        All of them, the oldest first.
     """
 
+    path: str
     total: int
     summary: tuple[TrendSummary, ...]
     windows: tuple[ListedWindow, ...]
+    baselines: tuple[BaselineSummary, ...]
 
 
 def history_summary(history: Queries, selection: Selection, newest: int) -> HistorySummary:
     """Summarise a selection; of the windows that are not listed one point and axis at a time is held."""
     windows = tuple(map(ListedWindow.of, history.windows(selection, newest)))
     trends = tuple(map(TrendSummary.of, history.groups(_BY_SOURCE, selection)))
-    known = BaselineList.of(history)
-    total = sum(trend.windows for trend in trends)
-    return HistorySummary(path=known.path, baselines=known.baselines, total=total, summary=trends, windows=windows)
+    return HistorySummary(
+        path=str(history.path),
+        total=sum(trend.windows for trend in trends),
+        summary=trends,
+        windows=windows,
+        baselines=BaselineList.of(history).baselines,
+    )
 
 
 def iso_time(stamp_ns: int) -> str:
