@@ -1,18 +1,17 @@
-"""JSON of ours that is read back, from a file that anybody may have edited since: what is used of it is validated."""
+"""Results of ours as JSON: the base of their models, and how one is read back from a file that anybody may edit."""
 
 from __future__ import annotations
 
-import json
+import math
 from collections.abc import Callable
 from pathlib import Path
-from typing import Annotated, Any, Final, NoReturn
+from typing import Annotated, Final, TypeVar
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationError
+from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, ValidationError, WithJsonSchema
 
 from tbm_msgs_py.base.errors import InputError
 from tbm_msgs_py.base.files import read_text
-from tbm_msgs_py.base.texts import LONGEST_LINE, LONGEST_NAME, shortened
-from tbm_msgs_py.base.validation import first_problem
+from tbm_msgs_py.base.texts import LONGEST_LINE, LONGEST_NAME, quoted, shortened
 
 LARGEST_DOCUMENT: Final = 256 << 20
 """Bytes of a document: a comparison of hours of recording is tens of megabytes."""
@@ -25,23 +24,55 @@ Size = Annotated[float, Field(ge=0.0, le=LARGEST_NUMBER)]
 Seed = Annotated[int, Field(ge=0, lt=2**31)]
 Name = Annotated[str, Field(min_length=1, max_length=LONGEST_NAME)]
 Line = Annotated[str, Field(max_length=LONGEST_LINE)]
-Pair = Annotated[list[Number], Field(min_length=2, max_length=2)]
+
+
+def _ordered(ends: tuple[float, float]) -> tuple[float, float]:
+    if ends[0] > ends[1]:
+        raise ValueError("the lower end of an interval is above the upper one")
+    return ends
+
+
+Interval = Annotated[tuple[Number, Number], AfterValidator(_ordered)]
+Maybe = Annotated[
+    float,
+    Field(allow_inf_nan=True),
+    BeforeValidator(lambda value: math.nan if value is None else value),
+    WithJsonSchema({"anyOf": [{"type": "number"}, {"type": "null"}]}),
+]
+"""A number that is NaN, in JSON null, where it is not defined."""
 
 
 class Part(BaseModel):
-    """Base of what is used of a document; other keys may stand beside it."""
+    """Base of a result and of what is used of one; other keys may stand beside its own."""
 
-    model_config = ConfigDict(frozen=True, extra="ignore", strict=True)
+    model_config = ConfigDict(frozen=True, extra="ignore", strict=True, allow_inf_nan=False)
 
 
-def read_document(file: Path, form: type[Part], what: str) -> dict[str, Any]:
-    """Read a JSON document that holds at least what its form asks for.
+class MachineFile(Part):
+    """Machine file that numbers come from, and the digest of what it says."""
+
+    origin: Line
+    sha256: Name
+
+
+class RecordingFile(Part):
+    """Recording that numbers come from."""
+
+    path: Line
+    sha256: Name
+
+
+Form = TypeVar("Form", bound=Part)
+
+
+def read_document(file: Path, form: type[Form], what: str) -> Form:
+    """Read a result from its JSON file.
 
     Parameters
     ----------
     file : Path
     form : type
-        What is used of it.
+        Model of the result, or of what is used of it.
     what : str
         What is allowed, for the message.
 
@@ -59,21 +90,23 @@ def read_document(file: Path, form: type[Part], what: str) -> dict[str, Any]:
     return validated(text, form, lambda problem: InputError(f"{file}: not {what} ({problem})"))
 
 
-def validated(text: str, form: type[Part], refusal: Callable[[str], InputError]) -> dict[str, Any]:
-    """Parse a JSON object and validate it; `refusal` makes the error of what is wrong with it."""
+def validated(text: str, form: type[Form], refusal: Callable[[str], InputError]) -> Form:
+    """Parse and validate JSON; `refusal` makes the error of what is wrong with it."""
     try:
-        document: dict[str, Any] = json.loads(text, parse_constant=_no_number)
-        form.model_validate(document)
+        return form.model_validate_json(text)
     except ValidationError as error:
-        place, problem = first_problem(error, form)
-        raise refusal(f"{f'{place}: ' if place else ''}{problem}") from None
-    except RecursionError:
-        raise refusal("nested too deeply") from None
-    except ValueError as error:  # no JSON, a number of thousands of digits
-        raise refusal(f"no JSON: {shortened(' '.join(str(error).split()), LONGEST_NAME)}") from None
-    return document
+        raise refusal(_problem(error)) from None
 
 
-def _no_number(name: str) -> NoReturn:
-    """Refuse what Python writes and JSON does not have."""
-    raise ValueError(f"{name} is no number")
+def _problem(error: ValidationError) -> str:
+    """Say what of a document is wrong first."""
+    first = error.errors(include_url=False)[0]
+    if first["type"] == "json_invalid":
+        return f"no JSON: {shortened(first['ctx']['error'], LONGEST_NAME)}"
+    models = {model.__name__ for model in Part.__subclasses__()}  # of a choice; they are no keys
+    place = shortened(".".join(str(part) for part in first["loc"] if part not in models), LONGEST_NAME)
+    if first["type"] == "missing":
+        return f"{place}: missing"
+    given = first["input"]
+    shown = f", given: {quoted(given)}" if isinstance(given, str | int | float | None) else ""
+    return f"{place + ': ' if place else ''}{first['msg'].removeprefix('Value error, ')}{shown}"

@@ -15,10 +15,21 @@ from sphinx.ext.autodoc.mock import mock
 
 from tbm_gsa.app.cli.main import app as command_line
 from tbm_gsa.comparison.results import ComparisonResult
+from tbm_gsa.explanation.result import Explanation
+from tbm_gsa.history.summary import BaselineList, BaselineSummary, HistorySummary
+from tbm_gsa.paper.reproduction.result import ReproductionResult
 from tbm_gsa.sensitivity.results import StudyResult
 from tbm_msgs_py.nodes.registry import NODES
 
-RESULTS: dict[str, type[BaseModel]] = {"compare": ComparisonResult, "gsa run": StudyResult}
+RESULTS: dict[str, type[BaseModel]] = {
+    "compare": ComparisonResult,
+    "gsa run": StudyResult,
+    "gsa explain": Explanation,
+    "history": HistorySummary,
+    "history baseline list": BaselineList,
+    "history baseline show": BaselineSummary,
+    "reproduce": ReproductionResult,
+}
 """Model of the document that a command prints."""
 # The node modules are read without ROS: only their declarations are wanted.
 ROS = (
@@ -98,17 +109,11 @@ def parameter_page() -> str:
 
 
 def schema_page() -> str:
-    """JSON schemas of the results that are read back, as the models say them."""
-    lines = ["# JSON schemas", "", "Made from the models that write these documents and read them back.", ""]
-    for command, model in RESULTS.items():
-        lines += [
-            f"## {command}",
-            "",
-            "```json",
-            json.dumps(model.model_json_schema(mode="serialization"), indent=1),
-            "```",
-            "",
-        ]
+    """JSON schema of every result that is a model."""
+    lines = ["# JSON schemas", "", "Made from the models that write and read the results of `--json`.", ""]
+    for command, result in RESULTS.items():
+        schema = json.dumps(result.model_json_schema(mode="serialization"), indent=1, ensure_ascii=False)
+        lines += [f"## {command}", "", "```json", schema, "```", ""]
     return "\n".join(lines)
 
 

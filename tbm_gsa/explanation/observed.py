@@ -3,14 +3,18 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import Any, Final
+from typing import Final
 
 from scipy.stats import norm
 
+from tbm_gsa.explanation.forms import ComparedAxis, ComparisonForm
+from tbm_gsa.reading import Interval
 from tbm_gsa.sensitivity.study.errors import StudyError
 
+Side = tuple[float | None, Interval | None]
+"""Value of a statistic and its interval."""
 FEWEST: Final = 2
 
 
@@ -53,8 +57,8 @@ class Observed:
     high_hz: float
 
 
-def observed(document: Mapping[str, Any]) -> Observed:
-    """Read RMS and band RMS of every point and axis from the document of a comparison.
+def observed(comparison: ComparisonForm) -> Observed:
+    """RMS and band RMS of every point and axis of a comparison.
 
     The RMS of a point whose band ends elsewhere than that of the narrowest point is left out, and so are bands that
     reach beyond its end, and what is zero or unknown on either side.
@@ -62,40 +66,33 @@ def observed(document: Mapping[str, Any]) -> Observed:
     Raises
     ------
     StudyError
-        No such document, or too few statistics in it.
+        Too few statistics.
     """
-    try:
-        confidence = float(document["confidence"])
-        high_hz = min(float(band["high_hz"]) for band in document["bands"].values())
-        found = tuple(
-            statistic
-            for point, axes in document["points"].items()
-            for axis, compared in axes.items()
-            for statistic in _statistics(
-                point, axis, compared, float(document["bands"][point]["high_hz"]), high_hz, confidence
-            )
-        )
-    except (KeyError, TypeError, ValueError, AttributeError) as error:
-        raise StudyError(f"not the JSON document of `tbm-monitor compare` ({type(error).__name__}: {error})") from None
+    high_hz = min(band.high_hz for band in comparison.bands.values())
+    found = tuple(
+        statistic
+        for point, axes in comparison.points.items()
+        for axis, compared in axes.items()
+        for name, sides in _sides(compared, comparison.bands[point].high_hz, high_hz)
+        for statistic in _one(f"{name}_{point}_{axis}", sides, comparison.confidence)
+    )
     if len(found) < FEWEST:
         raise StudyError(f"the comparison has {len(found)} statistics with an interval on both sides, needs {FEWEST}")
     return Observed(found, high_hz)
 
 
-def _statistics(
-    point: str, axis: str, compared: Mapping[str, Any], own_high_hz: float, high_hz: float, confidence: float
-) -> Iterator[Statistic]:
-    intervals = compared["intervals"]
-    sides = [(compared[f"{side}_rms"], intervals[f"{side}_rms"]) for side in ("field", "model")]
+def _sides(compared: ComparedAxis, own_high_hz: float, high_hz: float) -> Iterator[tuple[str, tuple[Side, Side]]]:
+    """Names of statistics with their value and interval in the field and in the model."""
+    intervals = compared.intervals
     if math.isclose(own_high_hz, high_hz, rel_tol=0.02):
-        yield from _one(f"rms_{point}_{axis}", sides, confidence)
-    for band in compared["field_band_rms"]:
-        sides = [(compared[f"{s}_band_rms"][band], intervals[f"{s}_band_rms"][band]) for s in ("field", "model")]
+        yield "rms", ((compared.field_rms, intervals.field_rms), (compared.model_rms, intervals.model_rms))
+    for band, field in compared.field_band_rms.items():
         if float(band.removesuffix("_hz").split("-")[1]) <= high_hz:
-            yield from _one(f"rms_{band}_{point}_{axis}", sides, confidence)
+            model = compared.model_band_rms[band], intervals.model_band_rms[band]
+            yield f"rms_{band}", ((field, intervals.field_band_rms[band]), model)
 
 
-def _one(name: str, sides: list[tuple[float | None, list[float] | None]], confidence: float) -> Iterator[Statistic]:
+def _one(name: str, sides: tuple[Side, Side], confidence: float) -> Iterator[Statistic]:
     reach = 2.0 * float(norm.ppf(0.5 + 0.5 * confidence))
     values, variance = [], 0.0
     for value, interval in sides:

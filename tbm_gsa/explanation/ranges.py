@@ -19,7 +19,7 @@ DECADE: Final = 10.0
 
 
 def explaining_inputs(machine: Machine) -> InputSet:
-    """Take the inputs of Table 4 that the machine has, but its operating point; each range reaches to its value."""
+    """Select the inputs of Table 4 that the machine has, but its operating point; each range reaches to its value."""
     own = input_values(machine.description)
     items = [
         _around(item, own[item.code]) for item in PAPER_INPUTS.inputs if item.code in own and item.code not in OPERATING

@@ -1,27 +1,36 @@
 """Every compared window of live and offline comparisons in one SQLite file, and baselines made of them."""
 
 from tbm_gsa.history.baseline import BY_ORIGIN, Baseline, make_baseline
-from tbm_gsa.history.entries import KINDS, Entry, Group, Kind, Source, Window, live_entries, recording_entries
-from tbm_gsa.history.errors import HistoryError, HistoryLockedError
+from tbm_gsa.history.entries import (
+    SOURCE_KINDS,
+    HistoryEntry,
+    SourceKind,
+    StoredEntry,
+    WindowGroup,
+    WindowSource,
+    live_entries,
+    recording_entries,
+)
 from tbm_gsa.history.queries import Queries, Selection
-from tbm_gsa.history.reading import HistoryReader
+from tbm_gsa.history.reader import HistoryReader
+from tbm_gsa.history.schema import HistoryError, HistoryLockedError
 from tbm_gsa.history.store import History, check_history, default_history
 
 __all__ = [
     "BY_ORIGIN",
-    "KINDS",
+    "SOURCE_KINDS",
     "Baseline",
-    "Entry",
-    "Group",
     "History",
+    "HistoryEntry",
     "HistoryError",
     "HistoryLockedError",
     "HistoryReader",
-    "Kind",
     "Queries",
     "Selection",
-    "Source",
-    "Window",
+    "SourceKind",
+    "StoredEntry",
+    "WindowGroup",
+    "WindowSource",
     "check_history",
     "default_history",
     "live_entries",

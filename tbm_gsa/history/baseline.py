@@ -7,7 +7,7 @@ from typing import Final, cast
 import numpy as np
 
 from tbm_gsa.comparison import UsualError
-from tbm_gsa.history.entries import Group, Kind
+from tbm_gsa.history.entries import SourceKind, WindowGroup
 from tbm_msgs_py.base.errors import InputError
 
 LEAST_WINDOWS: Final = 5  # a scatter of fewer means nothing
@@ -16,7 +16,7 @@ _COLUMNS = {"x": (0,), "y": (1,), "z": (2,), "yz": (1, 2)}
 
 
 @dataclass(frozen=True)
-class Usual:
+class ErrorStatistics:
     """Error of one point and axis: mean and standard deviation over so many windows."""
 
     mean: float
@@ -35,7 +35,7 @@ class Baseline:
     created_ns : int
     since_ns, until_ns : int
         From the begin of the first window to the end of the last one.
-    usual : mapping of (point, axis) to Usual
+    usual : mapping of (point, axis) to ErrorStatistics
     kind : {"live", "replay", "offline", "synthetic"}
         Of the windows; None where a file of an older version does not say.
     """
@@ -46,11 +46,11 @@ class Baseline:
     created_ns: int
     since_ns: int
     until_ns: int
-    usual: Mapping[tuple[str, str], Usual]
-    kind: Kind | None = None
+    usual: Mapping[tuple[str, str], ErrorStatistics]
+    kind: SourceKind | None = None
 
     def usual_errors(self) -> dict[str, UsualError]:
-        """Give what an `AlarmRule` is set against."""
+        """Usual errors by point, as an `AlarmRule` has them."""
         found: dict[str, UsualError] = {}
         for (point, axis), usual in self.usual.items():
             known = found.setdefault(point, UsualError(np.full(3, np.nan), np.full(3, np.nan)))
@@ -59,14 +59,14 @@ class Baseline:
         return found
 
 
-def make_baseline(name: str, groups: Iterable[Group], created_ns: int) -> Baseline:
-    """Make a baseline of windows with a known error; those of a dead sensor are left out.
+def make_baseline(name: str, groups: Iterable[WindowGroup], created_ns: int) -> Baseline:
+    """Average windows with a known error into a baseline; those of a dead sensor are left out.
 
     Parameters
     ----------
     name : str
-    groups : iterable of Group
-        By `BY_ORIGIN`, as `History.groups` gives them; one at a time is held.
+    groups : iterable of WindowGroup
+        By `BY_ORIGIN`, as `Queries.groups` returns them; one at a time is held.
     created_ns : int
 
     Raises
@@ -76,7 +76,7 @@ def make_baseline(name: str, groups: Iterable[Group], created_ns: int) -> Baseli
     """
     if not (name.strip() and name.isprintable()):
         raise InputError(f"baseline {name!r}: allowed: a name of printable characters")
-    usual: dict[tuple[str, str], Usual] = {}
+    usual: dict[tuple[str, str], ErrorStatistics] = {}
     origins: set[tuple[str, ...]] = set()
     spans: list[tuple[int, int]] = []
     most = 0
@@ -90,7 +90,7 @@ def make_baseline(name: str, groups: Iterable[Group], created_ns: int) -> Baseli
         spans.append((int(starts[0]), int((starts + group.length_ns[sound]).max())))
         most = max(most, len(errors))
         if len(errors) >= LEAST_WINDOWS:
-            usual[point, axis] = Usual(float(np.mean(errors)), float(np.std(errors, ddof=1)), len(errors))
+            usual[point, axis] = ErrorStatistics(float(np.mean(errors)), float(np.std(errors, ddof=1)), len(errors))
     _refuse_mixture(name, origins)
     if not usual:
         raise InputError(
@@ -98,11 +98,11 @@ def make_baseline(name: str, groups: Iterable[Group], created_ns: int) -> Baseli
         )
     since, until = min(start for start, _ in spans), max(end for _, end in spans)
     machine, digest, kind = origins.pop()
-    return Baseline(name, machine, digest, created_ns, since, until, usual, cast(Kind, kind))
+    return Baseline(name, machine, digest, created_ns, since, until, usual, cast(SourceKind, kind))
 
 
 def _refuse_mixture(name: str, origins: Iterable[tuple[str, ...]]) -> None:
-    """Refuse windows that have no usual error in common; which are meant is not for us to choose."""
+    """Refuse windows that have no usual error in common."""
     machines = sorted({f"{machine} {digest[:8]}" for machine, digest, _ in origins})
     if len(machines) > 1:
         raise InputError(

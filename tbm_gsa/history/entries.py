@@ -11,12 +11,13 @@ from numpy.typing import NDArray
 from tbm_gsa.comparison import DEAD_SHARE, ComparisonResult, WindowResult
 from tbm_msgs_py.base.arrays import Array
 
-Kind = Literal["live", "replay", "offline", "synthetic"]
-KINDS: Final[tuple[Kind, ...]] = get_args(Kind)
+SourceKind = Literal["live", "replay", "offline", "synthetic"]
+SOURCE_KINDS: Final[tuple[SourceKind, ...]] = get_args(SourceKind)
+AXES: Final = ("x", "y", "z", "yz")
 
 
 @dataclass(frozen=True)
-class Source:
+class WindowSource:
     """Comparison that windows come from; a window of the same source, place and time replaces the older one.
 
     Attributes
@@ -31,7 +32,7 @@ class Source:
         Name and file of the machine that the model is of.
     """
 
-    kind: Kind
+    kind: SourceKind
     name: str
     digest: str
     machine: str
@@ -39,7 +40,7 @@ class Source:
 
 
 @dataclass(frozen=True, slots=True)
-class Entry:
+class HistoryEntry:
     """One window at one test point along one axis; NaN where a number is not known.
 
     Attributes
@@ -77,15 +78,15 @@ class Entry:
 
 
 @dataclass(frozen=True, slots=True)
-class Window:
+class StoredEntry:
     """An entry as it is read back, with its source."""
 
-    source: Source
-    entry: Entry
+    source: WindowSource
+    entry: HistoryEntry
 
 
 @dataclass(frozen=True)
-class Group:
+class WindowGroup:
     """Windows at one point along one axis in the order of time, as columns.
 
     Attributes
@@ -106,18 +107,18 @@ class Group:
     relative_error: Array
 
     def sound(self) -> NDArray[np.bool_]:
-        """Windows with a known error in which the sensor lived: its RMS is no hundredth of their median."""
+        """Windows with a known error of a sensor that is not dead: its RMS is no hundredth of their median."""
         known = np.isfinite(self.relative_error)
         level = np.median(self.field_rms[known]) if known.any() else 0.0
         return known & (self.field_rms >= DEAD_SHARE * level)
 
 
-def live_entries(result: WindowResult, rotating: bool) -> Iterator[Entry]:
+def live_entries(result: WindowResult, rotating: bool) -> Iterator[HistoryEntry]:
     """Entries of a window of the analysis node; none of a window in which nothing was measured."""
     if result.field_coverage == 0.0:
         return
     for place, axis in enumerate(("x", "yz") if rotating else ("x", "y", "z")):
-        yield Entry(
+        yield HistoryEntry(
             result.point,
             axis,
             result.start_ns,
@@ -131,7 +132,7 @@ def live_entries(result: WindowResult, rotating: bool) -> Iterator[Entry]:
         )
 
 
-def recording_entries(result: ComparisonResult, starts_ns: Mapping[str, int]) -> Iterator[Entry]:
+def recording_entries(result: ComparisonResult, starts_ns: Mapping[str, int]) -> Iterator[HistoryEntry]:
     """Entries of a comparison of a recording, also of windows at no level; those without a sample are left out.
 
     Parameters
@@ -153,7 +154,7 @@ def recording_entries(result: ComparisonResult, starts_ns: Mapping[str, int]) ->
                 start_ns = starts_ns[point] + round(start * 1e9)
                 # JSON has no infinity: nothing was measured, but something computed.
                 known_error = math.inf if error is None and model_rms > 0.0 else _known(error)
-                yield Entry(
+                yield HistoryEntry(
                     point,
                     axis,
                     start_ns,

@@ -12,14 +12,21 @@ from typing import Any, Final, Self
 
 import numpy as np
 
-from tbm_gsa.history.baseline import Baseline, Usual
-from tbm_gsa.history.entries import KINDS, Entry, Group, Source, Window
-from tbm_gsa.history.errors import HistoryError
-from tbm_gsa.history.sound import AXES, BASELINE, USUAL, WINDOW
+from tbm_gsa.history.baseline import Baseline, ErrorStatistics
+from tbm_gsa.history.entries import (
+    AXES,
+    SOURCE_KINDS,
+    HistoryEntry,
+    StoredEntry,
+    WindowGroup,
+    WindowSource,
+)
+from tbm_gsa.history.schema import BASELINE_IS_SOUND, USUAL_ERROR_IS_SOUND, WINDOW_IS_SOUND, HistoryError
 from tbm_msgs_py.base.texts import LONGEST_LINE, listed
 
 SOURCE_COLUMNS: Final = "kind, name, digest, machine, machine_sha256"
-ENTRY_COLUMNS: Final = ", ".join(field.name for field in fields(Entry))
+BASELINE_COLUMNS: Final = "name, machine, machine_sha256, created_ns, since_ns, until_ns, kind"
+ENTRY_COLUMNS: Final = ", ".join(field.name for field in fields(HistoryEntry))
 _COLUMNS: Final = [("start_ns", "i8"), ("length_ns", "i8"), ("field_rms", "f8"), ("relative_error", "f8")]
 
 
@@ -33,7 +40,7 @@ class Selection:
     since_ns, until_ns : int
         Windows that begin at or after, and before.
     source : str
-        One of `KINDS`, or a part of the source's name.
+        One of `SOURCE_KINDS`, or a part of the source's name.
     machine : str
         Its name, or the first digits, eight at least, of its SHA-256.
     """
@@ -45,13 +52,13 @@ class Selection:
     machine: str | None = None
 
     def condition(self) -> tuple[str, list[str | int]]:
-        """Give the condition in SQL and its values."""
+        """Condition in SQL and its values."""
         digits = self.machine if re.fullmatch("[0-9a-f]{8,64}", self.machine or "") else None
         parts: list[tuple[str, str | int | None]] = [
             ("point = ?", self.point),
             ("start_ns >= ?", self.since_ns),
             ("start_ns < ?", self.until_ns),
-            ("kind = ?" if self.source in KINDS else "instr(name, ?) > 0", self.source),
+            ("kind = ?" if self.source in SOURCE_KINDS else "instr(name, ?) > 0", self.source),
             (f"? IN (machine, substr(machine_sha256, 1, {len(digits)}))" if digits else "machine = ?", self.machine),
         ]
         given = [(text, value) for text, value in parts if value is not None]
@@ -82,7 +89,7 @@ class Queries:
     def __exit__(self, *_: object) -> None:
         self.close()
 
-    def windows(self, selection: Selection | None = None, newest: int | None = None) -> list[Window]:
+    def windows(self, selection: Selection | None = None, newest: int | None = None) -> list[StoredEntry]:
         """Windows in the order of time, of the newest so many only if a number is given."""
         condition, values = self._sound(selection)
         limit = "" if newest is None else f" LIMIT {int(newest)}"
@@ -104,7 +111,7 @@ class Queries:
         joined = "FROM windows JOIN sources ON source = id"
         for what, column, chosen, others in (
             ("test point", "point", Selection(point=selection.point), ()),
-            ("source", "name", Selection(source=selection.source), KINDS),
+            ("source", "name", Selection(source=selection.source), SOURCE_KINDS),
             ("machine", "machine || ' ' || substr(machine_sha256, 1, 8)", Selection(machine=selection.machine), ()),
         ):
             condition, values = chosen.condition()
@@ -120,7 +127,7 @@ class Queries:
         query = f"SELECT COUNT(*) FROM windows JOIN sources ON source = id WHERE {condition}"  # noqa: S608
         return int(self._connection.execute(query, values).fetchone()[0])
 
-    def groups(self, columns: Sequence[str], selection: Selection | None = None) -> Iterator[Group]:
+    def groups(self, columns: Sequence[str], selection: Selection | None = None) -> Iterator[WindowGroup]:
         """Windows that have these columns in common, which begin with point and axis; one group is read at a time."""
         condition, values = self._sound(selection)
         chosen = f"FROM windows JOIN sources ON source = id WHERE {condition}"
@@ -131,15 +138,17 @@ class Queries:
             rows = self._connection.execute(f"SELECT {numbers} {chosen} AND {same} ORDER BY start_ns", [*values, *key])
             read = np.fromiter(rows, dtype=_COLUMNS)
             if read.size:  # not discarded meanwhile
-                yield Group(key, *(read[name] for name, _ in _COLUMNS))
+                yield WindowGroup(key, *(read[name] for name, _ in _COLUMNS))
 
-    def _sound(self, selection: Selection | None) -> tuple[str, list[Any]]:
+    def _sound(self, selection: Selection | None) -> tuple[str, list[str | int]]:
         """Condition of a selection and its values; a HistoryError where a window is none that this program wrote."""
         condition, values = (selection or Selection()).condition()
-        self._refuse(f"windows JOIN sources ON source = id WHERE ({condition}) AND NOT ({WINDOW})", "window", values)
+        self._refuse(
+            f"windows JOIN sources ON source = id WHERE ({condition}) AND NOT ({WINDOW_IS_SOUND})", "window", values
+        )
         return condition, values
 
-    def _refuse(self, found: str, what: str, values: Sequence[Any] = ()) -> None:
+    def _refuse(self, found: str, what: str, values: Sequence[str | int] = ()) -> None:
         """Refuse rows of other types than this program writes: SQLite takes any."""
         if self._connection.execute(f"SELECT 1 FROM {found} LIMIT 1", values).fetchone():  # noqa: S608
             raise HistoryError(
@@ -149,11 +158,10 @@ class Queries:
 
     def baselines(self) -> list[Baseline]:
         """All baselines, the oldest first."""
-        self._refuse(f"baselines WHERE NOT ({BASELINE})", "baseline")
-        self._refuse(f"usual_errors WHERE NOT ({USUAL})", "baseline")
+        self._refuse(f"baselines WHERE NOT ({BASELINE_IS_SOUND})", "baseline")
+        self._refuse(f"usual_errors WHERE NOT ({USUAL_ERROR_IS_SOUND})", "baseline")
         rows = self._connection.execute(
-            "SELECT name, machine, machine_sha256, created_ns, since_ns, until_ns, kind FROM baselines "
-            "ORDER BY created_ns, name, machine"
+            f"SELECT {BASELINE_COLUMNS} FROM baselines ORDER BY created_ns, name, machine"  # noqa: S608
         ).fetchall()
         return [Baseline(*(*row[:6], self._usual(*row[:2]), row[6])) for row in rows]
 
@@ -176,22 +184,22 @@ class Queries:
             raise HistoryError(f"baseline {name}: of machine {listed(named)}, allowed: one of {machine}")
         return named[next(iter(named)) if machine is None else machine]
 
-    def _usual(self, name: str, machine: str) -> dict[tuple[str, str], Usual]:
+    def _usual(self, name: str, machine: str) -> dict[tuple[str, str], ErrorStatistics]:
         rows = self._connection.execute(
             "SELECT point, axis, mean, scatter, windows FROM usual_errors "
             "WHERE (machine, baseline) = (?, ?) ORDER BY point, axis",
             (machine, name),
         )
-        return {(point, axis): Usual(*values) for point, axis, *values in rows}
+        return {(point, axis): ErrorStatistics(*values) for point, axis, *values in rows}
 
 
-def _window(*row: Any) -> Window:
-    """Window from a row; SQLite keeps NaN as NULL."""
-    entry: list[Any] = [math.nan if value is None else value for value in row[7:]]
-    return Window(_source(*row[:5]), Entry(sys.intern(row[5]), sys.intern(row[6]), *entry))
+def _window(*row: Any) -> StoredEntry:
+    """Entry with its source from a row of SQLite, which keeps NaN as NULL."""
+    numbers: list[Any] = [math.nan if value is None else value for value in row[7:]]
+    return StoredEntry(_source(*row[:5]), HistoryEntry(sys.intern(row[5]), sys.intern(row[6]), *numbers))
 
 
 @lru_cache(maxsize=256)
-def _source(*row: Any) -> Source:
+def _source(*row: Any) -> WindowSource:
     """Source from its columns; many windows share one."""
-    return Source(*row)
+    return WindowSource(*row)

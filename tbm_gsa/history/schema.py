@@ -1,13 +1,53 @@
-"""The schema of the history file: what a new one holds, how an older one is brought up to date."""
+"""The schema of the history file: what a new one holds, how an older one is brought up to date, what can be wrong."""
 
 import sqlite3
 from pathlib import Path
 from typing import Final
 
-from tbm_gsa.history.errors import HistoryError
+from tbm_gsa.history.entries import AXES, SOURCE_KINDS
+from tbm_msgs_py.base.errors import InputError
+from tbm_msgs_py.base.texts import LONGEST_LINE
+
+NO_ACCESS: Final = (sqlite3.SQLITE_CANTOPEN, sqlite3.SQLITE_READONLY)
+
+
+class HistoryError(InputError):
+    """A file that is no history, or one that cannot be used; one line."""
+
+
+class HistoryLockedError(HistoryError):
+    """A history that another program holds locked; it may be tried again."""
+
+
+def primary_code(error: sqlite3.Error) -> int:
+    """SQLite's code of an error; 0 where it gave none."""
+    return int(getattr(error, "sqlite_errorcode", 0)) & 0xFF
+
+
+def unusable(path: Path, error: sqlite3.Error) -> HistoryError:
+    """Error of a file that SQLite refuses to write, or that is no history."""
+    code = primary_code(error)
+    if code in (sqlite3.SQLITE_BUSY, sqlite3.SQLITE_LOCKED):
+        return HistoryLockedError(f"{path}: {error}")
+    if code in NO_ACCESS:
+        return HistoryError(f"{path}: {error}, allowed: a file, in a folder, that may be written")
+    return HistoryError(f"{path}: not a history of tbm_monitor that can be used ({error})")
+
 
 SCHEMA_VERSION: Final = 4
 APPLICATION_ID: Final = 0x54424D48  # "TBMH"
+_BASELINES: Final = """
+CREATE TABLE baselines (
+    name TEXT NOT NULL,
+    machine TEXT NOT NULL,
+    machine_sha256 TEXT NOT NULL,
+    created_ns INTEGER NOT NULL,
+    since_ns INTEGER NOT NULL,
+    until_ns INTEGER NOT NULL,
+    {kind}
+    PRIMARY KEY (machine, name)
+) WITHOUT ROWID;
+"""
 _USUAL_ERRORS: Final = """
 CREATE TABLE usual_errors (
     machine TEXT NOT NULL,
@@ -47,16 +87,7 @@ CREATE TABLE windows (
     field_kurtosis REAL,
     PRIMARY KEY (start_ns, source, point, axis, length_ns)
 ) WITHOUT ROWID;
-CREATE TABLE baselines (
-    name TEXT NOT NULL,
-    machine TEXT NOT NULL,
-    machine_sha256 TEXT NOT NULL,
-    created_ns INTEGER NOT NULL,
-    since_ns INTEGER NOT NULL,
-    until_ns INTEGER NOT NULL,
-    kind TEXT,
-    PRIMARY KEY (machine, name)
-) WITHOUT ROWID;
+{_BASELINES.format(kind="kind TEXT,")}
 {_USUAL_ERRORS}
 PRAGMA application_id = {APPLICATION_ID};
 PRAGMA user_version = {SCHEMA_VERSION};
@@ -70,15 +101,7 @@ PRAGMA user_version = 2;
     2: f"""
 ALTER TABLE usual_errors RENAME TO old_errors;
 ALTER TABLE baselines RENAME TO old_baselines;
-CREATE TABLE baselines (
-    name TEXT NOT NULL,
-    machine TEXT NOT NULL,
-    machine_sha256 TEXT NOT NULL,
-    created_ns INTEGER NOT NULL,
-    since_ns INTEGER NOT NULL,
-    until_ns INTEGER NOT NULL,
-    PRIMARY KEY (machine, name)
-) WITHOUT ROWID;
+{_BASELINES.format(kind="")}
 {_USUAL_ERRORS}
 INSERT INTO baselines SELECT * FROM old_baselines;
 INSERT INTO usual_errors
@@ -134,3 +157,38 @@ def _run(script: str, connection: sqlite3.Connection) -> None:
 
 def _pragma(connection: sqlite3.Connection, name: str) -> int:
     return int(connection.execute(f"PRAGMA {name}").fetchone()[0])
+
+
+def _texts(*names: str) -> str:
+    return " AND ".join(f"typeof({name}) = 'text' AND length({name}) <= {LONGEST_LINE}" for name in names)
+
+
+def _whole(*names: str) -> str:
+    """Whole numbers, of which the sum of two is still one."""
+    return " AND ".join(f"typeof({name}) = 'integer' AND {name} BETWEEN -{2**62} AND {2**62}" for name in names)
+
+
+def _numbers(*names: str) -> str:
+    """Numbers; NULL are those that are not known."""
+    return " AND ".join(f"typeof({name}) IN ('real', 'null')" for name in names)
+
+
+_AXIS: Final = f"axis IN {AXES}"
+# What rows of a history this program writes, as conditions in SQL: SQLite itself takes any type anywhere.
+WINDOW_IS_SOUND: Final = " AND ".join(
+    (
+        f"kind IN {SOURCE_KINDS}",
+        _texts("name", "digest", "machine", "machine_sha256", "point"),
+        _AXIS,
+        _whole("start_ns", "length_ns"),
+        _numbers("field_rms", "model_rms", "relative_error", "coverage", "field_peak", "field_kurtosis"),
+    )
+)
+BASELINE_IS_SOUND: Final = " AND ".join(
+    (
+        _texts("name", "machine", "machine_sha256"),
+        _whole("created_ns", "since_ns", "until_ns"),
+        f"(kind IS NULL OR kind IN {SOURCE_KINDS})",
+    )
+)
+USUAL_ERROR_IS_SOUND: Final = " AND ".join((_texts("point"), _AXIS, _numbers("mean", "scatter"), _whole("windows")))

@@ -9,15 +9,14 @@ from pathlib import Path
 from typing import Final
 
 from tbm_gsa.history.baseline import Baseline
-from tbm_gsa.history.entries import Entry, Source
-from tbm_gsa.history.errors import HistoryError, unusable
-from tbm_gsa.history.queries import ENTRY_COLUMNS, SOURCE_COLUMNS, Queries
-from tbm_gsa.history.reading import check_file
-from tbm_gsa.history.schema import bring_up_to_date, version_of
+from tbm_gsa.history.entries import HistoryEntry, WindowSource
+from tbm_gsa.history.queries import BASELINE_COLUMNS, ENTRY_COLUMNS, SOURCE_COLUMNS, Queries
+from tbm_gsa.history.reader import check_file
+from tbm_gsa.history.schema import HistoryError, bring_up_to_date, unusable, version_of
 from tbm_msgs_py.base.files import data_folder
 
 WAIT_S: Final = 5.0  # for another writer
-_ROW: Final = ", ".join("?" * (1 + len(fields(Entry))))  # with its source
+_ROW: Final = ", ".join("?" * (1 + len(fields(HistoryEntry))))  # with its source
 _NAMED: Final = "baselines WHERE (machine, name) = (?, ?)"
 
 
@@ -86,7 +85,7 @@ class History(Queries):
         ask("PRAGMA journal_mode = WAL")
         ask("PRAGMA synchronous = NORMAL")
 
-    def add(self, source: Source, entries: Iterable[Entry]) -> int:
+    def add(self, source: WindowSource, entries: Iterable[HistoryEntry]) -> int:
         """Commit windows of a source at once, replacing those it had for the same time; the number of entries."""
         with self._transaction() as ask:
             described = astuple(source)
@@ -134,23 +133,15 @@ class History(Queries):
                 )
             ask(f"DELETE FROM {_NAMED}", key)  # noqa: S608
             ask(
-                "INSERT INTO baselines VALUES (?, ?, ?, ?, ?, ?, ?)",
-                (
-                    baseline.name,
-                    baseline.machine,
-                    baseline.machine_sha256,
-                    baseline.created_ns,
-                    baseline.since_ns,
-                    baseline.until_ns,
-                    baseline.kind,
-                ),
+                f"INSERT INTO baselines ({BASELINE_COLUMNS}) VALUES (?, ?, ?, ?, ?, ?, ?)",  # noqa: S608
+                tuple(getattr(baseline, name) for name in BASELINE_COLUMNS.split(", ")),
             )
             for (point, axis), usual in baseline.usual.items():
                 row = (baseline.machine, baseline.name, point, axis, *astuple(usual))
                 ask("INSERT INTO usual_errors VALUES (?, ?, ?, ?, ?, ?, ?)", row)
 
     def delete_baseline(self, name: str, machine: str | None = None) -> Baseline:
-        """Delete a baseline, found as `baseline` finds it, and give what it was."""
+        """Delete a baseline, found as `baseline` finds it, and return what it was."""
         with self._transaction() as ask:
             found = self.baseline(name, machine)
             ask(f"DELETE FROM {_NAMED}", (found.machine, name))  # noqa: S608

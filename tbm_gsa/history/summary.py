@@ -1,120 +1,163 @@
-"""The history as a document: windows, what they come to at each point and axis, baselines."""
+"""The result of `tbm-monitor history`: windows, trends by point and axis, baselines; its keys are a contract."""
 
-import math
-from collections.abc import Iterator, Sequence
+from __future__ import annotations
+
 from dataclasses import asdict
 from datetime import UTC, datetime
-from typing import Any, Final
+from typing import Final, cast
 
-import numpy as np
-from numpy.typing import NDArray
-
-from tbm_gsa.history.baseline import Baseline
-from tbm_gsa.history.entries import Entry, Group, Window
+from tbm_gsa.history.baseline import Baseline, ErrorStatistics
+from tbm_gsa.history.entries import SourceKind, StoredEntry, WindowGroup
 from tbm_gsa.history.queries import Queries, Selection
+from tbm_gsa.reading import Maybe, Part
 
 _BY_SOURCE: Final = ("point", "axis", "machine", "kind")
-_NUMBERS: Final = ("field_rms", "model_rms", "relative_error", "field_peak", "field_crest_factor", "field_kurtosis")
 
 
-def history_document(history: Queries, selection: Selection, newest: int) -> dict[str, Any]:
-    """Gather a selection; of the windows that are not listed one point and axis at a time is held.
+class TrendSummary(Part):
+    """Windows of one point, axis, machine and kind of source: how many, and their relative error."""
 
-    Returns
-    -------
-    dict
-        ``path``; ``total``, the number of entries chosen; ``summary[{point, axis, machine, source, windows, first,
-        last, error_mean, error_scatter, error_latest}]`` over all of them; ``windows[…]``, the newest ones;
-        ``baselines[…]``. Times are ISO 8601 in UTC.
+    point: str
+    axis: str
+    machine: str
+    source: SourceKind
+    windows: int
+    first: str
+    last: str
+    error_mean: float | None
+    error_scatter: float | None
+    error_latest: float | None
+
+    @classmethod
+    def of(cls, group: WindowGroup) -> TrendSummary:
+        """Trend of a group by `_BY_SOURCE`; a dead sensor has no error."""
+        point, axis, machine, kind = group.key
+        errors = group.relative_error[group.sound()]
+        return cls(
+            point=point,
+            axis=axis,
+            machine=machine,
+            source=cast(SourceKind, kind),
+            windows=len(group.start_ns),
+            first=iso_time(int(group.start_ns[0])),
+            last=iso_time(int(group.start_ns[-1])),
+            error_mean=float(errors.mean()) if errors.size else None,
+            error_scatter=float(errors.std(ddof=1)) if errors.size > 1 else None,
+            error_latest=float(errors[-1]) if errors.size else None,
+        )
+
+
+class ListedWindow(Part):
+    """One window at one point and axis, with its source."""
+
+    start: str
+    start_ns: int
+    length_s: float
+    point: str
+    axis: str
+    field_rms: Maybe
+    model_rms: Maybe
+    relative_error: Maybe
+    field_peak: Maybe
+    field_crest_factor: Maybe
+    field_kurtosis: Maybe
+    coverage: Maybe
+    source: SourceKind
+    name: str
+    machine: str
+
+    @classmethod
+    def of(cls, window: StoredEntry) -> ListedWindow:
+        """Window as it is listed."""
+        entry, source = window.entry, window.source
+        return cls(
+            **asdict(entry),
+            start=iso_time(entry.start_ns),
+            length_s=entry.length_ns * 1e-9,
+            field_crest_factor=entry.field_crest_factor,
+            source=source.kind,
+            name=source.name,
+            machine=source.machine,
+        )
+
+
+class BaselineSummary(Part):
+    """A baseline: `points` by point and axis; `source` is the kind of its windows, null in a file of before."""
+
+    name: str
+    machine: str
+    machine_sha256: str
+    source: SourceKind | None
+    created: str
+    since: str
+    until: str
+    points: dict[str, dict[str, ErrorStatistics]]
+
+    @classmethod
+    def of(cls, baseline: Baseline) -> BaselineSummary:
+        """Summary of a baseline."""
+        points: dict[str, dict[str, ErrorStatistics]] = {}
+        for (point, axis), usual in baseline.usual.items():
+            points.setdefault(point, {})[axis] = usual
+        return cls(
+            **vars(baseline),
+            source=baseline.kind,
+            created=iso_time(baseline.created_ns),
+            since=iso_time(baseline.since_ns),
+            until=iso_time(baseline.until_ns),
+            points=points,
+        )
+
+
+class BaselineList(Part):
+    """All baselines of a history, the oldest first."""
+
+    path: str
+    baselines: tuple[BaselineSummary, ...]
+
+    @classmethod
+    def of(cls, history: Queries) -> BaselineList:
+        """Baselines of an open history."""
+        return cls(path=str(history.path), baselines=tuple(map(BaselineSummary.of, history.baselines())))
+
+
+class HistorySummary(Part):
+    """A selection of a history.
+
+    Attributes
+    ----------
+    path : str
+    total : int
+        Entries chosen.
+    summary : tuple of TrendSummary
+        Over all of them.
+    windows : tuple of ListedWindow
+        The newest ones. Times are ISO 8601 in UTC.
+    baselines : tuple of BaselineSummary
+        All of them, the oldest first.
     """
-    windows = history.windows(selection, newest)
-    summary = [_row(group) for group in history.groups(_BY_SOURCE, selection)]
-    return {
-        "path": str(history.path),
-        "total": sum(row["windows"] for row in summary),
-        "summary": summary,
-        "windows": [_window(window) for window in windows],
-        "baselines": baselines_document(history)["baselines"],
-    }
+
+    path: str
+    total: int
+    summary: tuple[TrendSummary, ...]
+    windows: tuple[ListedWindow, ...]
+    baselines: tuple[BaselineSummary, ...]
 
 
-def baselines_document(history: Queries) -> dict[str, Any]:
-    """Gather all baselines: ``path`` and ``baselines[…]``, the oldest first."""
-    return {
-        "path": str(history.path),
-        "baselines": [baseline_document(baseline) for baseline in history.baselines()],
-    }
-
-
-def summarise(windows: Sequence[Window]) -> list[dict[str, Any]]:
-    """Say what windows in the order of time come to, by point, axis, machine and kind of source."""
-    members: dict[tuple[str, ...], list[Entry]] = {}
-    for window in windows:
-        key = (window.entry.point, window.entry.axis, window.source.machine, window.source.kind)
-        members.setdefault(key, []).append(window.entry)
-    return [_row(Group(key, *_columns(entries))) for key, entries in sorted(members.items())]
-
-
-def _columns(entries: Sequence[Entry]) -> Iterator[NDArray[Any]]:
-    for name in ("start_ns", "length_ns", "field_rms", "relative_error"):
-        yield np.array([getattr(entry, name) for entry in entries])
-
-
-def _row(group: Group) -> dict[str, Any]:
-    point, axis, machine, kind = group.key
-    errors = group.relative_error[group.sound()]
-    return {
-        "point": point,
-        "axis": axis,
-        "machine": machine,
-        "source": kind,
-        "windows": len(group.start_ns),
-        "first": iso_time(int(group.start_ns[0])),
-        "last": iso_time(int(group.start_ns[-1])),
-        "error_mean": float(errors.mean()) if errors.size else None,
-        "error_scatter": float(errors.std(ddof=1)) if errors.size > 1 else None,
-        "error_latest": float(errors[-1]) if errors.size else None,
-    }
-
-
-def baseline_document(baseline: Baseline) -> dict[str, Any]:
-    """Gather a baseline: ``points{point: {axis: {mean, scatter, windows}}}`` and where it comes from."""
-    points: dict[str, dict[str, Any]] = {}
-    for (point, axis), usual in baseline.usual.items():
-        points.setdefault(point, {})[axis] = asdict(usual)
-    return {
-        "name": baseline.name,
-        "machine": baseline.machine,
-        "machine_sha256": baseline.machine_sha256,
-        "source": baseline.kind,
-        "created": iso_time(baseline.created_ns),
-        "since": iso_time(baseline.since_ns),
-        "until": iso_time(baseline.until_ns),
-        "points": points,
-    }
+def history_summary(history: Queries, selection: Selection, newest: int) -> HistorySummary:
+    """Summarise a selection; of the windows that are not listed one point and axis at a time is held."""
+    windows = tuple(map(ListedWindow.of, history.windows(selection, newest)))
+    trends = tuple(map(TrendSummary.of, history.groups(_BY_SOURCE, selection)))
+    return HistorySummary(
+        path=str(history.path),
+        total=sum(trend.windows for trend in trends),
+        summary=trends,
+        windows=windows,
+        baselines=BaselineList.of(history).baselines,
+    )
 
 
 def iso_time(stamp_ns: int) -> str:
     """ISO 8601 in UTC, to the millisecond."""
     moment = datetime.fromtimestamp(stamp_ns // 1_000_000 / 1000.0, UTC)
     return moment.isoformat(timespec="milliseconds").replace("+00:00", "Z")
-
-
-def _window(window: Window) -> dict[str, Any]:
-    entry, source = window.entry, window.source
-    return {
-        "start": iso_time(entry.start_ns),
-        "start_ns": entry.start_ns,
-        "length_s": entry.length_ns * 1e-9,
-        "point": entry.point,
-        "axis": entry.axis,
-        **{name: _number(getattr(entry, name)) for name in _NUMBERS},
-        "coverage": entry.coverage,
-        "source": source.kind,
-        "name": source.name,
-        "machine": source.machine,
-    }
-
-
-def _number(value: float) -> float | None:
-    return value if math.isfinite(value) else None

@@ -12,7 +12,7 @@ from tampered import REMOVED, WRONG, places, tampered
 from tbm_dynamics import MachineError, load_machine
 from tbm_gsa.app.cli.main import main
 from tbm_gsa.explanation import workflow
-from tbm_gsa.history import Entry, History, Source
+from tbm_gsa.history import History, HistoryEntry, WindowSource
 from tbm_gsa.provenance import machine_sha256
 from tbm_gsa.sensitivity.study.errors import StudyError
 from tbm_gsa.sensitivity.study.evaluate import MachineEvaluation
@@ -23,6 +23,14 @@ from tbm_gsa.sensitivity.study.workers import Outcome
 from tbm_msgs_py.base.errors import InputError
 
 LONGEST = 2500  # characters of a line for a user
+LEVEL = {
+    "speed_r_min": 5.6,
+    "torque_kn_m": 2280.0,
+    "thrust_kn": 12000.0,
+    "seconds": 60.0,
+    "source": "recording",
+    "note": "recorded",
+}
 
 
 @pytest.fixture
@@ -46,32 +54,43 @@ def command(tmp_path, monkeypatch, capsys):
 
 
 def explanation():
-    machine = load_machine("dz101")
+    digest = machine_sha256(load_machine("dz101"))
     rows = {"x9": (8.1e9, [7.6e9, 8.4e9]), "x16": (0.5, [0.4, 0.6])}
+    texts = {"name": "Stiffness", "symbol": "k", "unit": "", "kind": "multiplier"}
+    numbers = {"probability": 0.5, "log_evidence": -9.0}
     causes = [
-        {
-            "input": code,
-            "name": "Stiffness",
-            "symbol": "k",
-            "unit": "",
-            "probability": 0.5,
-            "value": value,
-            "interval": interval,
-            "machine_value": 1.0,
-        }
+        {"input": code, **texts, **numbers, "value": value, "interval": interval, "machine_value": 1.0}
         for code, (value, interval) in rows.items()
     ]
+    searched = {"machine_value": 1.0, "learnt": 0.5, "lower": 0.3, "upper": 3.0, "distribution": "uniform"}
     return {
-        "causes": [*causes, {"input": None, "name": "nothing has changed", "probability": 0.0}],
+        "causes": [*causes, {"input": None, "name": "nothing has changed", **numbers}],
         "joint": {
-            "inputs": {code: {"value": value, "interval": interval} for code, (value, interval) in rows.items()},
+            "inputs": {code: {"value": value, "interval": ends, **searched} for code, (value, ends) in rows.items()},
+            "accepted": 0.3,
+            "effective_samples": 900.0,
             "standardised_misfit": 1.0,
         },
-        "standardised_misfit": {"model": 9.0, "checked": 1.0},
+        "statistics": [],
+        "misfit": {"model": 0.3, "predicted": 0.1, "checked": 0.1},
+        "standardised_misfit": {"model": 9.0, "predicted": 1.0, "checked": 1.0},
         "explained": True,
         "recording": {"path": "bag", "sha256": "0"},
-        "machine_file": {"origin": "dz101", "sha256": machine_sha256(machine)},
-        "settings": {"samples": 200, "duration": 6.0, "seed": 0},
+        "machine": "dz101",
+        "machine_file": {"origin": "dz101", "sha256": digest},
+        "operating_point": LEVEL,
+        "settings": {
+            "machine": "dz101",
+            "machine_sha256": digest,
+            "duration": 6.0,
+            "load_seed": 0,
+            "high_hz": 400.0,
+            "samples": 200,
+            "seeds": 12,
+            "model_error": 0.05,
+            "seed": 0,
+        },
+        "seconds": 100.0,
         "versions": {"tbm_monitor": "0.1.0"},
     }
 
@@ -98,7 +117,7 @@ def comparison():
         "recording": {"path": "bag", "sha256": "0", "duration": 60.0},
         "machine": "dz101",
         "machine_file": {"origin": "dz101", "sha256": machine_sha256(load_machine("dz101"))},
-        "operating_point": {"speed_r_min": 5.6, "torque_kn_m": 2280.0, "thrust_kn": 12000.0, "source": "recording"},
+        "operating_point": LEVEL,
         "model_duration": 30.0,
         "seed": 0,
     }
@@ -229,8 +248,8 @@ def test_a_tampered_history_is_one_line(tmp_path, command, monkeypatch):
     file = tmp_path / "history.sqlite"
     monkeypatch.setenv("TBM_HISTORY", str(file))
     with History(file) as history:
-        source = Source("live", "node", "", "dz101", "0")
-        windows = [Entry("cutterhead", "x", k * 10**9, 10**9, 1.0, 1.1, 0.1, 1.0, 3.0, 3.0) for k in range(6)]
+        source = WindowSource("live", "node", "", "dz101", "0")
+        windows = [HistoryEntry("cutterhead", "x", k * 10**9, 10**9, 1.0, 1.1, 0.1, 1.0, 3.0, 3.0) for k in range(6)]
         history.add(source, windows)
     assert command("history baseline set commissioning")[0] == 0
     whole = file.read_bytes()

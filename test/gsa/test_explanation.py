@@ -28,10 +28,13 @@ from tbm_gsa.app.report.explanation_page import joint_intervals
 from tbm_gsa.comparison.workflow import compare_recording
 from tbm_gsa.explanation import workflow
 from tbm_gsa.explanation.causes import Misfit, rank_causes
+from tbm_gsa.explanation.forms import ComparisonForm
+from tbm_gsa.explanation.indicator_change import Lengths, load_scatter, shrunk_covariance
 from tbm_gsa.explanation.joint import joint_posterior
 from tbm_gsa.explanation.observed import observed
-from tbm_gsa.explanation.shifts import Lengths, chance, shrunk_covariance
+from tbm_gsa.explanation.result import Explanation, Joint, JointInput, read_explanation
 from tbm_gsa.explanation.workflow import ExplainOptions, explain
+from tbm_gsa.reading import validated
 from tbm_gsa.sensitivity.study.errors import StudyError
 from tbm_gsa.signals.settings import Settings
 
@@ -86,12 +89,12 @@ def test_joint_posterior_of_a_linear_model(misfit):
     assert found.effective > 100
 
 
-def test_chance_is_that_of_independent_runs():
+def test_load_scatter_is_that_of_independent_runs():
     rng = np.random.default_rng(3)
     common = rng.standard_normal((4000, 1))
     still = np.exp(0.1 * (common + rng.standard_normal((4000, 2))))
     moved = still * np.exp(0.05 * rng.standard_normal((4000, 2)))
-    found = chance(still, moved, Lengths(run=6.0, field=60.0, model=30.0))
+    found = load_scatter(still, moved, Lengths(run=6.0, field=60.0, model=30.0))
     # 0.02 in each run, half of it in common; after the move 0.0025 more, and that in the shift.
     np.testing.assert_allclose(np.diag(found), 0.0225 / 10 + 0.02 / 5 + 0.0025, rtol=0.1)
     assert found[0, 1] == pytest.approx(0.01 / 10 + 0.01 / 5, rel=0.15)
@@ -103,6 +106,10 @@ def test_shrinkage_keeps_the_sizes():
     found = shrunk_covariance(deviations)
     np.testing.assert_allclose(np.sqrt(np.diag(found)), np.sqrt(np.mean(deviations**2, axis=0)), rtol=1e-9)
     assert np.linalg.eigvalsh(found / np.sqrt(np.outer(np.diag(found), np.diag(found)))).min() > 0.05
+
+
+def form(document):
+    return validated(json.dumps(document), ComparisonForm, StudyError)
 
 
 @pytest.fixture(scope="module")
@@ -117,7 +124,7 @@ def compared(tmp_path_factory):
 
 
 def test_the_statistics_of_a_comparison(compared):
-    facts = observed(compared)
+    facts = observed(form(compared))
     names = [statistic.name for statistic in facts.statistics]
     assert len(names) == 3 * 2
     (one,) = [statistic for statistic in facts.statistics if statistic.name == "rms_0.5-20_hz_cutterhead_x"]
@@ -158,6 +165,8 @@ def test_explained_and_written_as_a_machine(compared, folder, command):
     code, out, err = command("gsa explain compared.json --out found --samples 60 --duration 2 --workers 1 --json")
     assert (code, err) == (0, "page: found/explanation.html\n")
     document = json.loads(out)
+    assert document == json.loads((folder / "found" / "explanation.json").read_text("utf-8"))
+    assert json.loads(read_explanation(folder / "found").model_dump_json()) == document
     first = document["causes"][0]
     assert first["input"] == "x16"
     assert first["interval"][0] <= 0.5 <= first["interval"][1]
@@ -204,17 +213,12 @@ def test_explained_and_written_as_a_machine(compared, folder, command):
 
 def test_intervals_are_drawn_over_what_was_searched():
     whole = {"lower": 1.0 / 3.0, "upper": 3.0, "distribution": "log-uniform"}
+    plain = {"lower": 200.0, "upper": 220.0, "distribution": "uniform"}
     rows = {
-        "x16": {**whole, "interval": [3.0**-0.5, 3.0], "machine_value": 1.0},
-        "x5": {
-            "lower": 200.0,
-            "upper": 220.0,
-            "distribution": "uniform",
-            "interval": [205.0, 215.0],
-            "machine_value": 210.0,
-        },
+        "x16": JointInput(**whole, value=1.0, interval=(3.0**-0.5, 3.0), machine_value=1.0, learnt=0.0),
+        "x5": JointInput(**plain, value=210.0, interval=(205.0, 215.0), machine_value=210.0, learnt=0.0),
     }
-    (panel,) = joint_intervals({"joint": {"inputs": rows}}).axes
+    (panel,) = joint_intervals(Joint(inputs=rows, accepted=1, effective_samples=1, standardised_misfit=1)).axes
     ends = [(patch.get_x(), patch.get_x() + patch.get_width()) for patch in panel.patches]
     np.testing.assert_allclose(ends, [(0.0, 1.0), (0.25, 1.0), (0.0, 1.0), (0.25, 0.75)], atol=1e-12)
     np.testing.assert_allclose([line.get_xdata() for line in panel.lines], 0.5)
@@ -230,8 +234,7 @@ def test_what_no_input_explains(compared, folder, command, monkeypatch):
         axis["field_rms"] *= 9.0
         axis["field_band_rms"] = {band: 9.0 * value for band, value in axis["field_band_rms"].items()}
     (folder / "wrong.json").write_text(json.dumps(wrong), "utf-8")
-    real = workflow.explanation_document
-    monkeypatch.setattr(workflow, "explanation_document", lambda *given: {**real(*given), "seconds": float("nan")})
+    monkeypatch.setattr(workflow, "Explanation", lambda **given: Explanation(**given | {"seconds": float("nan")}))
     code, out, err = command("gsa explain wrong.json --out found --samples 60 --duration 2 --workers 1")
     assert (code, err) == (0, "page: found/explanation.html\n")
     text = (folder / "found" / "explanation.json").read_text("utf-8")
@@ -260,14 +263,14 @@ def test_what_no_input_explains(compared, folder, command, monkeypatch):
 def test_documents_that_are_none(compared, change):
     broken = json.loads(json.dumps(compared))
     change(broken)
-    with pytest.raises(StudyError, match=r"not the JSON document|statistics with an interval"):
-        observed(broken)
+    with pytest.raises(StudyError, match=r"bands: missing|points: Input should be|statistics with an interval"):
+        observed(form(broken))
 
 
 def test_a_machine_that_has_changed_since(compared, tmp_path):
     other = {**compared, "machine_file": {**compared["machine_file"], "sha256": "0"}}
     with pytest.raises(StudyError, match="machine dz101 has changed since the comparison: compare again"):
-        explain(other, tmp_path)
+        explain(form(other), tmp_path)
 
 
 def test_a_written_machine_is_the_variant(tmp_path):
@@ -309,9 +312,9 @@ def test_a_halved_stiffness_is_found(tmp_path_factory, planted):
     folder.mkdir(exist_ok=True)
     machine = load_machine("dz101").with_inputs(**{planted: 0.5})
     bag = write_bag(folder / f"{planted}.bag", model_values(77, 60.0, machine), rate=10_000)
-    document = explain(compare_recording(bag, "dz101").result.model_dump(), folder, ExplainOptions(samples=250))
-    first = document["causes"][0]
-    assert first["input"] == planted
-    assert first["interval"][0] <= 0.5 <= first["interval"][1]
-    assert document["misfit"]["checked"] < document["misfit"]["model"]
-    assert document["explained"]
+    found = explain(form(compare_recording(bag, "dz101").result.model_dump()), folder, ExplainOptions(samples=250))
+    first = found.causes[0]
+    assert first.input == planted
+    assert first.interval[0] <= 0.5 <= first.interval[1]
+    assert found.misfit.checked < found.misfit.model
+    assert found.explained

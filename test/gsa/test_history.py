@@ -15,25 +15,25 @@ from tbm_gsa.comparison import AlarmRule, WindowResult
 from tbm_gsa.comparison.results import AxisResult, ComparisonResult, LevelAxis, LevelResult, WindowColumns
 from tbm_gsa.history import (
     BY_ORIGIN,
-    KINDS,
-    Entry,
+    SOURCE_KINDS,
     History,
+    HistoryEntry,
     HistoryError,
     Selection,
-    Source,
+    WindowSource,
     default_history,
     live_entries,
     make_baseline,
     recording_entries,
 )
-from tbm_gsa.history.summary import summarise
+from tbm_gsa.history.summary import history_summary
 
-LIVE = Source("live", "/tbm/analysis_node", "", "dz101", "ab" * 32)
-BAG = Source("offline", "bags/field", "cd" * 32, "dz101", "ab" * 32)
+LIVE = WindowSource("live", "/tbm/analysis_node", "", "dz101", "ab" * 32)
+BAG = WindowSource("offline", "bags/field", "cd" * 32, "dz101", "ab" * 32)
 
 numbers = st.floats(allow_nan=True, allow_infinity=True).map(lambda value: value + 0.0)  # one zero, as SQLite has
 entries = st.builds(
-    Entry,
+    HistoryEntry,
     point=st.sampled_from(["shield", "gripper", "a'b\"; --"]),
     axis=st.sampled_from(["x", "y", "z", "yz"]),
     start_ns=st.integers(0, 2**62),
@@ -75,7 +75,7 @@ def test_the_same_window_again_replaces_the_old_one(history):
 def test_selections(history):
     history.add(LIVE, [entry(n, point) for n in range(4) for point in ("shield", "gripper")])
     history.add(BAG, [entry(n) for n in range(10, 12)])
-    other = Source("offline", "bags/100%_other", "", "open380", "")
+    other = WindowSource("offline", "bags/100%_other", "", "open380", "")
     history.add(other, [entry(20)])
 
     def chosen(**values):
@@ -160,7 +160,7 @@ def test_a_migrated_file_has_the_columns_of_a_new_one(old, history):
     with History(old):
         pass
     with History(old) as opened:
-        for kind in KINDS:
+        for kind in SOURCE_KINDS:
             opened.add(replace(LIVE, kind=kind), [entry(0)])
     assert sqlite3.connect(old).execute("PRAGMA foreign_key_check").fetchall() == []
     for table in ("sources", "windows", "baselines", "usual_errors"):
@@ -285,7 +285,7 @@ def test_a_baseline_is_mean_and_scatter_and_alarms_are_set_against_it(history):
 
 
 def test_windows_of_a_dead_sensor_are_no_part_of_a_baseline(history):
-    dead = [Entry("shield", "x", START + n * LENGTH, LENGTH, 1e-6, 1.2, 1.2e6, 1.0) for n in range(90, 94)]
+    dead = [HistoryEntry("shield", "x", START + n * LENGTH, LENGTH, 1e-6, 1.2, 1.2e6, 1.0) for n in range(90, 94)]
     history.add(LIVE, [*(entry(n) for n in range(8)), *dead])
     usual = make_baseline("one", history.groups(BY_ORIGIN), START).usual["shield", "x"]
     assert (usual.mean, usual.windows) == (pytest.approx(0.2), 8)
@@ -305,7 +305,7 @@ def test_a_baseline_is_replaced_only_if_that_is_asked_for(history):
 
 def test_a_deleted_baseline_leaves_nothing_behind(history):
     for machine in ("dz101", "south"):
-        history.add(Source("live", machine, "", machine, "ab"), [entry(n) for n in range(5)])
+        history.add(WindowSource("live", machine, "", machine, "ab"), [entry(n) for n in range(5)])
         history.store_baseline(make_baseline("one", history.groups(BY_ORIGIN, Selection(machine=machine)), START))
     with pytest.raises(HistoryError, match="baseline one: of several machines: dz101, south; choose by --machine"):
         history.delete_baseline("one")
@@ -318,7 +318,9 @@ def test_a_deleted_baseline_leaves_nothing_behind(history):
 
 def test_machines_that_share_a_file_have_a_baseline_of_the_same_name_each(history):
     for number, machine in enumerate(("dz101", "south")):
-        history.add(Source("live", machine, "", machine, "ab"), [entry(n, error=0.2 + 0.2 * number) for n in range(5)])
+        history.add(
+            WindowSource("live", machine, "", machine, "ab"), [entry(n, error=0.2 + 0.2 * number) for n in range(5)]
+        )
         history.store_baseline(make_baseline("one", history.groups(BY_ORIGIN, Selection(machine=machine)), START))
     means = {machine: history.baseline("one", machine).usual["shield", "x"].mean for machine in ("dz101", "south")}
     assert means == {"dz101": pytest.approx(0.2), "south": pytest.approx(0.4)}
@@ -330,18 +332,18 @@ def test_baselines_without_sense_are_refused(history):
     with pytest.raises(ValueError, match="0 windows with a known error at a point and axis, allowed: at least 5"):
         make_baseline("none", [], START)
     history.add(LIVE, [entry(n) for n in range(5)])
-    history.add(Source("live", "n", "", "dz101", "ef" * 32), [entry(n) for n in range(5)])
+    history.add(WindowSource("live", "n", "", "dz101", "ef" * 32), [entry(n) for n in range(5)])
     with pytest.raises(ValueError, match="windows of several machines: dz101 abababab, dz101 efefefef; choose by"):
         make_baseline("two", history.groups(BY_ORIGIN), START)
     assert make_baseline("two", history.groups(BY_ORIGIN, Selection(machine="efefefef")), START).machine == "dz101"
 
 
 def test_a_baseline_is_of_windows_of_one_kind(history):
-    for place, kind in enumerate(KINDS):
+    for place, kind in enumerate(SOURCE_KINDS):
         history.add(replace(LIVE, kind=kind), [entry(n, error=0.1 * place) for n in range(5)])
     with pytest.raises(ValueError, match="several kinds: live, offline, replay, synthetic; choose by --source"):
         make_baseline("one", history.groups(BY_ORIGIN), START)
-    for place, kind in enumerate(KINDS):
+    for place, kind in enumerate(SOURCE_KINDS):
         made = make_baseline(kind, history.groups(BY_ORIGIN, Selection(source=kind)), START)
         assert (made.kind, made.usual["shield", "x"].mean) == (kind, pytest.approx(0.1 * place))
         history.store_baseline(made)
@@ -381,22 +383,23 @@ def test_windows_of_a_recording_also_at_no_level_without_those_without_samples()
     result = ComparisonResult.model_construct(window_s=2.0, points=points, levels=levels)
     first, moving, dead, short = recording_entries(result, {"shield": START})
     nan = math.nan
-    assert first == Entry("shield", "x", START, LENGTH, 1.0, 1.5, 0.5, 1.0, 4.0, 3.0)
-    assert repr(moving) == repr(Entry("shield", "x", START + LENGTH, LENGTH, 1.0, nan, nan, 1.0, 5.0, 3.5))
+    assert first == HistoryEntry("shield", "x", START, LENGTH, 1.0, 1.5, 0.5, 1.0, 4.0, 3.0)
+    assert repr(moving) == repr(HistoryEntry("shield", "x", START + LENGTH, LENGTH, 1.0, nan, nan, 1.0, 5.0, 3.5))
     assert (dead.start_ns, dead.relative_error, dead.coverage) == (START + 3 * LENGTH, math.inf, 0.5)
     assert np.isnan([dead.field_kurtosis, dead.field_crest_factor]).all()
-    assert repr(short) == repr(Entry("shield", "x", START + 4 * LENGTH, LENGTH, 1.0, nan, nan, 1.0, 6.0, 4.0))
+    assert repr(short) == repr(HistoryEntry("shield", "x", START + 4 * LENGTH, LENGTH, 1.0, nan, nan, 1.0, 6.0, 4.0))
 
 
 def test_windows_at_no_level_change_no_baseline_and_no_summary(history):
     """A standstill is quiet: its RMS must not lower the median that tells a dead sensor from one that lives, either."""
     sound = [entry(n, error=0.1 * n) for n in range(1, 7)]
     history.add(BAG, sound)
-    usual, (before,) = make_baseline("one", history.groups(BY_ORIGIN), START).usual, summarise(history.windows())
+    usual = make_baseline("one", history.groups(BY_ORIGIN), START).usual
+    (before,) = history_summary(history, Selection(), 0).summary
     still = [replace(entry(n, error=math.nan), field_rms=1e-3, model_rms=math.nan) for n in range(10, 40)]
     history.add(BAG, still)
     assert make_baseline("one", history.groups(BY_ORIGIN), START).usual == usual
-    (after,) = summarise(history.windows())
+    (after,) = history_summary(history, Selection(), 0).summary
     errors = ("error_mean", "error_scatter", "error_latest")
-    assert [after[name] for name in errors] == [before[name] for name in errors]
-    assert (before["windows"], after["windows"]) == (6, 36)
+    assert [getattr(after, name) for name in errors] == [getattr(before, name) for name in errors]
+    assert (before.windows, after.windows) == (6, 36)

@@ -17,8 +17,9 @@ from tbm_gsa.app.cli import history as history_command
 from tbm_gsa.app.cli.main import main
 from tbm_gsa.app.report.history_figures import by_trend, trends
 from tbm_gsa.app.report.history_page import history_page
-from tbm_gsa.history import Baseline, Entry, History, Source, Window
-from tbm_gsa.history.baseline import Usual
+from tbm_gsa.history import Baseline, History, HistoryEntry, StoredEntry, WindowSource
+from tbm_gsa.history.baseline import ErrorStatistics
+from tbm_gsa.history.summary import BaselineSummary, HistorySummary
 from tbm_msgs_py import OperatingPoint
 
 
@@ -37,11 +38,11 @@ def run(monkeypatch, capsys):
 @pytest.fixture
 def file(tmp_path):
     path = tmp_path / "h.sqlite"
-    source = Source("live", "/tbm/<b>node", "", "dz101", "ab")
+    source = WindowSource("live", "/tbm/<b>node", "", "dz101", "ab")
     with History(path) as history:
         for n in range(30):
             rows = [
-                Entry(
+                HistoryEntry(
                     point, axis, START_NS + n * 2_000_000_000, 2_000_000_000, 1.0 + 0.01 * n, 1.2, 0.2 + 0.01 * n, 1.0
                 )
                 for point in ("shield", "<i>$x_{")
@@ -129,10 +130,13 @@ def test_a_synthetic_recording_is_kept_out_unless_asked_for(run, tmp_path):
 
 
 def test_a_baseline_over_a_mixture_is_refused_unless_it_is_named(run, file):
-    mixed = [Source("replay", "/tbm/<b>node", "", "dz101", "ab"), Source("live", "/tbm/<b>node", "", "south", "cd")]
+    mixed = [
+        WindowSource("replay", "/tbm/<b>node", "", "dz101", "ab"),
+        WindowSource("live", "/tbm/<b>node", "", "south", "cd"),
+    ]
     for place, source in enumerate(mixed):
         with History(file) as history:
-            rows = [Entry("shield", "x", START_NS + n, 1, 1.0, 1.0, 0.5 + 0.1 * place, 1.0) for n in range(6)]
+            rows = [HistoryEntry("shield", "x", START_NS + n, 1, 1.0, 1.0, 0.5 + 0.1 * place, 1.0) for n in range(6)]
             history.add(source, rows)
     command = ("history", "baseline", "set", "one", "--history", file, "--json")
     code, out, err = run(*command)
@@ -265,11 +269,11 @@ def test_more_windows_than_fit_into_memory_are_not_plotted(run, file, monkeypatc
 
 
 def test_crest_factor_and_kurtosis_are_drawn_where_they_are_known():
-    source = Source("live", "node", "", "dz101", "ab")
-    plain = [Entry("shield", axis, START_NS, 2_000_000_000, 2.0, 1.2, 0.2, 1.0) for axis in "xy"]
-    assert len(trends("shield", [Window(source, one) for one in plain], None).axes) == 4
+    source = WindowSource("live", "node", "", "dz101", "ab")
+    plain = [HistoryEntry("shield", axis, START_NS, 2_000_000_000, 2.0, 1.2, 0.2, 1.0) for axis in "xy"]
+    assert len(trends("shield", [StoredEntry(source, one) for one in plain], None).axes) == 4
     known = [*plain, replace(plain[0], start_ns=START_NS + 2_000_000_000, field_peak=9.0, field_kurtosis=3.5)]
-    panels = trends("shield", [Window(source, one) for one in known], None).axes
+    panels = trends("shield", [StoredEntry(source, one) for one in known], None).axes
     assert len(panels) == 6
     drawn = {line.get_label(): line.get_ydata().tolist() for line in panels[2].lines}
     assert drawn == {
@@ -279,19 +283,20 @@ def test_crest_factor_and_kurtosis_are_drawn_where_they_are_known():
 
 
 def test_windows_of_different_kinds_and_machines_are_not_one_line():
-    one = Entry("shield", "x", START_NS, 2_000_000_000, 2.0, 1.2, 0.2, 1.0)
-    live, replay = (Source(kind, "node", "", "dz101", "ab") for kind in ("live", "replay"))
+    one = HistoryEntry("shield", "x", START_NS, 2_000_000_000, 2.0, 1.2, 0.2, 1.0)
+    live, replay = (WindowSource(kind, "node", "", "dz101", "ab") for kind in ("live", "replay"))
     later = replace(one, start_ns=START_NS + 60_000_000_000)
-    both = [Window(live, one), Window(replay, one), Window(live, replace(one, point="girder"))]
+    both = [StoredEntry(live, one), StoredEntry(replay, one), StoredEntry(live, replace(one, point="girder"))]
     assert by_trend(both[::2]) == {"shield": [both[0]], "girder": [both[2]]}
     assert by_trend(both) == {
         "shield, live, dz101": [both[0]],
         "shield, replay, dz101": [both[1]],
         "girder, live, dz101": [both[2]],
     }
-    here, south = ([Window(replace(live, machine=name), at) for at in (one, later)] for name in ("dz101", "south"))
-    usual = {("shield", "x"): Usual(0.2, 0.01, 9)}
-    page = history_page(Path("h"), [*here, *south], [Baseline("spring", "south", "", 1, 0, 1, usual, "live")])
+    here, south = ([StoredEntry(replace(live, machine=name), at) for at in (one, later)] for name in ("dz101", "south"))
+    usual = {("shield", "x"): ErrorStatistics(0.2, 0.01, 9)}
+    baselines = (BaselineSummary.of(Baseline("spring", "south", "", 1, 0, 1, usual, "live")),)
+    page = history_page(HistorySummary(path="h", baselines=baselines, total=4, summary=(), windows=()), [*here, *south])
     first, second = re.split("<h2>", page)[1:3]
     assert first.startswith("shield, live, dz101</h2>")
     assert "baseline spring" not in first
@@ -337,8 +342,8 @@ def test_bad_input_is_one_line(run, file, tmp_path, monkeypatch, arguments, said
 
 def test_a_long_list_of_known_names_is_cut(run, file):
     with History(file) as history:
-        rows = [Entry(f"point {n:02}", "x", START_NS, 1, 1.0, 1.0, 0.5, 1.0) for n in range(98)]
-        history.add(Source("live", "node", "", "dz101", "ab"), rows)
+        rows = [HistoryEntry(f"point {n:02}", "x", START_NS, 1, 1.0, 1.0, 0.5, 1.0) for n in range(98)]
+        history.add(WindowSource("live", "node", "", "dz101", "ab"), rows)
     err = run("history", "--history", file, "--point", "none")[2]
     assert err.endswith("point 17, point 18 and 80 more\n")  # of 100, the first twenty by name
 
@@ -348,8 +353,8 @@ def test_a_machine_file_chooses_its_windows_and_baselines(run, file, tmp_path):
     (tmp_path / "mine.yaml").write_text(f"# mine\n{shipped}", "utf-8")
     digits = json.loads(run("machine", "check", "--machine", "open380", "--json")[1])["sha256"]
     with History(file) as history:
-        rows = [Entry("shield", "x", START_NS + n, 1, 1.0, 1.0, 0.5, 1.0) for n in range(7)]
-        history.add(Source("live", "node", "", "open380", digits), rows)
+        rows = [HistoryEntry("shield", "x", START_NS + n, 1, 1.0, 1.0, 0.5, 1.0) for n in range(7)]
+        history.add(WindowSource("live", "node", "", "open380", digits), rows)
     chosen = ("--history", file, "--machine", tmp_path / "mine.yaml", "--json")
     assert json.loads(run("history", *chosen)[1])["total"] == 7
     assert json.loads(run("history", "baseline", "set", "spring", *chosen)[1])["machine_sha256"] == digits

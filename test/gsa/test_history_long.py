@@ -7,17 +7,17 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from tbm_gsa.history import BY_ORIGIN, Entry, History, Selection, Source, make_baseline
-from tbm_gsa.history.summary import history_document, summarise
+from tbm_gsa.history import BY_ORIGIN, History, HistoryEntry, Selection, WindowSource, make_baseline
+from tbm_gsa.history.summary import history_summary
 
 START = 1_700_000_000_000_000_000
 LENGTH = 2_000_000_000
-LIVE = Source("live", "/tbm/analysis_node", "", "dz101", "ab" * 32)
-BAG = Source("offline", "bags/field", "cd" * 32, "dz101", "ab" * 32)
+LIVE = WindowSource("live", "/tbm/analysis_node", "", "dz101", "ab" * 32)
+BAG = WindowSource("offline", "bags/field", "cd" * 32, "dz101", "ab" * 32)
 
 
 def entry(number, point="shield", axis="x", error=0.2):
-    return Entry(point, axis, START + number * LENGTH, LENGTH, 1.0, 1.2, error, 1.0)
+    return HistoryEntry(point, axis, START + number * LENGTH, LENGTH, 1.0, 1.2, error, 1.0)
 
 
 @pytest.fixture
@@ -35,16 +35,23 @@ def test_a_document_of_a_long_history_needs_little_memory_and_says_what_all_wind
     )
     history.add(BAG, [replace(entry(n), field_rms=1e-6 if n % 5 == 0 else 1.0) for n in range(90)])
     tracemalloc.start()
-    document = history_document(history, Selection(), 5)
+    document = history_summary(history, Selection(), 5)
     peak = tracemalloc.get_traced_memory()[1]
     made = make_baseline("one", history.groups(BY_ORIGIN, Selection(source="live")), START)
     assert max(peak, tracemalloc.get_traced_memory()[1]) < 600_000
     tracemalloc.stop()
     windows = history.windows()
-    assert document["summary"] == summarise(windows)
-    assert document["total"] == len(windows) == 9090
-    assert [one["start_ns"] for one in document["windows"]] == [one.entry.start_ns for one in windows[-5:]]
-    assert made.usual["shield", "y"].windows == document["summary"][5]["windows"] - 215
+    for trend in document.summary:
+        key = (trend.point, trend.axis, trend.machine, trend.source)
+        of = [w for w in windows if (w.entry.point, w.entry.axis, w.source.machine, w.source.kind) == key]
+        alive = [w.entry for w in of if w.entry.field_rms > 0.5]
+        errors = [one.relative_error for one in alive if math.isfinite(one.relative_error)]
+        assert trend.windows == len(of)
+        assert (trend.error_mean, trend.error_latest) == (pytest.approx(np.mean(errors)), errors[-1])
+        assert trend.error_scatter == pytest.approx(np.std(errors, ddof=1))
+    assert document.total == len(windows) == 9090
+    assert [one.start_ns for one in document.windows] == [one.entry.start_ns for one in windows[-5:]]
+    assert made.usual["shield", "y"].windows == document.summary[5].windows - 215
 
 
 def test_old_windows_of_a_node_are_deleted_in_portions_and_their_pages_used_again(history):

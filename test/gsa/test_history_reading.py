@@ -15,11 +15,11 @@ from pathlib import Path
 
 import pytest
 
-from tbm_gsa.history import Entry, History, HistoryError, HistoryLockedError, HistoryReader, Source
+from tbm_gsa.history import History, HistoryEntry, HistoryError, HistoryLockedError, HistoryReader, WindowSource
 
 START = 1_700_000_000_000_000_000
 LENGTH = 2_000_000_000
-LIVE = Source("live", "/tbm/analysis_node", "", "dz101", "ab" * 32)
+LIVE = WindowSource("live", "/tbm/analysis_node", "", "dz101", "ab" * 32)
 NOBODY = 65534
 
 # Writes a window, then another one in a transaction that stays open; both reach the log beside the file only.
@@ -38,7 +38,7 @@ sys.stdin.read()
 
 
 def entry(number):
-    return Entry("shield", "x", START + number * LENGTH, LENGTH, 1.0, 1.2, 0.2, 1.0)
+    return HistoryEntry("shield", "x", START + number * LENGTH, LENGTH, 1.0, 1.2, 0.2, 1.0)
 
 
 @pytest.fixture

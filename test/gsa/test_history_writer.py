@@ -13,11 +13,11 @@ import pytest
 from tbm_gsa.app.nodes import history_writer
 from tbm_gsa.app.nodes.history_writer import HistoryWriter, kind_of, live_now
 from tbm_gsa.comparison import WindowResult
-from tbm_gsa.history import Baseline, History, HistoryError, Source
-from tbm_gsa.history.baseline import Usual
+from tbm_gsa.history import Baseline, History, HistoryError, WindowSource
+from tbm_gsa.history.baseline import ErrorStatistics
 
 SECOND = 1_000_000_000
-SOURCE = Source("live", "/tbm/analysis_node", "", "dz101", "sum")
+SOURCE = WindowSource("live", "/tbm/analysis_node", "", "dz101", "sum")
 
 
 def window(number):
@@ -191,7 +191,7 @@ def test_windows_of_a_replay_have_no_age(tmp_path, said, monkeypatch):
 
 
 def test_a_baseline_of_a_synthetic_recording_is_a_warning(tmp_path, writer, said):
-    usual = {("shield", "x"): Usual(0.4, 0.01, 9)}
+    usual = {("shield", "x"): ErrorStatistics(0.4, 0.01, 9)}
     with History(tmp_path / "h.sqlite") as history:
         for kind in ("offline", "synthetic"):
             history.store_baseline(Baseline(kind, "dz101", "", 1, 0, 1, usual, kind))
@@ -210,11 +210,13 @@ def test_a_file_that_fails_gives_no_baseline_and_a_reason(tmp_path, writer):
 
 
 def test_a_baseline_has_to_be_of_the_same_machine(tmp_path, writer):
-    usual = {("shield", "x"): Usual(0.4, 0.01, 9)}
+    usual = {("shield", "x"): ErrorStatistics(0.4, 0.01, 9)}
     with History(tmp_path / "h.sqlite") as history:
         history.store_baseline(Baseline("sound", "dz101", "", 1, 0, 1, usual))
         for name in ("sound", "foreign"):
-            history.store_baseline(Baseline(name, "open380", "", 1, 0, 1, {("shield", "x"): Usual(0.9, 0.01, 9)}))
+            history.store_baseline(
+                Baseline(name, "open380", "", 1, 0, 1, {("shield", "x"): ErrorStatistics(0.9, 0.01, 9)})
+            )
     assert np.asarray(writer.usual_errors("sound")["shield"].mean)[0] == 0.4
     with pytest.raises(HistoryError, match="baseline foreign: of machine open380, allowed: one of dz101"):
         writer.usual_errors("foreign")

@@ -17,8 +17,8 @@ from hypothesis import strategies as st
 
 from tbm_dynamics import load_machine
 from tbm_gsa.app.cli.main import main
-from tbm_gsa.paper import TABLE_1
-from tbm_gsa.paper.load_summary import RATE_HZ, component, found_line, load_run
+from tbm_gsa.paper.load_summary import RATE_HZ, LoadComponent, found_line, load_run
+from tbm_gsa.paper.published import TABLE_1
 
 
 @pytest.fixture(scope="module")
@@ -42,20 +42,20 @@ def command(tmp_path, monkeypatch, capsys):
 
 @pytest.mark.parametrize("seed", [0, 7])
 def test_the_spectral_level_is_table_1(machine, seed):
-    found = load_run(machine, "spectral", 600.0, seed).document["components"]
+    found = load_run(machine, "spectral", 600.0, seed).summary.components
     for name, row in found.items():
-        assert abs(row["mean"]) == pytest.approx(TABLE_1[name].mean, rel=0.01)
-        assert row["in_regions"] > 0.8
-        for line in row["lines"]:
-            assert line["found_hz"] == pytest.approx(line["paper_hz"], abs=0.5)
+        assert abs(row.mean) == pytest.approx(TABLE_1[name].mean, rel=0.01)
+        assert row.in_regions > 0.8
+        for line in row.lines:
+            assert line.found_hz == pytest.approx(line.paper_hz, abs=0.5)
 
 
 @pytest.mark.parametrize("seed", range(4))
 def test_the_cutter_level_has_its_thrust_and_torque_and_moves_slowly(machine, seed):
     run = load_run(machine, "cutter", 120.0, seed)
-    found = run.document["components"]
-    assert abs(found["fx"]["mean"]) == pytest.approx(TABLE_1["fx"].mean, rel=0.05)
-    assert abs(found["mx"]["mean"]) == pytest.approx(TABLE_1["mx"].mean, rel=0.05)
+    found = run.summary.components
+    assert abs(found["fx"].mean) == pytest.approx(TABLE_1["fx"].mean, rel=0.05)
+    assert abs(found["mx"].mean) == pytest.approx(TABLE_1["mx"].mean, rel=0.05)
     fluctuation = run.values - run.values.mean(axis=0)
     power = np.abs(np.fft.rfft(fluctuation, axis=0)) ** 2
     below = power[np.fft.rfftfreq(len(fluctuation), 1.0 / RATE_HZ) < 10.0].sum(axis=0) / power.sum(axis=0)
@@ -73,21 +73,22 @@ def test_a_line_is_found_where_it_is_and_noise_is_none(frequency, share, seed, m
     time = np.arange(60_000) / RATE_HZ
     noise = np.random.default_rng(seed).standard_normal(len(time))
     # 60 s of white noise of unit variance: a sine of 0.2 is 0.02 x 60 s x 1000 Hz / 1.5 / 2 = 400 times a bin of it.
-    quiet, loud = (component(mean + noise + a * np.sin(2 * np.pi * frequency * time), TABLE_1["fx"]) for a in (0, 0.2))
-    assert all(line["found_hz"] is None or abs(line["paper_hz"] - frequency) < 0.6 for line in loud["lines"])
-    assert all(line["found_hz"] is None for line in quiet["lines"])
-    spectrum = np.abs(np.fft.rfft((noise + 0.2 * np.sin(2 * np.pi * frequency * time)) * np.hanning(len(time)))) ** 2
+    sine = np.sin(2 * np.pi * frequency * time)
+    quiet, loud = (LoadComponent.of(mean + noise + a * sine, TABLE_1["fx"]) for a in (0, 0.2))
+    assert all(line.found_hz is None or abs(line.paper_hz - frequency) < 0.6 for line in loud.lines)
+    assert all(line.found_hz is None for line in quiet.lines)
+    spectrum = np.abs(np.fft.rfft((noise + 0.2 * sine) * np.hanning(len(time)))) ** 2
     wanted = frequency + 0.4 * share
     assert found_line(np.fft.rfftfreq(len(time), 1 / RATE_HZ), spectrum, wanted) == pytest.approx(frequency, abs=0.05)
     # White noise fills the regions of F_x, 20 of 500 Hz.
-    assert quiet["in_regions"] == pytest.approx(20.0 / 500.0, rel=0.15)
-    assert quiet["rms"] == pytest.approx(1.0, rel=0.03)
+    assert quiet.in_regions == pytest.approx(20.0 / 500.0, rel=0.15)
+    assert quiet.rms == pytest.approx(1.0, rel=0.03)
 
 
 def test_a_load_that_does_not_move():
-    still = component(np.full(20_000, 3.0), TABLE_1["mx"])
-    assert (still["mean"], still["rms"], still["in_regions"]) == (3.0, 0.0, 0.0)
-    assert [line["found_hz"] for line in still["lines"]] == [None, None]
+    still = LoadComponent.of(np.full(20_000, 3.0), TABLE_1["mx"])
+    assert (still.mean, still.rms, still.in_regions) == (3.0, 0.0, 0.0)
+    assert [line.found_hz for line in still.lines] == [None, None]
 
 
 def test_the_command(command):

@@ -14,17 +14,17 @@ from here import simulations_here, small_samplings
 from tbm_dynamics.indicators import INDICATORS
 from tbm_gsa.app.cli import output
 from tbm_gsa.app.cli.shipped import shipped_bag
+from tbm_gsa.paper.published import TRENDS
 from tbm_gsa.paper.reproduction import studies, workflow
 from tbm_gsa.paper.reproduction.loads import gather_loads, load_rows
 from tbm_gsa.paper.reproduction.model import mesh_curves, model_rows
 from tbm_gsa.paper.reproduction.response import gather_response
 from tbm_gsa.paper.reproduction.response_rows import response_rows
-from tbm_gsa.paper.reproduction.row import SOURCES
-from tbm_gsa.paper.reproduction.sensitivity import gather_sensitivity, sensitivity_rows
+from tbm_gsa.paper.reproduction.result import SOURCES, ReproductionResult, Sizes
+from tbm_gsa.paper.reproduction.sensitivity import sensitivity_rows
 from tbm_gsa.paper.reproduction.surrogates import surrogate_rows
 from tbm_gsa.paper.reproduction.verdict import VERDICTS
-from tbm_gsa.paper.reproduction.workflow import Sizes, reproduce
-from tbm_gsa.paper.sensitivity import TRENDS
+from tbm_gsa.paper.reproduction.workflow import reproduce
 from tbm_gsa.sensitivity.study.inputs import PAPER_INPUTS
 from tbm_gsa.sensitivity.study.problem import Problem
 from tbm_gsa.sensitivity.study.store import Store
@@ -75,45 +75,44 @@ def _without_times(document):
 
 
 def test_every_table_and_figure_has_its_rows(result):
-    rows = result.document["rows"]
-    assert {row["source"] for row in rows} == set(SOURCES)
+    rows = result.result.rows
+    assert {row.source for row in rows} == set(SOURCES)
     assert set(SOURCES) == {*(f"Table {k}" for k in range(1, 7)), *(f"Figure {k}" for k in range(2, 16))}
-    ids = [row["id"] for row in rows]
+    ids = [row.id for row in rows]
     assert len(set(ids)) == len(ids)
     assert set(CONTRACT) <= set(ids)
     assert sum(len(codes) for codes in TRENDS.values()) == 14
     for row in rows:
-        assert {"id", "paper", "ours", "verdict", "note"} <= set(row)
-        assert row["verdict"] in VERDICTS
-    assert sum(result.document["verdicts"].values()) == sum("@" not in name for name in ids)
+        assert row.verdict in VERDICTS
+    assert sum(result.result.verdicts.values()) == sum("@" not in name for name in ids)
 
 
 def test_an_input_handed_back_is_no_agreement(result):
-    rows = {row["id"]: row for row in result.document["rows"]}
+    rows = {row.id: row for row in result.result.rows}
     given = [
         name for name in rows if re.match(r"table[45]\.|table2\..*measured|table1\.f?m?[xyz]\.(mean|lines)$", name)
     ]
     assert len(given) == 25 + 10 + 3 + 12
-    assert {rows[name]["verdict"] for name in given if not name.startswith("table1")} == {"given"}
-    assert {rows[name]["verdict"] for name in given} <= {"given", "differs"}
-    assert rows["figure5.load_line"]["verdict"] in {"given", "differs"}
+    assert {rows[name].verdict for name in given if not name.startswith("table1")} == {"given"}
+    assert {rows[name].verdict for name in given} <= {"given", "differs"}
+    assert rows["figure5.load_line"].verdict in {"given", "differs"}
     for name in ("table2.cutterhead.predicted", "table2.shield.predicted", "figure5.axial", "figure7.decay.x"):
-        assert rows[name]["verdict"] in {"calibrated", "differs"}
+        assert rows[name].verdict in {"calibrated", "differs"}
 
 
 def test_both_readings_of_the_dampings_are_shown(result):
-    ids = {row["id"] for row in result.document["rows"]}
+    ids = {row.id for row in result.result.rows}
     for name in ("table2.cutterhead.predicted", "table6.RDef_A.best", "figure13.PAcc_A.x4", "figure5.axial_shows"):
         assert {name, f"{name}@ratio"} <= ids
-    assert [one["name"] for one in result.document["readings"]] == ["stiffness_proportional", "ratio"]
+    assert [one.name for one in result.result.readings] == ["stiffness_proportional", "ratio"]
     # Fitted under the first only: under the other nothing is calibrated.
-    assert not any(row["verdict"] == "calibrated" for row in result.document["rows"] if row["id"].endswith("@ratio"))
+    assert not any(row.verdict == "calibrated" for row in result.result.rows if row.id.endswith("@ratio"))
 
 
 def test_rows_of_the_smaller_campaign_say_how_small_it_was(result):
     rests = re.compile(r"(table6|figure(9|1[0-5]))\..*@ratio")
-    noted = {row["id"] for row in result.document["rows"] if "11 points" in row["note"]}
-    assert noted == {row["id"] for row in result.document["rows"] if rests.fullmatch(row["id"])}
+    noted = {row.id for row in result.result.rows if "11 points" in row.note}
+    assert noted == {row.id for row in result.result.rows if rests.fullmatch(row.id)}
     assert len(noted) > 80
 
 
@@ -129,8 +128,8 @@ def test_again_it_redoes_no_simulation_and_says_the_same(result, folder, monkeyp
     with small_samplings():
         study = studies.fitted_study(campaign, folder / own.name, workers=1, progress=lambda *_: None)
     assert store.read_bytes() == before
-    again = [*surrogate_rows(own, study), *sensitivity_rows(gather_sensitivity(own, study))]
-    said = {row.id: row for row in result.rows}
+    again = [*surrogate_rows(study), *sensitivity_rows(study)]
+    said = {row.id: row for row in result.result.rows}
     assert len(again) > 80
     assert all(said[row.id] == row for row in again)
     other = gather_loads(own.machine, 0, TINY.loads_s), mesh_curves(own.machine)
@@ -154,14 +153,15 @@ def test_the_command_says_what_differs_and_its_page_holds_everything_itself(resu
     monkeypatch.setattr(output.results, "_width", 400)  # nothing is wrapped
     code, out, err = typed("reproduce", "--out", str(tmp_path))
     assert (code, err.split()) == (0, ["page:", f"{tmp_path}/reproduction.html"])
-    rows = result.document["rows"]
-    differing = [
-        row for row in rows if row["verdict"] == "differs" and row["reading"] in (None, "stiffness_proportional")
-    ]
+    rows = result.result.rows
+    differing = [row for row in rows if row.verdict == "differs" and row.reading in (None, "stiffness_proportional")]
     assert len(differing) > 5
-    assert all(row["what"].split("\n")[0][:30] in out for row in differing)
-    assert f"{result.document['verdicts']['differs']} differs" in out
-    assert json.loads((tmp_path / "reproduction.json").read_text("utf-8"))["rows"] == json.loads(json.dumps(rows))
+    assert all(row.what.split("\n")[0][:30] in out for row in differing)
+    assert f"{result.result.verdicts['differs']} differs" in out
+    written = (tmp_path / "reproduction.json").read_text("utf-8")
+    assert ReproductionResult.model_validate_json(written) == result.result
+    keys = {"id", "source", "what", "paper", "ours", "difference", "unit", "verdict", "note", "reading"}
+    assert all(set(row) == keys for row in json.loads(written)["rows"])
     text = (tmp_path / "reproduction.html").read_text("utf-8")
     page = _Links()
     page.feed(text)

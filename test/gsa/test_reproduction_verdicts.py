@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from tbm_gsa.paper.reproduction import verdict
-from tbm_gsa.paper.reproduction.row import Row, count_verdicts
+from tbm_gsa.paper.reproduction.result import Row, count_verdicts
 from tbm_gsa.paper.reproduction.sensitivity import spearman
 from tbm_gsa.sensitivity.study.curves import Curve
 
@@ -109,9 +109,9 @@ def test_neither_a_fit_nor_an_input_is_ever_an_agreement(paper, ours):
 
 
 def test_a_row_has_a_difference_where_both_are_numbers():
-    row = Row("a", "Table 2", "level", 1.10, 1.00, "agrees", unit="g")
+    row = Row("table2.a", "level", 1.10, 1.00, "agrees", unit="g")
     assert row.difference == pytest.approx(-0.10)
-    assert row.to_dict()["difference"] == row.difference
-    assert Row("a", "Table 2", "line", 130.3, None, "differs").difference is None
-    assert Row("a", "Figure 2", "parts", "three", 3.0, "given").difference is None
+    assert row.source == "Table 2"
+    assert Row("table2.b", "line", 130.3, None, "differs").difference is None
+    assert Row("figure2.c", "parts", "three", 3.0, "given").difference is None
     assert count_verdicts([row, row]) == {"agrees": 2, "differs": 0, "given": 0, "calibrated": 0, "no number": 0}

@@ -3,6 +3,7 @@
 What takes minutes to compute is printed from a document of the widest entries that it may have.
 """
 
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -10,7 +11,9 @@ from compare_bags import START_NS, noise, write_bag
 
 from tbm_gsa.app.cli import demo, explain, gsa, reproduce, run
 from tbm_gsa.app.cli.output import results
-from tbm_gsa.history import Entry, History, Source
+from tbm_gsa.explanation.result import Explanation, InputCause, Misfits
+from tbm_gsa.history import History, HistoryEntry, WindowSource
+from tbm_gsa.paper.reproduction.result import ReadingSummary, ReproductionResult, Row
 from tbm_gsa.sensitivity.results import OutputResult, StudyResult
 from tbm_gsa.sensitivity.study.inputs import PAPER_INPUTS
 
@@ -58,8 +61,8 @@ def test_what_a_history_prints_fits(typed, tmp_path, monkeypatch):
     with History(Path("h.sqlite")) as history:
         for n in range(8):
             error = 10.0 + n  # 1350% ± 245%
-            rows = [Entry("cutterhead", "x", START_NS + n, 1, 1.0, 1.2, error, 1.0)]
-            history.add(Source("synthetic", "recording", "", "open380_updated", "ab" * 32), rows)
+            rows = [HistoryEntry("cutterhead", "x", START_NS + n, 1, 1.0, 1.2, error, 1.0)]
+            history.add(WindowSource("synthetic", "recording", "", "open380_updated", "ab" * 32), rows)
     given = ("--history", "h.sqlite")
     assert typed("history", "baseline", "set", "commissioning_spring", *given)[0] == 0
     _fits(typed("history", *given)[1], "cutterhead", "synthetic open380_updated", "1350% ± 245%", "1700%")
@@ -85,43 +88,35 @@ def test_what_the_demo_prints_fits(capsys):
 
 
 def test_what_an_explanation_prints_fits(capsys):
+    numbers = {"probability": 0.123, "value": -1.23e-5, "interval": (-1.11e-5, -2.22e-5), "machine_value": -3.33e-5}
     causes = [
-        {
-            "input": item.code,
-            "name": item.symbol,
-            "unit": item.unit,
-            "probability": 0.123,
-            "value": -1.23e-5,
-            "interval": (-1.11e-5, -2.22e-5),
-            "machine_value": -3.33e-5,
-        }
+        InputCause.model_construct(input=item.code, name=item.symbol, unit=item.unit, **numbers)
         for item in PAPER_INPUTS.inputs
     ]
+    misfits = Misfits(model=3.0, predicted=2.0, checked=2.0)
     for first in range(0, len(causes), 8):
-        document = {
-            "causes": causes[first : first + 8],
-            "statistics": {},
-            "misfit": {"model": 1.0, "predicted": 1.0, "checked": 1.0},
-            "standardised_misfit": {"none": 3.0, "model": 3.0, "predicted": 2.0, "checked": 2.0},
-            "explained": True,
-        }
-        explain._print(document)
+        shown = causes[first : first + 8]
+        explain._print(
+            Explanation.model_construct(
+                causes=shown, statistics=(), misfit=misfits, standardised_misfit=misfits, explained=True
+            )
+        )
         out = capsys.readouterr().out
-        _fits(out, "-1.23e-05", "-1.11e-05 to -2.22e-05", "-3.33e-05", *(row["input"] for row in document["causes"]))
+        _fits(out, "-1.23e-05", "-1.11e-05 to -2.22e-05", "-3.33e-05", *(cause.input for cause in shown))
 
 
 def test_what_the_reproduction_prints_fits(capsys):
-    row = {
-        "source": "Figure 12",
-        "what": "PAcc_A of the cutterhead: share of the strongest input, closed form against sampling",
-        "paper": "x3, x16, x18, x19, x22",
-        "ours": -1.234e-12,
-        "verdict": "differs",
-        "reading": None,
-    }
-    document = {"readings": [{"name": "one", "own": True}], "rows": [row, {**row, "paper": 1.5, "ours": None}]}
-    reproduce._print({**document, "verdicts": {"differs": 2}, "seconds": {"total": 1.0}})
-    _fits(capsys.readouterr().out, row["what"], row["paper"], "-1.234e-12", "Figure 12")
+    what = "PAcc_A of the cutterhead: share of the strongest input, closed form against sampling"
+    row = Row("figure12.a", what, "x3, x16, x18, x19, x22", -1.234e-12, "differs")
+    reproduce._print(
+        ReproductionResult.model_construct(
+            rows=(row, replace(row, paper=1.5, ours=None)),
+            readings=(ReadingSummary(name="one", title="one", own=True, fitted=False),),
+            verdicts={"differs": 2},
+            seconds={"total": 1.0},
+        )
+    )
+    _fits(capsys.readouterr().out, row.what, row.paper, "-1.234e-12", "Figure 12")
 
 
 def test_what_a_run_prints_fits(capsys):

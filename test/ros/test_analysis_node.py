@@ -18,7 +18,7 @@ from std_srvs.srv import Trigger  # noqa: E402
 
 from tbm_gsa.app.nodes.analysis_node import AnalysisNode  # noqa: E402
 from tbm_gsa.history import Baseline, History  # noqa: E402
-from tbm_gsa.history.baseline import Usual  # noqa: E402
+from tbm_gsa.history.baseline import ErrorStatistics  # noqa: E402
 from tbm_msgs_py import ACCELERATION, OperatingPoint  # noqa: E402
 from tbm_msgs_py.nodes import messages, qos  # noqa: E402
 from tbm_msgs_py.topics import ANALYSIS_QUANTITIES  # noqa: E402
@@ -267,10 +267,12 @@ def test_mapped_topics_with_their_units_axes_and_types(host_node, peer, tmp_path
 def test_alarms_are_set_against_a_baseline_of_the_history(host_node, peer, tmp_path):
     """An error of 50 % is no alarm for a machine whose baseline says so, but a change of it is one."""
     file = tmp_path / "h.sqlite"
-    usual = {("shield", axis): Usual(value, 0.01, 9) for axis, value in (("x", 0.5), ("y", 0.0), ("z", 0.5))}
+    usual = {("shield", axis): ErrorStatistics(value, 0.01, 9) for axis, value in (("x", 0.5), ("y", 0.0), ("z", 0.5))}
     with History(file) as history:
         history.store_baseline(Baseline("sound", "dz101", "", 1, 0, 1, usual))
-        history.store_baseline(Baseline("sound", "south", "", 2, 0, 1, {("shield", "x"): Usual(0.0, 0.01, 9)}))
+        history.store_baseline(
+            Baseline("sound", "south", "", 2, 0, 1, {("shield", "x"): ErrorStatistics(0.0, 0.01, 9)})
+        )
     windows = listen_to(peer, "shield")
     node = host_node(
         AnalysisNode,

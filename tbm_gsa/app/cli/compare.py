@@ -9,6 +9,7 @@ from typing import Annotated
 import typer
 from rich.table import Table
 
+from tbm_gsa.app.cli.history import HISTORY_HELP
 from tbm_gsa.app.cli.output import (
     DEFAULT_MACHINE,
     JSON_OPTION,
@@ -21,11 +22,18 @@ from tbm_gsa.app.cli.output import (
     progress_bar,
     results,
 )
-from tbm_gsa.app.cli.selection import HISTORY_HELP
 from tbm_gsa.app.cli.shipped import RECORDING_ARGUMENT, recording_path
 from tbm_gsa.comparison.results import ComparisonResult
 from tbm_gsa.comparison.workflow import RecordingComparison, compare_recording
-from tbm_gsa.history import History, HistoryError, Kind, Source, check_history, default_history, recording_entries
+from tbm_gsa.history import (
+    History,
+    HistoryError,
+    SourceKind,
+    WindowSource,
+    check_history,
+    default_history,
+    recording_entries,
+)
 from tbm_gsa.signals.settings import Settings
 from tbm_msgs_py.bags.metadata import is_synthetic
 from tbm_msgs_py.base.files import check_result
@@ -88,10 +96,10 @@ def compare(
         notes.print(f"page: {html}", highlight=False)
 
 
-def _keep(compared: RecordingComparison, kind: Kind, path: Path | None) -> None:
+def _keep(compared: RecordingComparison, kind: SourceKind, path: Path | None) -> None:
     """Put the windows into the history; a default one that cannot be used spoils no comparison."""
     result, recording = compared.result, compared.result.recording
-    source = Source(kind, recording.path, recording.sha256, result.machine, result.machine_file.sha256)
+    source = WindowSource(kind, recording.path, recording.sha256, result.machine, result.machine_file.sha256)
     try:
         with History(path or default_history()) as history:
             history.add(source, recording_entries(result, compared.starts_ns))

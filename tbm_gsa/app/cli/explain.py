@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-import math
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
 import typer
 
@@ -21,7 +20,7 @@ from tbm_gsa.app.cli.output import (
 )
 from tbm_gsa.app.cli.workers import Scheduler, Workers, anonymous_main, shown_progress
 from tbm_gsa.explanation.forms import COMPARISON, ComparisonForm
-from tbm_gsa.explanation.verdict import verdict
+from tbm_gsa.explanation.result import Explanation, NoChange
 from tbm_gsa.reading import read_document
 
 _SHOWN = 8
@@ -46,7 +45,7 @@ def explain(
     from tbm_gsa.explanation.workflow import ExplainOptions  # noqa: PLC0415
     from tbm_gsa.explanation.workflow import explain as find  # noqa: PLC0415
 
-    document = read_document(comparison, ComparisonForm, COMPARISON)
+    compared = read_document(comparison, ComparisonForm, COMPARISON)
     out.mkdir(parents=True, exist_ok=True)
     with progress_bar() as bar, anonymous_main():
         options = ExplainOptions(
@@ -58,39 +57,32 @@ def explain(
             scheduler=scheduler,
             progress=shown_progress(bar),
         )
-        found = find(document, out, options)
+        found = find(compared, out, options)
     page = out / "explanation.html"
     write_explanation_page(found, page)
     if json:
-        print_json(found)
+        print_json(found.model_dump())
     else:
         _print(found)
     notes.print(f"page: {page}", highlight=False)
 
 
-def _print(document: dict[str, Any]) -> None:
+def _print(found: Explanation) -> None:
     headings = ("input", "", ">probability", ">value", ">90 % interval", ">machine's")
     table = narrow_table("What explains the recording, taken as the only change", *headings)
-    for row in document["causes"][:_SHOWN]:
-        if row["input"] is None:
-            add_row(table, "–", row["name"], f"{row['probability']:.3f}")
+    for cause in found.causes[:_SHOWN]:
+        probability = f"{cause.probability:.3f}"
+        if isinstance(cause, NoChange):
+            add_row(table, "–", cause.name, probability)
             continue
-        low, high = row["interval"]
-        unit = f" {row['unit']}" if row["unit"] else ""
-        add_row(
-            table,
-            row["input"],
-            row["name"],
-            f"{row['probability']:.3f}",
-            f"{row['value']:.3g}{unit}",
-            f"{low:.3g} to {high:.3g}",
-            f"{row['machine_value']:.3g}",
-        )
+        value, (low, high) = f"{cause.value:.3g} {cause.unit}".rstrip(), cause.interval
+        interval = f"{low:.3g} to {high:.3g}"
+        add_row(table, cause.input, cause.name, probability, value, interval, f"{cause.machine_value:.3g}")
     results.print(table)
     results.print()
-    off = {name: math.exp(value) for name, value in document["misfit"].items()}
+    off = found.off_by()
     print_sentence(
-        f"{len(document['statistics'])} statistics: the model is off by a factor of {off['model']:.3g} (RMS), with the "
-        f"first input changed by {off['predicted']:.3g} as predicted and {off['checked']:.3g} in a run of its own"
+        f"{len(found.statistics)} statistics: the model is off by a factor of {off.model:.3g} (RMS), with the first "
+        f"input changed by {off.predicted:.3g} as predicted and {off.checked:.3g} in a run of its own"
     )
-    print_sentence(verdict(document))
+    print_sentence(found.verdict())

@@ -2,24 +2,92 @@
 
 from __future__ import annotations
 
+import re
+import time
+from datetime import UTC, datetime
 from pathlib import Path
 from typing import Annotated, Any
 
 import typer
+from rich.table import Table
+from typer.core import TyperGroup
 
-from tbm_gsa.app.cli import baseline
-from tbm_gsa.app.cli.baseline import baseline_table, percent
+from tbm_dynamics import Machine, load_machine
 from tbm_gsa.app.cli.output import JSON_OPTION, add_row, named, narrow_table, notes, print_json, results
-from tbm_gsa.app.cli.selection import File, Of, Origin, Point, Since, Until, selection
-from tbm_gsa.history import Baseline, HistoryReader, Selection, Window, default_history
-from tbm_gsa.history.summary import history_document
+from tbm_gsa.history import (
+    BY_ORIGIN,
+    SOURCE_KINDS,
+    Baseline,
+    History,
+    HistoryReader,
+    Selection,
+    StoredEntry,
+    default_history,
+    make_baseline,
+)
+from tbm_gsa.history.summary import BaselineList, BaselineSummary, HistorySummary, history_summary
+from tbm_gsa.provenance import machine_sha256
 from tbm_msgs_py.base.errors import InputError
 from tbm_msgs_py.base.files import check_result, write_whole
 
-app = typer.Typer(add_completion=False, invoke_without_command=True)
-app.add_typer(baseline.app, name="baseline")
-
+HISTORY_HELP = "History file; default: $TBM_HISTORY, else tbm_monitor/history.sqlite in the user's data folder."
 MOST_PLOTTED = 5_000_000  # windows, which are held in memory: a week of five points every 2 s
+_UNITS = {"s": 1, "m": 60, "h": 3600, "d": 86400}
+
+File = Annotated[Path | None, typer.Option("--history", help=HISTORY_HELP, dir_okay=False)]
+Point = Annotated[str | None, typer.Option(help="This test point only.")]
+Since = Annotated[
+    str | None, typer.Option(help="From this time on: ISO 8601 (UTC unless it says), or 30m, 12h, 7d before now.")
+]
+Until = Annotated[str | None, typer.Option(help="Before this time, written like --since.")]
+Origin = Annotated[
+    str | None,
+    typer.Option(
+        "--source", help=f"{', '.join(SOURCE_KINDS)}, or a part of the recording's path or of the node's name."
+    ),
+]
+Of = Annotated[
+    str | None,
+    typer.Option(
+        "--machine",
+        metavar="<name|file>",
+        help="Windows of this machine only: its name, its file, or 8 or more digits of its SHA-256.",
+    ),
+]
+BaselineName = Annotated[str, typer.Argument(help="Name of the baseline.", show_default=False)]
+Owner = Annotated[
+    str | None,
+    typer.Option(
+        "--machine",
+        metavar="<name|file>",
+        help="Machine that it is of, its name or file; needed where several have one of this name.",
+    ),
+]
+Json = Annotated[bool, JSON_OPTION]
+
+
+class _BaselineCommands(TyperGroup):
+    """Refuses anything but its commands by naming them: `history baseline NAME` once stored a baseline."""
+
+    def resolve_command(self, ctx: Any, args: list[str]) -> Any:
+        """Command of the arguments, and what is left of them."""
+        if args[0] not in self.commands:
+            allowed = ", ".join(self.commands)
+            raise InputError(
+                f"history baseline {args[0]}: allowed: {allowed}; `history baseline set NAME` stores a baseline"
+            )
+        return super().resolve_command(ctx, args)
+
+
+app = typer.Typer(add_completion=False, invoke_without_command=True)
+baseline_app = typer.Typer(
+    cls=_BaselineCommands,
+    add_completion=False,
+    no_args_is_help=True,
+    context_settings={"ignore_unknown_options": True},  # left to the group, which names the commands
+    help="Baselines: the usual error of a machine, which alarms are set against.",
+)
+app.add_typer(baseline_app, name="baseline")
 
 
 @app.callback()
@@ -34,7 +102,7 @@ def show(
     limit: Annotated[int, typer.Option(min=0, help="Newest entries to list in the JSON document.")] = 1000,
     html: Annotated[Path | None, typer.Option(help="Write a page with trends to this file.", dir_okay=False)] = None,
     png: Annotated[Path | None, typer.Option(help="Write a picture of the trends.", dir_okay=False)] = None,
-    json: Annotated[bool, JSON_OPTION] = False,
+    json: Json = False,
 ) -> None:
     """List the windows of all comparisons, and plot their trends."""
     if context.invoked_subcommand is not None:
@@ -42,20 +110,73 @@ def show(
         return
     check_result(html, "page")
     check_result(png, "PNG picture")
-    chosen = selection(point, since, until, source, machine)
+    chosen = _selection(point, since, until, source, machine)
     plotted = html is not None or png is not None
     with HistoryReader(history or default_history()) as opened:
         opened.check(chosen)
-        document = history_document(opened, chosen, limit)
-        windows, baselines = _to_plot(opened, chosen) if plotted else ([], [])
+        found = history_summary(opened, chosen, limit)
+        windows = _to_plot(opened, chosen, found.total) if plotted else []
     if plotted:
-        _plot(windows, baselines, opened.path, html, png)
+        _plot(found, windows, html, png)
     if json:
-        print_json(document)
+        print_json(found.model_dump())
     else:
-        _print_tables(document)
+        _print(found)
     for file in filter(None, (html, png)):
         notes.print(f"written: {file}", highlight=False)
+
+
+@baseline_app.command("list")
+def list_baselines(history: File = None, json: Json = False) -> None:
+    """List the baselines of a history."""
+    with HistoryReader(history or default_history()) as opened:
+        found = BaselineList.of(opened)
+    if json:
+        print_json(found.model_dump())
+        return
+    count = len(found.baselines)
+    headings = ("baseline", "source", "machine", ">from", ">to", ">points")
+    table = narrow_table(f"{found.path}: {count} baseline{'s' * (count != 1)}", *headings)
+    for one in found.baselines:
+        add_row(table, one.name, one.source or "–", one.machine, one.since[:10], one.until[:10], len(one.points))
+    results.print(table)
+
+
+@baseline_app.command("show")
+def show_baseline(name: BaselineName, history: File = None, machine: Owner = None, json: Json = False) -> None:
+    """Show mean and scatter of the error per point and axis of a baseline."""
+    with HistoryReader(history or default_history()) as opened:
+        found = opened.baseline(name, _machine_name(machine))
+    _print_baseline(found, json)
+
+
+@baseline_app.command("set")
+def set_baseline(
+    name: BaselineName,
+    history: File = None,
+    point: Point = None,
+    since: Since = None,
+    until: Until = None,
+    source: Origin = None,
+    machine: Of = None,
+    replace: Annotated[bool, typer.Option("--replace", help="Replace one of the same name.")] = False,
+    json: Json = False,
+) -> None:
+    """Store mean and scatter of the error per point and axis of the chosen windows; alarms are set against them."""
+    with History(history or default_history(), create=False) as opened:
+        chosen = _selection(point, since, until, source, machine)
+        opened.check(chosen)
+        made = make_baseline(name, opened.groups(BY_ORIGIN, chosen), time.time_ns())
+        opened.store_baseline(made, replace=replace)
+    _print_baseline(made, json)
+
+
+@baseline_app.command("delete")
+def delete_baseline(name: BaselineName, history: File = None, machine: Owner = None, json: Json = False) -> None:
+    """Delete a baseline, and print what it was; its windows stay."""
+    with History(history or default_history(), create=False) as opened:
+        deleted = opened.delete_baseline(name, _machine_name(machine))
+    _print_baseline(deleted, json)
 
 
 def _refuse_options(context: typer.Context) -> None:
@@ -65,34 +186,86 @@ def _refuse_options(context: typer.Context) -> None:
             raise InputError(f"history --{name} … {context.invoked_subcommand}: allowed: options behind the command")
 
 
-def _to_plot(history: HistoryReader, selection: Selection) -> tuple[list[Window], list[Baseline]]:
-    """Windows, and the baselines of their machines."""
-    count = history.count(selection)
+def _selection(
+    point: str | None, since: str | None, until: str | None, source: str | None, machine: str | None
+) -> Selection:
+    """Build the selection that the options state."""
+    described = _machine_file(machine)
+    chosen = machine if described is None else machine_sha256(described)
+    return Selection(point, _stamp("--since", since), _stamp("--until", until), source, chosen)
+
+
+def _machine_name(machine: str | None) -> str | None:
+    """Name of a machine that is given by its name or its file."""
+    described = _machine_file(machine)
+    return machine if described is None else described.name
+
+
+def _machine_file(machine: str | None) -> Machine | None:
+    """Machine of a file; None for a name, for the history has machines that are not shipped."""
+    return load_machine(machine) if machine is not None and Path(machine).is_file() else None
+
+
+def _stamp(option: str, text: str | None) -> int | None:
+    """Time in ns since the epoch."""
+    if text is None:
+        return None
+    ago = re.fullmatch(r"(\d{1,6})([smhd])", text)
+    if ago:
+        return time.time_ns() - int(ago[1]) * _UNITS[ago[2]] * 1_000_000_000
+    try:
+        moment = datetime.fromisoformat(text)
+        return round((moment if moment.tzinfo else moment.replace(tzinfo=UTC)).timestamp() * 1e9)
+    except (ValueError, OverflowError):
+        raise InputError(f"{option} {text}: allowed: ISO 8601 such as 2026-01-31T12:00, or 30m, 12h, 7d") from None
+
+
+def _to_plot(history: HistoryReader, selection: Selection, count: int) -> list[StoredEntry]:
     if not 1 <= count <= MOST_PLOTTED:
         number = count or "no"
         raise InputError(f"{history.path}: {number} windows to plot, allowed: options that choose 1 to {MOST_PLOTTED}")
-    windows = history.windows(selection)
-    machines = {window.source.machine for window in windows}
-    return windows, [one for one in history.baselines() if one.machine in machines]
+    return history.windows(selection)
 
 
-def _plot(windows: list[Window], baselines: list[Baseline], path: Path, html: Path | None, png: Path | None) -> None:
+def _plot(found: HistorySummary, windows: list[StoredEntry], html: Path | None, png: Path | None) -> None:
     from tbm_gsa.app.report.history_page import history_page, history_picture  # noqa: PLC0415 - matplotlib takes its time
 
     if html is not None:
-        write_whole(html, history_page(path, windows, baselines).encode())
+        write_whole(html, history_page(found, windows).encode())
     if png is not None:
-        write_whole(png, history_picture(windows, baselines))
+        write_whole(png, history_picture(found, windows))
 
 
-def _print_tables(document: dict[str, Any]) -> None:
+def _print(found: HistorySummary) -> None:
     headings = ("test point", "axis", "source", ">count", ">last", ">error", ">latest")
-    table = narrow_table(f"{document['path']}: {document['total']} entries", *headings)
-    for row in document["summary"]:
-        texts = (row["point"], row["axis"], f"{row['source']} {row['machine']}")
-        error = f"{percent(row['error_mean'])} ± {percent(row['error_scatter'])}"
-        add_row(table, *texts, row["windows"], row["last"][:10], error, percent(row["error_latest"]))
+    table = narrow_table(f"{found.path}: {found.total} entries", *headings)
+    for row in found.summary:
+        error = f"{_percent(row.error_mean)} ± {_percent(row.error_scatter)}"
+        numbers = (row.windows, row.last[:10], error, _percent(row.error_latest))
+        add_row(table, row.point, row.axis, f"{row.source} {row.machine}", *numbers)
     results.print(table)
-    for one in document["baselines"]:
+    for one in found.baselines:
         results.print()
-        results.print(baseline_table(one))
+        results.print(_baseline_table(one))
+
+
+def _print_baseline(baseline: Baseline, json: bool) -> None:
+    found = BaselineSummary.of(baseline)
+    if json:
+        print_json(found.model_dump())
+    else:
+        results.print(_baseline_table(found))
+
+
+def _baseline_table(found: BaselineSummary) -> Table:
+    of = " ".join(filter(None, (found.source, found.machine)))
+    title = f"baseline {found.name} of {of}\nwindows from {found.since} to {found.until}"
+    table = narrow_table(title, "test point", "axis", ">mean error", ">scatter", ">windows")
+    for point, axes in found.points.items():
+        for axis, usual in axes.items():
+            add_row(table, point, axis, _percent(usual.mean), _percent(usual.scatter), usual.windows)
+    return table
+
+
+def _percent(value: float | None) -> str:
+    return "–" if value is None else f"{value:.0%}"

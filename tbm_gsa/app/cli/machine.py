@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import asdict
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -130,9 +131,9 @@ def loads(
     if out is not None:
         write_picture(lambda: load_figure(run), out)
     if json:
-        print_json(run.document)
+        print_json(asdict(run.summary))
     else:
-        print_loads(run.document)
+        print_loads(run.summary)
     if out is not None:
         notes.print(f"drawing: {out}", highlight=False)
 

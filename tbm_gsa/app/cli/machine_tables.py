@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Sequence
-from typing import Any
 
 import numpy as np
 from rich.table import Table
@@ -24,6 +23,7 @@ from tbm_dynamics.machine.summary import (
 from tbm_dynamics.mesh.planetary import PlanetaryStage
 from tbm_dynamics.structure.drive import drive_angles, drive_nodes, gear_pair
 from tbm_gsa.app.cli.output import add_row, narrow_table, print_sentence, results
+from tbm_gsa.paper.load_summary import LoadSummary
 
 _AXES = (">x", ">y", ">z", ">rx", ">ry", ">rz")
 _DRIVE_AXES = (">x", ">r", ">t", ">rx", ">rr", ">rt")
@@ -195,20 +195,19 @@ def _print_modes(summary: MachineSummary) -> None:
     _print_table("lowest natural frequencies", (">Hz", "motion", ">energy", "largest at node"), rows)
 
 
-def print_loads(document: dict[str, Any]) -> None:
-    """Print the document of `load_run` beside the paper's Table 1; forces in kN, moments in kN·m."""
-    point = document["operating_point"]
+def print_loads(summary: LoadSummary) -> None:
+    """Print loads beside the paper's Table 1; forces in kN, moments in kN·m."""
+    point = summary.operating_point
     print_sentence(
-        f"{document['machine']}: cutterhead loads, {document['loads']} level, {document['duration']:g} s, "
-        f"seed {document['seed']}, at {point['speed'] * 30.0 / math.pi:.3g} r/min, {point['torque'] / 1e3:.5g} kN·m, "
-        f"{point['thrust'] / 1e3:.5g} kN"
+        f"{summary.machine}: cutterhead loads, {summary.loads} level, {summary.duration:g} s, seed {summary.seed}, "
+        f"at {point.speed * 30.0 / math.pi:.3g} r/min, {point.torque / 1e3:.5g} kN·m, {point.thrust / 1e3:.5g} kN"
     )
     headings = (">paper", ">mean", ">RMS", ">in regions", "paper's lines", "found, Hz")
     title = "means (magnitudes), fluctuation, share of power in Table 1's regions; kN, kN·m"
     table = _table(title, "", *headings)
-    for name, row in document["components"].items():
-        numbers = (f"{abs(row[key]) / 1e3:.5g}" for key in ("paper_mean", "mean", "rms"))
-        paper = ", ".join(f"{line['paper_hz']:g}" for line in row["lines"])
-        found = ", ".join("–" if line["found_hz"] is None else f"{line['found_hz']:.2f}" for line in row["lines"])
-        add_row(table, *(name, *numbers, f"{row['in_regions']:.0%}", paper, found))
+    for name, row in summary.components.items():
+        numbers = (f"{abs(value) / 1e3:.5g}" for value in (row.paper_mean, row.mean, row.rms))
+        paper = ", ".join(f"{line.paper_hz:g}" for line in row.lines)
+        found = ", ".join("–" if line.found_hz is None else f"{line.found_hz:.2f}" for line in row.lines)
+        add_row(table, name, *numbers, f"{row.in_regions:.0%}", paper, found)
     results.print(table)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
@@ -23,6 +23,9 @@ from tbm_gsa.app.cli.shipped import shipped_bag
 from tbm_gsa.app.cli.workers import Workers, anonymous_main
 from tbm_msgs_py.base.files import write_json
 
+if TYPE_CHECKING:
+    from tbm_gsa.paper.reproduction.result import ReproductionResult, Value
+
 DOCUMENT_NAME = "reproduction.json"
 PAGE_NAME = "reproduction.html"
 
@@ -36,7 +39,7 @@ def reproduce(
     seed: Annotated[int, SEED_OPTION] = 0,
     json: Annotated[bool, JSON_OPTION] = False,
 ) -> None:
-    """Give back Tables 1 to 6 and Figures 2 to 15 of the paper, each with a verdict; an interrupted run goes on."""
+    """Reproduce Tables 1 to 6 and Figures 2 to 15 of the paper, each with a verdict; an interrupted run goes on."""
     # What they import takes a second, and other commands need none of it.
     from tbm_gsa.app.report.gsa_page import write_study_report  # noqa: PLC0415
     from tbm_gsa.app.report.reproduction_page import write_page  # noqa: PLC0415
@@ -44,7 +47,7 @@ def reproduce(
 
     with progress_bar("reproducing") as bar, anonymous_main():
         task = bar.add_task("", total=None)
-        result = find(
+        found = find(
             machine,
             out,
             shipped_bag(),
@@ -56,27 +59,26 @@ def reproduce(
             ),
         )
         bar.update(task, description="page", total=None)
-        write_page(result, out / PAGE_NAME)
-    write_json(out / DOCUMENT_NAME, result.document)
+        write_page(found, out / PAGE_NAME)
+    document = found.result.model_dump()
+    write_json(out / DOCUMENT_NAME, document)
     if json:
-        print_json(result.document)
+        print_json(document)
     else:
-        _print(result.document)
+        _print(found.result)
     notes.print(f"page: {out / PAGE_NAME}", highlight=False)
 
 
-def _print(document: dict[str, Any]) -> None:
+def _print(result: ReproductionResult) -> None:
     """Print the verdicts and what differs."""
-    own = next(one["name"] for one in document["readings"] if one["own"])
     table = narrow_table("What differs from the paper", "", "what", "paper", "ours")
-    for row in document["rows"]:
-        if row["verdict"] == "differs" and row["reading"] in (None, own):
-            add_row(table, row["source"], row["what"], *(_text(row[key]) for key in ("paper", "ours")))
+    for row in result.differing:
+        add_row(table, row.source, row.what, _text(row.paper), _text(row.ours))
     results.print(table)
     results.print()
-    counts = ", ".join(f"{count} {name}" for name, count in document["verdicts"].items())
-    results.print(f"{counts}; {document['seconds']['total']:.0f} s", highlight=False)
+    counts = ", ".join(f"{count} {name}" for name, count in result.verdicts.items())
+    results.print(f"{counts}; {result.seconds['total']:.0f} s", highlight=False)
 
 
-def _text(value: float | str | None) -> str:
+def _text(value: Value) -> str:
     return "–" if value is None else value if isinstance(value, str) else f"{value:.4g}"

@@ -29,7 +29,7 @@ from tbm_gsa.app.nodes.statuses import (
 from tbm_gsa.app.nodes.stream_health import Condition
 from tbm_gsa.comparison import WindowResult
 from tbm_gsa.comparison.streams import Side
-from tbm_gsa.history import Source
+from tbm_gsa.history import WindowSource
 from tbm_gsa.provenance import machine_sha256
 from tbm_msgs_py import topics
 from tbm_msgs_py.base import operating_point
@@ -111,8 +111,9 @@ class AnalysisNode(ManagedNode):
         self._gsa.options = self._gsa_options()
 
     def _open_history(self, machine: Machine) -> HistoryWriter:
-        source = Source("live", self.get_fully_qualified_name(), "", machine.name, machine_sha256(machine))
-        return HistoryWriter(self.value("history"), source, self.get_logger().warning, self.value("history_days"))
+        source = WindowSource("live", self.get_fully_qualified_name(), "", machine.name, machine_sha256(machine))
+        days = float(self.value("history_days"))
+        return HistoryWriter(self.value("history"), source, self.get_logger().warning, days)
 
     def _new_alarm(self) -> ErrorAlarm:
         threshold, windows, axes = map(self.value, ("threshold", "threshold_windows", "alarm_axes"))

@@ -14,12 +14,12 @@ from typing import TYPE_CHECKING
 
 from tbm_gsa.comparison import UsualError, WindowResult
 from tbm_gsa.history import (
-    Entry,
     History,
+    HistoryEntry,
     HistoryError,
     HistoryLockedError,
-    Kind,
-    Source,
+    SourceKind,
+    WindowSource,
     default_history,
     live_entries,
 )
@@ -43,7 +43,7 @@ def live_now(clock: Clock) -> int | None:
     return None if clock.ros_time_is_active else int(clock.now().nanoseconds)
 
 
-def kind_of(result: WindowResult, now_ns: int | None) -> Kind:
+def kind_of(result: WindowResult, now_ns: int | None) -> SourceKind:
     """Return the kind of a window: a replay on a simulated clock, or where its stamps are not of now."""
     if now_ns is None or abs(now_ns - result.start_ns - result.length_ns) > LIVE_WITHIN_NS:
         return "replay"
@@ -57,7 +57,7 @@ class HistoryWriter:
     ----------
     file : str
         Path, empty for the default one, or ``none``.
-    source : Source
+    source : WindowSource
         The live one; windows of a replay go under the same name as a replay.
     warn : callable
         Called with one line when writing begins to fail.
@@ -78,10 +78,10 @@ class HistoryWriter:
         A file that was named and cannot be used, unless it is only locked; the default one only warns.
     """
 
-    def __init__(self, file: str, source: Source, warn: Callable[[str], object], days: float = 0.0) -> None:
+    def __init__(self, file: str, source: WindowSource, warn: Callable[[str], object], days: float = 0.0) -> None:
         self.problem, self.written, self.lost = "", 0, 0
         self._source, self._warn = source, warn
-        self._waiting: list[tuple[Kind, Entry]] = []
+        self._waiting: list[tuple[SourceKind, HistoryEntry]] = []
         self._history: History | None = None
         self._file: Path | None = None
         self._keep_ns = round(days * _DAY_NS)

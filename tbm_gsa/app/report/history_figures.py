@@ -13,8 +13,9 @@ from numpy.typing import NDArray
 
 from tbm_gsa.app.report.compare_figures import AXIS_NAMES, FIELD, MODEL, WIDTH, plain_text, tidy
 from tbm_gsa.comparison.alarm import SCATTERS
-from tbm_gsa.history.baseline import Baseline, Usual
-from tbm_gsa.history.entries import Window
+from tbm_gsa.history.baseline import ErrorStatistics
+from tbm_gsa.history.entries import StoredEntry
+from tbm_gsa.history.summary import BaselineSummary
 from tbm_msgs_py.base.arrays import Array
 from tbm_msgs_py.base.units import STANDARD_GRAVITY
 
@@ -25,9 +26,9 @@ _ERROR: Final = "#333333"
 _SHOCKS: Final = {"field_crest_factor": ("crest factor", "#009E73"), "field_kurtosis": ("kurtosis", "#CC79A7")}
 
 
-def by_trend(windows: Sequence[Window]) -> dict[str, list[Window]]:
+def by_trend(windows: Sequence[StoredEntry]) -> dict[str, list[StoredEntry]]:
     """Windows that make a line: of one test point, one machine and one kind; these two are named where they differ."""
-    found: dict[tuple[str, str, str], list[Window]] = {}
+    found: dict[tuple[str, str, str], list[StoredEntry]] = {}
     for window in windows:
         source = window.source
         found.setdefault((window.entry.point, source.kind, source.machine), []).append(window)
@@ -35,7 +36,7 @@ def by_trend(windows: Sequence[Window]) -> dict[str, list[Window]]:
     return {", ".join(key) if mixed else key[0]: members for key, members in found.items()}
 
 
-def trends(name: str, windows: Sequence[Window], baseline: Baseline | None) -> Figure:
+def trends(name: str, windows: Sequence[StoredEntry], baseline: BaselineSummary | None) -> Figure:
     """RMS, relative error and shocks of the windows of one test point over time, a row an axis.
 
     Dashed: the baseline's mean and limits. The shocks are left out where no window knows them.
@@ -48,7 +49,7 @@ def trends(name: str, windows: Sequence[Window], baseline: Baseline | None) -> F
     for panels, axis in zip(rows, axes, strict=True):
         chosen = [window for window in windows if window.entry.axis == axis]
         _draw_levels(panels[0], chosen, f"{name}, {AXIS_NAMES[axis]}: RMS, g")
-        _draw_errors(panels[1], chosen, baseline.usual.get((point, axis)) if baseline else None)
+        _draw_errors(panels[1], chosen, baseline.points.get(point, {}).get(axis) if baseline else None)
         if shocks:
             _draw_shocks(panels[2], chosen)
         for panel in panels:
@@ -65,14 +66,14 @@ def trends(name: str, windows: Sequence[Window], baseline: Baseline | None) -> F
     return figure
 
 
-def _draw_levels(panel: Axes, windows: Sequence[Window], title: str) -> None:
+def _draw_levels(panel: Axes, windows: Sequence[StoredEntry], title: str) -> None:
     for name, attribute, colour in (("measured", "field_rms", FIELD), ("model", "model_rms", MODEL)):
         time, values = _series(windows, attribute)
         panel.plot(time, values / STANDARD_GRAVITY, ".-", color=colour, markersize=3, linewidth=0.6, label=name)
     panel.set_title(plain_text(title), loc="left")
 
 
-def _draw_errors(panel: Axes, windows: Sequence[Window], usual: Usual | None) -> None:
+def _draw_errors(panel: Axes, windows: Sequence[StoredEntry], usual: ErrorStatistics | None) -> None:
     time, values = _series(windows, "relative_error")
     panel.plot(time, 100.0 * values, ".-", color=_ERROR, markersize=3, linewidth=0.6)
     panel.set_title("relative error, %", loc="left")
@@ -83,15 +84,15 @@ def _draw_errors(panel: Axes, windows: Sequence[Window], usual: Usual | None) ->
     panel.set_ylim(top=min(panel.get_ylim()[1], HIGHEST_PERCENT))
 
 
-def _draw_shocks(panel: Axes, windows: Sequence[Window]) -> None:
+def _draw_shocks(panel: Axes, windows: Sequence[StoredEntry]) -> None:
     for attribute, (name, colour) in _SHOCKS.items():
         time, values = _series(windows, attribute)
         panel.plot(time, values, ".-", color=colour, markersize=3, linewidth=0.6, label=name)
     panel.set_title("measured: crest factor, kurtosis", loc="left")
 
 
-def _series(windows: Sequence[Window], attribute: str) -> tuple[NDArray[np.datetime64], Array]:
-    """Give times and values, means of neighbours where there are many; ten windows without one break the line."""
+def _series(windows: Sequence[StoredEntry], attribute: str) -> tuple[NDArray[np.datetime64], Array]:
+    """Collect times and values, means of neighbours where there are many; ten windows without one break the line."""
     stamps = np.array([window.entry.start_ns + window.entry.length_ns // 2 for window in windows])
     values = np.array([getattr(window.entry, attribute) for window in windows])
     values = np.where(np.isfinite(values), values, np.nan)

@@ -2,7 +2,6 @@
 
 import io
 from collections.abc import Iterator, Sequence
-from pathlib import Path
 
 import numpy as np
 from matplotlib.backends.backend_agg import FigureCanvasAgg
@@ -11,13 +10,12 @@ from matplotlib.image import imsave
 
 from tbm_gsa.app.report.history_figures import by_trend, trends
 from tbm_gsa.app.report.page import embed_figure, render_page
-from tbm_gsa.history.baseline import Baseline
-from tbm_gsa.history.entries import Window
-from tbm_gsa.history.summary import baseline_document, iso_time, summarise
+from tbm_gsa.history.entries import StoredEntry
+from tbm_gsa.history.summary import BaselineSummary, HistorySummary, iso_time
 from tbm_gsa.provenance import package_versions
 
 
-def history_page(path: Path, windows: Sequence[Window], baselines: Sequence[Baseline]) -> str:
+def history_page(found: HistorySummary, windows: Sequence[StoredEntry]) -> str:
     """Render windows in the order of time as a page that holds its figures and style.
 
     The newest baseline of each machine is drawn.
@@ -25,36 +23,37 @@ def history_page(path: Path, windows: Sequence[Window], baselines: Sequence[Base
     what = "RMS, relative error, crest factor and kurtosis"
     figures = [
         {"name": name, "figure": embed_figure(figure, f"{what} of {name} over time"), "baseline": baseline}
-        for name, figure, baseline in _figures(windows, baselines)
+        for name, figure, baseline in _figures(found, windows)
     ]
     begin, end = iso_time(windows[0].entry.start_ns), iso_time(windows[-1].entry.start_ns)
-    names = sorted({window.source.name for window in windows})
+    machines = {window.source.machine for window in windows}
     context = {
         "title": "History of the comparison",
         "subtitle": f"{len(windows)} entries from {begin} to {end}",
         "figures": figures,
-        "summary": summarise(windows),
-        "baselines": [baseline_document(one) for one in baselines],
+        "summary": found.summary,
+        "baselines": [one for one in found.baselines if one.machine in machines],
         "provenance": {
-            "history": str(path),
-            "sources": ", ".join(names),
+            "history": found.path,
+            "sources": ", ".join(sorted({window.source.name for window in windows})),
             "versions": ", ".join(f"{name} {number}" for name, number in package_versions().items()),
         },
     }
     return render_page("history.html", context)
 
 
-def history_picture(windows: Sequence[Window], baselines: Sequence[Baseline]) -> bytes:
+def history_picture(found: HistorySummary, windows: Sequence[StoredEntry]) -> bytes:
     """Draw all trends, one below the other, as PNG."""
-    pictures = [_pixels(figure) for _, figure, _ in _figures(windows, baselines)]
     buffer = io.BytesIO()
-    imsave(buffer, np.concatenate(pictures), format="png")
+    imsave(buffer, np.concatenate([_pixels(figure) for _, figure, _ in _figures(found, windows)]), format="png")
     return buffer.getvalue()
 
 
-def _figures(windows: Sequence[Window], baselines: Sequence[Baseline]) -> Iterator[tuple[str, Figure, Baseline | None]]:
+def _figures(
+    found: HistorySummary, windows: Sequence[StoredEntry]
+) -> Iterator[tuple[str, Figure, BaselineSummary | None]]:
     """Name, figure and baseline of every trend."""
-    newest = {one.machine: one for one in baselines}
+    newest = {one.machine: one for one in found.baselines}
     for name, members in by_trend(windows).items():
         baseline = newest.get(members[0].source.machine)
         yield name, trends(name, members, baseline), baseline

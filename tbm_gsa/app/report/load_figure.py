@@ -4,29 +4,25 @@ from __future__ import annotations
 
 from typing import Final
 
-import numpy as np
-import scipy.signal
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from tbm_gsa.paper import TABLE_1, LoadRow
-from tbm_gsa.paper.load_summary import RATE_HZ, LoadRun
+from tbm_gsa.paper.load_summary import HIGHEST_HZ, RATE_HZ, RESOLUTION_HZ, LoadRun, line_amplitudes
+from tbm_gsa.paper.published import TABLE_1, LoadRow
 from tbm_msgs_py.base.arrays import Array
 
 SHOWN_S: Final = 10.0
-HIGHEST_HZ: Final = 220.0
-RESOLUTION_HZ: Final = 0.25
 CURVE, REGION, LINE = "#0072B2", "#F0E442", "#D55E00"
 
 
 def load_figure(run: LoadRun) -> Figure:
     """Draw the first seconds and the spectrum of each component, Table 1's regions shaded and its lines marked."""
     figure = Figure(figsize=(14.0, 13.0), layout="constrained")
-    document = run.document
-    figure.suptitle(f"{document['machine']}: cutterhead loads, {document['loads']} level, seed {document['seed']}")
+    summary = run.summary
+    figure.suptitle(f"{summary.machine}: cutterhead loads, {summary.loads} level, seed {summary.seed}")
     rows = figure.subplots(len(TABLE_1), 2, gridspec_kw={"width_ratios": (1.0, 1.2)})
-    for column, ((name, paper), (left, right)) in enumerate(zip(TABLE_1.items(), rows, strict=True)):
-        unit = "kN" if name.startswith("f") else "kN·m"
+    for column, (paper, (left, right)) in enumerate(zip(TABLE_1.values(), rows, strict=True)):
+        unit = paper.unit
         _over_time(left, run.time, run.values[:, column] / 1e3)
         left.set_title(f"{paper.name}, {unit}", loc="left", fontsize=10)
         _over_frequency(right, run.values[:, column] / 1e3, paper)
@@ -44,18 +40,15 @@ def _over_time(panel: Axes, time: Array, values: Array) -> None:
 
 
 def _over_frequency(panel: Axes, values: Array, paper: LoadRow) -> None:
-    frequency, power = scipy.signal.welch(
-        values, RATE_HZ, "hann", round(RATE_HZ / RESOLUTION_HZ), detrend="constant", scaling="spectrum"
-    )
+    frequency, amplitude = line_amplitudes(values, RATE_HZ)
     for low, high in paper.regions:
         panel.axvspan(low, high, color=REGION, alpha=0.35, linewidth=0.0)
     for line in paper.lines:
         panel.axvline(line, color=LINE, linewidth=0.7, linestyle=":")
-    shown = frequency <= HIGHEST_HZ
     # Plain numbers: a picture that shows names of others draws no mathematics.
-    panel.semilogy(frequency[shown], np.sqrt(2.0 * power[shown]), color=CURVE, linewidth=0.7)
+    panel.semilogy(frequency, amplitude, color=CURVE, linewidth=0.7)
     panel.yaxis.set_major_formatter("{x:g}")
     panel.set_xlim(0.0, HIGHEST_HZ)
-    top = float(np.sqrt(2.0 * power[shown].max()))
+    top = float(amplitude.max())
     if top > 0.0:
         panel.set_ylim(1e-4 * top, 2.0 * top)

@@ -36,7 +36,7 @@ def check_path(path: Path) -> None:
 def write_picture(draw: Callable[[], Figure], path: Path) -> None:
     """Draw a figure into a .png or .svg file; equal figures give equal files."""
     check_path(path)
-    # Names of others are no mathematics, which a text is told when it is made.
+    # Names of others are no mathematics; a text reads this setting when it is made.
     with rc_context({"text.parse_math": False}), warnings.catch_warnings():
         warnings.filterwarnings("ignore", "Glyph .* missing from font")  # it draws a box
         content = drawn(draw(), path.suffix)

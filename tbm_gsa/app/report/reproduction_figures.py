@@ -7,9 +7,9 @@ from matplotlib.figure import Figure
 
 from tbm_gsa.app.report.compare_figures import MODEL, tidy
 from tbm_gsa.app.report.gsa_figures import PALETTE, make_panels
+from tbm_gsa.paper.published import TRENDS
 from tbm_gsa.paper.reproduction.model import MeshCurves
 from tbm_gsa.paper.reproduction.response import Excerpt
-from tbm_gsa.paper.sensitivity import TRENDS
 from tbm_gsa.sensitivity.study.curves import Curve
 from tbm_gsa.sensitivity.study.inputs import InputSet
 

@@ -1,8 +1,9 @@
 """The HTML page of a reproduction: table by table, figure by figure, ours beside the paper's."""
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Final
+from typing import Final
 
 from matplotlib.figure import Figure
 
@@ -11,10 +12,10 @@ from tbm_gsa.app.report.load_figure import load_figure
 from tbm_gsa.app.report.machine_drawing import draw_machine
 from tbm_gsa.app.report.page import embed_figure, render_page
 from tbm_gsa.app.report.reproduction_figures import line_figure, mesh_figure, trend_figure
-from tbm_gsa.paper.reproduction.row import SOURCES, Row, Value
+from tbm_gsa.paper.published import ACCELERATION_LINE_HZ
+from tbm_gsa.paper.reproduction.result import SOURCES, ReproductionResult, Row, Value
 from tbm_gsa.paper.reproduction.verdict import VERDICTS
 from tbm_gsa.paper.reproduction.workflow import Reproduction
-from tbm_gsa.paper.vibration import ACCELERATION_LINE_HZ
 from tbm_gsa.sensitivity.study.inputs import PAPER_INPUTS
 from tbm_msgs_py.base.files import write_whole
 
@@ -42,29 +43,43 @@ TITLES: Final = {
 }
 
 
-def reproduction_page(result: Reproduction) -> str:
+@dataclass(frozen=True)
+class Section:
+    """A table or figure of the paper: rows with the other reading's beside them, images with their captions."""
+
+    source: str
+    title: str
+    rows: list[tuple[Row, Row | None]]
+    pictures: list[tuple[str, str]]
+
+    @property
+    def both(self) -> bool:
+        """Whether the reading of the dampings plays a part."""
+        return any(other for _, other in self.rows)
+
+
+def reproduction_page(found: Reproduction) -> str:
     """Render a reproduction as a page that holds its figures and style."""
-    document = result.document
+    result = found.result
     context = {
         "title": "The paper, reproduced",
-        "subtitle": f"machine {document['machine']}, seed {document['seed']}; Surrogate-Based Multisource Sensitivity "
+        "subtitle": f"machine {result.machine}, seed {result.seed}; Surrogate-Based Multisource Sensitivity "
         "Analysis of TBM Driving System (2018)",
-        "document": document,
+        "result": result,
         "verdicts": VERDICTS,
         "own": result.readings[0],
         "other": result.readings[1],
-        "sections": list(_sections(result)),
-        "differing": [row for row in _own(result.rows, result) if row.verdict == "differs"],
+        "sections": list(_sections(found)),
         "text": value_text,
         "anchor": anchor,
-        "provenance": _provenance(document),
+        "provenance": _provenance(result),
     }
     return render_page("reproduction.html", context)
 
 
-def write_page(result: Reproduction, path: Path) -> None:
+def write_page(found: Reproduction, path: Path) -> None:
     """Write the page so that a reader sees the old file or the new one, never half of it."""
-    write_whole(path, reproduction_page(result).encode())
+    write_whole(path, reproduction_page(found).encode())
 
 
 def value_text(value: Value) -> str:
@@ -81,45 +96,35 @@ def anchor(source: str) -> str:
     return source.lower().replace(" ", "")
 
 
-def _own(rows: Sequence[Row], result: Reproduction) -> list[Row]:
-    return [row for row in rows if row.reading in (None, result.readings[0].name)]
-
-
-def _sections(result: Reproduction) -> Iterator[dict[str, Any]]:
-    """Rows of each table and figure with the other reading's beside them, and its picture."""
-    other = {row.id.partition("@")[0]: row for row in result.rows if row.reading == result.readings[1].name}
-    pictures = _pictures(result)
+def _sections(found: Reproduction) -> Iterator[Section]:
+    result = found.result
+    other = {row.id.partition("@")[0]: row for row in result.rows_of(result.readings[1].name)}
+    pictures = _pictures(found)
     for source in SOURCES:
-        rows = [row for row in _own(result.rows, result) if row.source == source]
-        yield {
-            "source": source,
-            "title": TITLES[source],
-            "rows": [(row, other.get(row.id)) for row in rows],
-            "both": any(row.id in other for row in rows),
-            "pictures": pictures.get(source, []),
-        }
+        rows = [(row, other.get(row.id)) for row in result.own_rows if row.source == source]
+        yield Section(source, TITLES[source], rows, pictures.get(source, []))
 
 
-def _pictures(result: Reproduction) -> dict[str, list[tuple[str, str]]]:
+def _pictures(found: Reproduction) -> dict[str, list[tuple[str, str]]]:
     """Image elements with their captions by figure of the paper."""
-    found: dict[str, list[tuple[str, str]]] = {}
-    for source, figure, caption in (*_machine(result), *_response(result), *_studies(result)):
-        found.setdefault(source, []).append((embed_figure(figure, f"{source}: {TITLES[source]}"), caption))
-    return found
+    pictures: dict[str, list[tuple[str, str]]] = {}
+    for source, figure, caption in (*_machine(found), *_response(found), *_studies(found)):
+        pictures.setdefault(source, []).append((embed_figure(figure, f"{source}: {TITLES[source]}"), caption))
+    return pictures
 
 
-def _machine(result: Reproduction) -> Iterator[tuple[str, Figure, str]]:
-    machine = result.readings[0].machine
+def _machine(found: Reproduction) -> Iterator[tuple[str, Figure, str]]:
+    machine = found.readings[0].machine
     yield "Figure 2", draw_machine(machine), "Nodes, shafts and connections; test points in yellow."
-    yield "Figure 3", mesh_figure(result.mesh), "The first three pinions: each has the mesh phase of its place."
+    yield "Figure 3", mesh_figure(found.mesh), "The first three pinions: each has the mesh phase of its place."
     caption = "First ten seconds and spectrum of each component, Table 1's regions shaded and its lines dotted"
-    yield "Figure 4", load_figure(result.loads.spectral), f"{caption}: spectral level."
-    if result.loads.cutter is not None:
-        yield "Figure 4", load_figure(result.loads.cutter), f"{caption}: forces on the cutters."
+    yield "Figure 4", load_figure(found.loads.spectral), f"{caption}: spectral level."
+    if found.loads.cutter is not None:
+        yield "Figure 4", load_figure(found.loads.cutter), f"{caption}: forces on the cutters."
 
 
-def _response(result: Reproduction) -> Iterator[tuple[str, Figure, str]]:
-    for evidence in result.responses:
+def _response(found: Reproduction) -> Iterator[tuple[str, Figure, str]]:
+    for evidence in found.responses:
         lines = line_figure(
             evidence.acceleration,
             evidence.mesh_force,
@@ -127,7 +132,7 @@ def _response(result: Reproduction) -> Iterator[tuple[str, Figure, str]]:
             list(evidence.mesh_lines_hz),
         )
         yield "Figure 5", lines, f"Dampings: {evidence.reading.title}."
-    compared = result.responses[0].comparison
+    compared = found.responses[0].comparison
     excerpt = compared.excerpts.get("cutterhead", next(iter(compared.excerpts.values())))
     yield (
         "Figure 7",
@@ -138,11 +143,11 @@ def _response(result: Reproduction) -> Iterator[tuple[str, Figure, str]]:
     yield "Figure 7", flow, "RMS at the test points in each direction, with 95 % intervals."
 
 
-def _studies(result: Reproduction) -> Iterator[tuple[str, Figure, str]]:
-    for evidence in result.sensitivities:
-        analyses, by = evidence.study.outputs, f"Dampings: {evidence.reading.title}."
+def _studies(found: Reproduction) -> Iterator[tuple[str, Figure, str]]:
+    for study in found.studies:
+        analyses, by = study.outputs, f"Dampings: {study.reading.title}."
         every = list(analyses.values())
-        if evidence.reading.own:
+        if study.reading.own:
             yield "Figure 8", gsa_figures.design_points(every, PAPER_INPUTS), "Over the strongest input of each output."
             yield (
                 "Figure 9",
@@ -154,23 +159,22 @@ def _studies(result: Reproduction) -> Iterator[tuple[str, Figure, str]]:
             chosen = [analysis for name, analysis in analyses.items() if name.startswith(start)]
             yield figure, gsa_figures.index_bars(chosen, PAPER_INPUTS), f"First and total indices. {by}"
         for figure, names in (("Figure 12", ("RDef_A", "PAcc_L")), ("Figure 15", ("MF_M", "MF_Se"))):
-            drawn = trend_figure(evidence.curves, names, PAPER_INPUTS)
+            drawn = trend_figure(study.curves, names, PAPER_INPUTS)
             yield figure, drawn, f"Mean of the chosen surrogate over the design, SI units. {by}"
 
 
-def _provenance(document: Mapping[str, Any]) -> dict[str, object]:
+def _provenance(result: ReproductionResult) -> dict[str, object]:
     """Where the numbers come from, as rows of a table."""
-    sizes, recording = document["sizes"], document["recording"]
-    synthetic = " (synthetic)" if recording["synthetic"] else ""
+    sizes, recording = result.sizes, result.recording
     return {
-        "machine": f"{document['machine']} ({document['machine_file']['origin']})",
-        "SHA-256 of the machine": document["machine_file"]["sha256"],
-        "recording": f"{recording['path']}{synthetic}",
-        "SHA-256 of the recording": recording["sha256"],
-        "campaigns": f"{sizes['train']} + {sizes['test']} simulations of {sizes['simulation_s']:g} s, "
-        f"{sizes['other_train']} + {sizes['test']} under the other reading",
-        "runs": f"{sizes['run_s']:g} s; {sizes['model_s']:g} s beside the recording; loads {sizes['loads_s']:g} s",
-        "seed": document["seed"],
-        "time": ", ".join(f"{name} {value:.1f} s" for name, value in document["seconds"].items()),
-        "versions": ", ".join(f"{name} {number}" for name, number in document["versions"].items()),
+        "machine": f"{result.machine} ({result.machine_file.origin})",
+        "SHA-256 of the machine": result.machine_file.sha256,
+        "recording": f"{recording.path}{' (synthetic)' if recording.synthetic else ''}",
+        "SHA-256 of the recording": recording.sha256,
+        "campaigns": f"{sizes.train} + {sizes.test} simulations of {sizes.simulation_s:g} s, "
+        f"{sizes.other_train} + {sizes.test} under the other reading",
+        "runs": f"{sizes.run_s:g} s; {sizes.model_s:g} s beside the recording; loads {sizes.loads_s:g} s",
+        "seed": result.seed,
+        "time": ", ".join(f"{name} {value:.1f} s" for name, value in result.seconds.items()),
+        "versions": ", ".join(f"{name} {number}" for name, number in result.versions.items()),
     }

@@ -9,9 +9,9 @@ import argparse
 import json
 import sys
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
 
@@ -19,17 +19,17 @@ from tbm_dynamics import Machine, Response, load_machine, simulate
 from tbm_dynamics.indicators import INDICATORS
 from tbm_dynamics.machine.description import DampingReading, MachineDescription
 from tbm_dynamics.structure.drive import gear_pair
+from tbm_gsa.paper.published import MAIN, TRENDS
 from tbm_gsa.paper.reproduction.readings import RATIO_HZ
 from tbm_gsa.paper.reproduction.sensitivity import spearman
 from tbm_gsa.paper.reproduction.verdict import MAIN_COUNT
-from tbm_gsa.paper.sensitivity import MAIN, TRENDS
 from tbm_gsa.sensitivity.sobol.closed_form import sobol_closed_form
 from tbm_gsa.sensitivity.study.campaign import run_campaign
 from tbm_gsa.sensitivity.study.curves import response_curve
 from tbm_gsa.sensitivity.study.inputs import PAPER_INPUTS
 from tbm_gsa.sensitivity.study.problem import Problem, Setting
 from tbm_gsa.sensitivity.study.store import Store
-from tbm_gsa.sensitivity.surrogates import fit_surrogate
+from tbm_gsa.sensitivity.surrogates import Surrogate, fit_surrogate
 
 Change = Callable[[MachineDescription], MachineDescription]
 
@@ -131,15 +131,29 @@ ALTERNATIVES: Final[dict[str, Change]] = {
 }
 
 
-def try_alternative(name: str, folder: Path, seed: int = 0, workers: int = 2) -> dict[str, Any]:
-    """Run the campaign of an alternative and find shares and trends.
+@dataclass(frozen=True)
+class OutputShares:
+    """Shares and trends of one output under an alternative.
 
-    Returns
-    -------
-    dict
-        By output: ``r2``, ``strongest{code: first index}``, ``paper{code: first index}`` and ``trends{code: ρ}`` of the
-        parameters that the paper names.
+    Attributes
+    ----------
+    r2 : float
+        Of ten-fold cross validation.
+    strongest, paper : dict of str to float
+        First index by input, of the strongest and of those that the paper names.
+    trends, change : dict of str to float
+        Spearman's ρ and relative change over the range, by input that the paper shows.
     """
+
+    r2: float
+    strongest: dict[str, float]
+    paper: dict[str, float]
+    trends: dict[str, float]
+    change: dict[str, float]
+
+
+def try_alternative(name: str, folder: Path, seed: int = 0, workers: int = 2) -> dict[str, OutputShares]:
+    """Run the campaign of an alternative; its shares and trends by output."""
     description = ALTERNATIVES[name](load_machine("dz101").description)
     evaluate = WiderEvaluation(description.model_dump_json(), seed)
     settings: dict[str, Setting] = {"alternative": name, "duration": SIMULATION_S, "load_seed": seed}
@@ -150,25 +164,25 @@ def try_alternative(name: str, folder: Path, seed: int = 0, workers: int = 2) ->
     unit = PAPER_INPUTS.to_unit(X)
     bounds = np.tile([0.0, 1.0], (len(PAPER_INPUTS), 1))
     return {
-        output: _found(output, fit_surrogate("krg", unit, Y[:, column], bounds=bounds, seed=seed))
+        output: _shares(output, fit_surrogate("krg", unit, Y[:, column], bounds=bounds, seed=seed))
         for column, output in enumerate(OUTPUTS)
     }
 
 
-def _found(output: str, model: Any) -> dict[str, Any]:
+def _shares(output: str, model: Surrogate) -> OutputShares:
     name = output.partition(" ")[0]
     first = dict(zip(PAPER_INPUTS.codes, sobol_closed_form(model).first.tolist(), strict=True))
     ranked = sorted(first, key=lambda code: -first[code])[:MAIN_COUNT]
     curves = {
         code: response_curve(model, PAPER_INPUTS, PAPER_INPUTS.codes.index(code)) for code in TRENDS.get(name, {})
     }
-    return {
-        "r2": model.cross_validate(10).r2,
-        "strongest": {code: first[code] for code in ranked},
-        "paper": {code: first[code] for code in MAIN.get(name, ())},
-        "trends": {code: spearman(curve) for code, curve in curves.items()},
-        "change": {code: float(curve.response[-1] / curve.response[0] - 1.0) for code, curve in curves.items()},
-    }
+    return OutputShares(
+        r2=model.cross_validate(10).r2,
+        strongest={code: first[code] for code in ranked},
+        paper={code: first[code] for code in MAIN.get(name, ())},
+        trends={code: spearman(curve) for code, curve in curves.items()},
+        change={code: float(curve.response[-1] / curve.response[0] - 1.0) for code, curve in curves.items()},
+    )
 
 
 def main() -> None:
@@ -177,7 +191,7 @@ def main() -> None:
     parser.add_argument("--out", type=Path, required=True, help="folder of the campaigns; those there are kept")
     folder = parser.parse_args().out
     found = {name: try_alternative(name, folder) for name in ALTERNATIVES}
-    json.dump(found, sys.stdout, indent=1, ensure_ascii=False)
+    json.dump(found, sys.stdout, default=asdict, indent=1, ensure_ascii=False)
 
 
 if __name__ == "__main__":

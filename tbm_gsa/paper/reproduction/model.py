@@ -10,10 +10,9 @@ from tbm_dynamics import Machine
 from tbm_dynamics.machine.description import MachineDescription
 from tbm_dynamics.machine.inputs import input_values
 from tbm_dynamics.structure.drive import gear_pair
+from tbm_gsa.paper.published import MARKED_NODES, MEASURED_POINTS, SUBSYSTEMS, TABLE_5, Six
 from tbm_gsa.paper.reproduction import verdict
-from tbm_gsa.paper.reproduction.row import Row
-from tbm_gsa.paper.stiffness import TABLE_5, Six
-from tbm_gsa.paper.vibration import MARKED_NODES, MEASURED_POINTS, SUBSYSTEMS
+from tbm_gsa.paper.reproduction.result import Row
 from tbm_gsa.sensitivity.study.inputs import PAPER_INPUTS, Input
 from tbm_msgs_py.base.arrays import Array
 from tbm_msgs_py.topics import absolute, model_block
@@ -67,51 +66,33 @@ def model_rows(machine: Machine, curves: MeshCurves) -> Iterator[Row]:
 
 def _structure(description: MachineDescription) -> Iterator[Row]:
     parts = ", ".join(SUBSYSTEMS)
-    yield Row("figure2.subsystems", "Figure 2", "subsystems", parts, parts, "given", "the form of every machine file")
+    yield Row("figure2.subsystems", "subsystems", parts, parts, "given", "the form of every machine file")
     drive, points = description.driveshaft, description.test_points
     ours = {**points, "ring gear": drive.ring_node, "first pinion": drive.pinion_nodes_from + 1}
     for name, node in MARKED_NODES.items():
         found = ours.get(name)
         same = verdict.echoed(found == node)
-        yield Row(f"figure2.node.{name.replace(' ', '_')}", "Figure 2", f"node of the {name}", node, found, same)
+        yield Row(f"figure2.node.{name.replace(' ', '_')}", f"node of the {name}", node, found, same)
 
 
 def _mesh(machine: Machine, curves: MeshCurves) -> Iterator[Row]:
     mean, swing = curves.stiffness.mean(), np.ptp(curves.stiffness, axis=0).max()
     ratio = gear_pair(machine.description.driveshaft).contact_ratio
-    yield Row(
-        "figure3.stiffness",
-        "Figure 3",
-        "mesh stiffness over time",
-        "varies with the mesh, one phase a pinion",
-        f"{mean:.3g} N/m ± {swing / 2.0:.2g}, contact ratio {ratio:.3f}",
-        "no number",
-        "Ishikawa; the mean is Table 4's, tooth numbers and module are assumed",
-    )
-    yield Row(
-        "figure3.error",
-        "Figure 3",
-        "mesh error over time",
-        "tangential composite tolerance",
-        f"up to {1e6 * np.abs(curves.error).max():.0f} µm",
-        "no number",
-        "ISO 1328-1, accuracy grade assumed",
-    )
+    ours = f"{mean:.3g} N/m ± {swing / 2.0:.2g}, contact ratio {ratio:.3f}"
+    note = "Ishikawa; the mean is Table 4's, tooth numbers and module are assumed"
+    paper = "varies with the mesh, one phase a pinion"
+    yield Row("figure3.stiffness", "mesh stiffness over time", paper, ours, "no number", note)
+    ours, note = f"up to {1e6 * np.abs(curves.error).max():.0f} µm", "ISO 1328-1, accuracy grade assumed"
+    paper = "tangential composite tolerance"
+    yield Row("figure3.error", "mesh error over time", paper, ours, "no number", note)
 
 
 def _points(description: MachineDescription) -> Iterator[Row]:
     for point in MEASURED_POINTS:
         node = description.test_points.get(point)
-        topic = f"node {node}, {absolute(model_block(point))}"
-        same = node is not None
-        yield Row(
-            f"figure6.{point}",
-            "Figure 6",
-            f"measuring point {point}",
-            "wireless accelerometer",
-            topic if same else "no such test point",
-            verdict.echoed(same),
-        )
+        ours = "no such test point" if node is None else f"node {node}, {absolute(model_block(point))}"
+        what, paper = f"measuring point {point}", "wireless accelerometer"
+        yield Row(f"figure6.{point}", what, paper, ours, verdict.echoed(node is not None))
 
 
 def _inputs(description: MachineDescription) -> Iterator[Row]:
@@ -119,16 +100,8 @@ def _inputs(description: MachineDescription) -> Iterator[Row]:
     values = input_values(description)
     for item in PAPER_INPUTS.inputs:
         ours = values.get(item.code)
-        yield Row(
-            f"table4.{item.code}",
-            "Table 4",
-            f"{item.name} {item.symbol}, initial value",
-            item.initial,
-            ours,
-            "given",
-            _note(item, ours),
-            item.unit,
-        )
+        what = f"{item.name} {item.symbol}, initial value"
+        yield Row(f"table4.{item.code}", what, item.initial, ours, "given", _note(item, ours), item.unit)
 
 
 def _note(item: Input, ours: float | None) -> str:
@@ -149,7 +122,7 @@ def _stiffness(name: str, paper: Six, description: MachineDescription) -> Row:
     # Another machine's stiffnesses are its own: an input all the same.
     note = "" if same else "this machine's own"
     what = f"stiffness {name}, x y z (N/m) and about them (N·m/rad)"
-    return Row(f"table5.{name}", "Table 5", what, _six(paper), ours, "given", note)
+    return Row(f"table5.{name}", what, _six(paper), ours, "given", note)
 
 
 def _six(values: Six) -> str:

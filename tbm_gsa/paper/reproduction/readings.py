@@ -1,10 +1,13 @@
-"""The two readings of Table 4's damping ratios, each a machine; what else differs between them is nothing."""
+"""The two readings of Table 4's damping ratios, each a machine; nothing else differs between them."""
 
 from dataclasses import dataclass, replace
 
 from tbm_dynamics import Machine
 from tbm_dynamics.machine.description import DampingReading
 from tbm_dynamics.machine.summary import count_sources
+from tbm_gsa.paper.reproduction import verdict
+from tbm_gsa.paper.reproduction.result import Row, Value
+from tbm_gsa.paper.reproduction.verdict import Verdict
 
 RATIO_HZ = 100.0
 """Where a ratio is meant to hold: the paper says nothing; its lines and natural frequencies lie around here."""
@@ -37,9 +40,15 @@ class Reading:
     own: bool
     fitted: bool
 
-    def id(self, stem: str) -> str:
-        """Id of a row under this reading."""
-        return stem if self.own else f"{stem}@{self.name}"
+    def row(
+        self, stem: str, what: str, paper: Value, ours: Value, judged: Verdict, note: str = "", unit: str = ""
+    ) -> Row:
+        """Row under this reading."""
+        return Row(stem if self.own else f"{stem}@{self.name}", what, paper, ours, judged, note, unit, self.name)
+
+    def unless_fitted(self, judged: Verdict) -> Verdict:
+        """Verdict of a number that the machine was fitted to under its own reading: no finding there."""
+        return verdict.fitted(judged, self.fitted)
 
 
 def readings(machine: Machine) -> tuple[Reading, Reading]:
@@ -47,15 +56,10 @@ def readings(machine: Machine) -> tuple[Reading, Reading]:
     chosen = machine.description.damping
     calibrated = count_sources(machine.description).get("calibrated", 0) > 0
     changed = machine.base.model_copy(update={"damping": _OTHER[chosen.reading]})
+    other = replace(machine, base=changed, inputs=machine.inputs)
     return (
         Reading(chosen.reading, _title(chosen), machine, own=True, fitted=calibrated),
-        Reading(
-            changed.damping.reading,
-            _title(changed.damping),
-            replace(machine, base=changed, inputs=machine.inputs),
-            own=False,
-            fitted=False,
-        ),
+        Reading(changed.damping.reading, _title(changed.damping), other, own=False, fitted=False),
     )
 
 

@@ -13,19 +13,15 @@ from tbm_dynamics.calibration.targets import AXIAL_BAND_HZ
 from tbm_dynamics.structure.system import System
 from tbm_gsa.comparison.expected import expected_lines
 from tbm_gsa.comparison.workflow import RecordingComparison, compare_recording
-from tbm_gsa.paper.load_summary import found_line
+from tbm_gsa.paper.load_summary import found_line, line_amplitudes
+from tbm_gsa.paper.published import ACCELERATION_LINE_HZ, MESH_LINES_HZ
 from tbm_gsa.paper.reproduction.readings import Reading
-from tbm_gsa.paper.vibration import ACCELERATION_LINE_HZ, MESH_LINES_HZ
 from tbm_msgs_py.base.arrays import Array
 from tbm_msgs_py.base.units import STANDARD_GRAVITY
 
-RUN_S: Final = 40.0
-MODEL_S: Final = 60.0
 MULTIPLES: Final = 3
 """The mesh frequency and its multiples that are looked for."""
 _SHOWN_S: Final = 1.0
-_HIGHEST_HZ: Final = 220.0
-_RESOLUTION_HZ: Final = 0.25
 _RESONANCE_STEP_HZ: Final = 0.1
 
 
@@ -114,7 +110,10 @@ def gather_response(reading: Reading, bag: Path, seed: int, seconds: float, mode
     return ResponseEvidence(
         reading=reading,
         seconds=seconds,
-        rms_g={name: _rms(response.acceleration(node)[:, :3] / STANDARD_GRAVITY) for name, node in points.items()},
+        rms_g={
+            name: tuple((response.acceleration(node)[:, :3] / STANDARD_GRAVITY).std(axis=0).tolist())
+            for name, node in points.items()
+        },
         peak_g=float(np.abs(head).max()),
         acceleration=_excerpt(response.time, head),
         mesh_force=_excerpt(response.time, force),
@@ -127,28 +126,16 @@ def gather_response(reading: Reading, bag: Path, seed: int, seconds: float, mode
     )
 
 
-def _rms(values: Array) -> tuple[float, ...]:
-    """RMS of columns (n, c) without their means."""
-    return tuple(values.std(axis=0).tolist())
-
-
-def _spectrum(values: Array, rate_hz: float) -> tuple[Array, Array]:
-    frequency, power = scipy.signal.periodogram(values, rate_hz, "hann", detrend="constant", scaling="spectrum")
-    return frequency, power
-
-
 def _found(response: Response, values: Array, wanted: list[float]) -> dict[float, float | None]:
     """Lines that stand out of a signal (n,), by where they were looked for (Hz)."""
-    frequency, power = _spectrum(values, 1.0 / response.time[1])
+    rate = 1.0 / response.time[1]
+    frequency, power = scipy.signal.periodogram(values, rate, "hann", detrend="constant", scaling="spectrum")
     return {line: found_line(frequency, power, line) for line in wanted}
 
 
 def _excerpt(time: Array, values: Array) -> Excerpt:
-    rate = 1.0 / time[1]
-    size = min(len(values), round(rate / _RESOLUTION_HZ))
-    frequency, power = scipy.signal.welch(values, rate, "hann", size, detrend="constant", scaling="spectrum")
-    shown, inside = time < _SHOWN_S, frequency <= _HIGHEST_HZ
-    return Excerpt(time[shown], values[shown], frequency[inside], np.sqrt(2.0 * power[inside]))
+    shown = time < _SHOWN_S
+    return Excerpt(time[shown], values[shown], *line_amplitudes(values, 1.0 / time[1]))
 
 
 def _resonance(system: System, point: int, load_node: int) -> float | None:

@@ -6,17 +6,12 @@ from typing import Final
 from tbm_dynamics.calibration.targets import AXIAL_BAND_HZ, POWER_FLOW
 from tbm_dynamics.indicators import UNITS
 from tbm_gsa.comparison.results import AxialRow
+from tbm_gsa.paper.published import ACCELERATION_LINE_HZ, CUTTERHEAD_PEAK_G, MESH_LINES_HZ, TABLE_2, PointRow
 from tbm_gsa.paper.reproduction import verdict
+from tbm_gsa.paper.reproduction.readings import Reading
 from tbm_gsa.paper.reproduction.response import MULTIPLES, ResponseEvidence
-from tbm_gsa.paper.reproduction.row import Row, Value
+from tbm_gsa.paper.reproduction.result import Row
 from tbm_gsa.paper.reproduction.verdict import Verdict
-from tbm_gsa.paper.vibration import (
-    ACCELERATION_LINE_HZ,
-    CUTTERHEAD_PEAK_G,
-    MESH_LINES_HZ,
-    TABLE_2,
-    PointRow,
-)
 
 _MEANINGS: Final = {
     "RDef": "RMS displacement of the ring gear's mesh node",
@@ -27,155 +22,107 @@ _NO_POINT: Final = "the recording or the machine has no such test point"
 
 
 def response_rows(evidence: ResponseEvidence) -> Iterator[Row]:
-    """Rows of a reading; what the recording holds and definitions come once, with the machine's own reading."""
-    rows = _Rows(evidence)
-    yield from rows.table_2()
+    """Rows of a reading; what the recording holds and definitions come once, with the machine's own reading.
+
+    What was fitted under the reading is no finding.
+    """
+    compared = {row.point: row for row in evidence.comparison.result.axial_rows}
+    synthetic = evidence.comparison.result.synthetic
+    for point, paper in TABLE_2.items():
+        yield from _point(evidence.reading, point, paper, compared.get(point), synthetic)
     if evidence.reading.own:
-        yield from rows.table_3()
-    yield from rows.figure_5()
-    yield from rows.figure_7()
+        yield from _outputs(evidence)
+    yield from _axial_mode(evidence)
+    yield from _lines(evidence)
+    yield from _levels(evidence)
 
 
-class _Rows:
-    """Rows under one reading: what was fitted there is no finding."""
+def _fit_note(reading: Reading, judged: Verdict) -> str:
+    if not reading.fitted:
+        return "not fitted under this reading"
+    return "fitted" if judged == "calibrated" else "fitted, and missed"
 
-    def __init__(self, evidence: ResponseEvidence) -> None:
-        self._found = evidence
-        self._reading = evidence.reading
 
-    def _row(
-        self,
-        stem: str,
-        source: str,
-        what: str,
-        paper: Value,
-        ours: Value,
-        judged: Verdict,
-        note: str = "",
-        unit: str = "",
-    ) -> Row:
-        identity = self._reading.id(stem)
-        return Row(identity, source, what, paper, ours, judged, note, unit, self._reading.name)
-
-    def _fitted(self, judged: Verdict) -> Verdict:
-        return verdict.fitted(judged, self._reading.fitted)
-
-    def table_2(self) -> Iterator[Row]:
-        """Predicted and measured RMS, and the relative error."""
-        compared = {row.point: row for row in self._found.comparison.result.axial_rows}
-        for point, paper in TABLE_2.items():
-            yield from self._point(point, paper, compared.get(point))
-
-    def _point(self, point: str, paper: PointRow, ours: AxialRow | None) -> Iterator[Row]:
-        stem, predicted = f"table2.{point}", None if ours is None else ours.predicted_g
-        judged = "differs" if predicted is None else self._fitted(verdict.level(paper.predicted_g, predicted))
-        yield self._row(
-            f"{stem}.predicted",
-            "Table 2",
-            f"axial acceleration RMS at the {point}, predicted",
-            paper.predicted_g,
-            predicted,
-            judged,
-            _NO_POINT if ours is None else self._fit_note(judged),
-            "g",
-        )
-        if self._reading.own:
-            yield self._measured(stem, point, paper, ours)
-        error = None if ours is None else ours.relative_error
-        yield self._row(
-            f"{stem}.error",
-            "Table 2",
-            f"relative error at the {point}, equation (4)",
-            paper.relative_error,
-            error,
-            "differs" if error is None else self._fitted(verdict.share(paper.relative_error, error)),
-            _NO_POINT if error is None else "of the predicted value above and a given measured one",
-        )
-
-    def _measured(self, stem: str, point: str, paper: PointRow, ours: AxialRow | None) -> Row:
-        synthetic = self._found.comparison.result.synthetic
-        measured = None if ours is None else ours.measured_g
-        judged: Verdict = "given"
+def _point(reading: Reading, point: str, paper: PointRow, ours: AxialRow | None, synthetic: bool) -> Iterator[Row]:
+    """Table 2: predicted and measured RMS, and the relative error."""
+    what, wanted = f"axial acceleration RMS at the {point}", paper.predicted_g
+    predicted, measured, error = (
+        (ours.predicted_g, ours.measured_g, ours.relative_error) if ours else (None, None, None)
+    )
+    judged = "differs" if predicted is None else reading.unless_fitted(verdict.level(wanted, predicted))
+    note = _NO_POINT if ours is None else _fit_note(reading, judged)
+    yield reading.row(f"table2.{point}.predicted", f"{what}, predicted", wanted, predicted, judged, note, "g")
+    if reading.own:
+        judged, wanted = "given", paper.measured_g
         if not synthetic:
-            judged = "differs" if measured is None else verdict.level(paper.measured_g, measured)
+            judged = "differs" if measured is None else verdict.level(wanted, measured)
         note = "the recording is synthetic and scaled to this value" if synthetic else ""
-        what = f"axial acceleration RMS at the {point}, measured"
-        return self._row(f"{stem}.measured", "Table 2", what, paper.measured_g, measured, judged, note, "g")
+        yield reading.row(f"table2.{point}.measured", f"{what}, measured", wanted, measured, judged, note, "g")
+    wanted, what = paper.relative_error, f"relative error at the {point}, equation (4)"
+    judged = "differs" if error is None else reading.unless_fitted(verdict.share(wanted, error))
+    note = _NO_POINT if error is None else "of the predicted value above and a given measured one"
+    yield reading.row(f"table2.{point}.error", what, wanted, error, judged, note)
 
-    def _fit_note(self, judged: Verdict) -> str:
-        if not self._reading.fitted:
-            return "not fitted under this reading"
-        return "fitted" if judged == "calibrated" else "fitted, and missed"
 
-    def table_3(self) -> Iterator[Row]:
-        """Give the outputs at the machine's own operating point: definitions, of which the paper gives no value."""
-        for name, value in self._found.indicators.items():
-            note = "the table says acceleration, the text displacement: displacement" if name.startswith("RDef") else ""
-            what = f"{name}, {_MEANINGS[name.split('_')[0]]}"
-            yield self._row(f"table3.{name}", "Table 3", what, "defined", value, "no number", note, UNITS[name])
+def _outputs(found: ResponseEvidence) -> Iterator[Row]:
+    """Table 3: the outputs at the machine's own operating point, definitions of which the paper gives no value."""
+    for name, value in found.indicators.items():
+        note = "the table says acceleration, the text displacement: displacement" if name.startswith("RDef") else ""
+        what = f"{name}, {_MEANINGS[name.split('_')[0]]}"
+        yield found.reading.row(f"table3.{name}", what, "defined", value, "no number", note, UNITS[name])
 
-    def figure_5(self) -> Iterator[Row]:
-        """Lines of the axial acceleration and of the mesh force."""
-        found, (low, high) = self._found, AXIAL_BAND_HZ
-        inside = [value for value in found.axial_hz if low <= value <= high]
-        nearest = min(found.axial_hz, key=lambda value: abs(value - ACCELERATION_LINE_HZ), default=None)
-        judged = self._fitted(verdict.between(AXIAL_BAND_HZ, nearest))
-        next_to = f"next to {ACCELERATION_LINE_HZ:g} Hz ({low:g}–{high:g})"
-        what = "axial natural frequency, undamped"
-        yield self._row("figure5.axial", "Figure 5", what, next_to, nearest, judged, self._fit_note(judged), "Hz")
-        shows = found.resonance_hz is not None and any(
-            verdict.line(value, found.resonance_hz) == "agrees" for value in inside
-        )
-        yield self._row(
-            "figure5.axial_shows",
-            "Figure 5",
-            "that frequency is a maximum of the cutterhead's answer to F_x, dampings included",
-            "a main frequency of the acceleration",
-            found.resonance_hz if found.resonance_hz is not None else "no maximum there",
-            verdict.statement(shows),
-            "" if shows else "the dampings of this reading leave no peak",
-            "Hz",
-        )
-        line = found.lines_hz[ACCELERATION_LINE_HZ]
-        judged = verdict.line(ACCELERATION_LINE_HZ, line)
-        what = "line of the loads in the cutterhead's axial acceleration"
-        note = "the loads bring it: the frequency is Table 1's"
-        judged = "given" if judged == "agrees" else judged
-        yield self._row("figure5.load_line", "Figure 5", what, ACCELERATION_LINE_HZ, line, judged, note, "Hz")
-        yield from self._mesh_lines()
 
-    def _mesh_lines(self) -> Iterator[Row]:
-        found, frequency = self._found.mesh_lines_hz, self._reading.machine.mesh_frequency
-        for number in range(1, MULTIPLES + 1):
-            wanted = number * frequency
-            name = "f_m" if number == 1 else f"{number} f_m"
-            what = f"line of the mesh force at {name} = {wanted:.2f} Hz"
-            judged = verdict.line(wanted, found[wanted])
-            note = "tooth number assumed: the paper names the line, not its frequency"
-            yield self._row(f"figure5.mesh.{number}", "Figure 5", what, name, found[wanted], judged, note, "Hz")
-        for wanted in MESH_LINES_HZ:
-            judged = self._fitted(verdict.line(wanted, found[wanted]))
-            what = f"line of the loads at {wanted:g} Hz in the mesh force"
-            note = "the torque's amplitude at it was fitted so that it shows" if self._reading.fitted else ""
-            yield self._row(
-                f"figure5.mesh.load_{wanted:g}", "Figure 5", what, wanted, found[wanted], judged, note, "Hz"
-            )
+def _axial_mode(found: ResponseEvidence) -> Iterator[Row]:
+    """Figure 5: the axial natural frequency next to the line of the loads, and whether it shows."""
+    reading, (low, high) = found.reading, AXIAL_BAND_HZ
+    nearest = min(found.axial_hz, key=lambda value: abs(value - ACCELERATION_LINE_HZ), default=None)
+    judged = reading.unless_fitted(verdict.between(AXIAL_BAND_HZ, nearest))
+    paper, what = f"next to {ACCELERATION_LINE_HZ:g} Hz ({low:g}–{high:g})", "axial natural frequency, undamped"
+    yield reading.row("figure5.axial", what, paper, nearest, judged, _fit_note(reading, judged), "Hz")
+    peak, inside = found.resonance_hz, [value for value in found.axial_hz if low <= value <= high]
+    shows = peak is not None and any(verdict.line(value, peak) == "agrees" for value in inside)
+    what = "that frequency is a maximum of the cutterhead's answer to F_x, dampings included"
+    paper, ours = "a main frequency of the acceleration", "no maximum there" if peak is None else peak
+    note = "" if shows else "the dampings of this reading leave no peak"
+    yield reading.row("figure5.axial_shows", what, paper, ours, verdict.statement(shows), note, "Hz")
 
-    def figure_7(self) -> Iterator[Row]:
-        """Range of the acceleration, and its decay along the power flow."""
-        peak = self._found.peak_g
-        judged = self._fitted(verdict.level(CUTTERHEAD_PEAK_G, peak))
-        what = "largest axial acceleration at the cutterhead"
-        note = f"over {self._found.seconds:g} s; the figure shows about ±4 g, its level was fitted"
-        if not self._reading.fitted:
-            note = f"over {self._found.seconds:g} s; the figure shows about ±4 g"
-        yield self._row("figure7.peak", "Figure 7", what, CUTTERHEAD_PEAK_G, peak, judged, note, "g")
-        flow = " > ".join(POWER_FLOW)
-        missing = [point for point in POWER_FLOW if point not in self._found.rms_g]
-        for axis, name in enumerate("xyz"):
-            values = [self._found.rms_g[point][axis] for point in POWER_FLOW if point not in missing]
-            ours = " > ".join(f"{value:.3g}" for value in values)
-            judged = "differs" if missing else self._fitted(verdict.falling(values))
-            what = f"RMS along the power flow, {name}"
-            note = _NO_POINT if missing else self._fit_note(judged) if judged == "calibrated" else ""
-            yield self._row(f"figure7.decay.{name}", "Figure 7", what, flow, ours, judged, note, "g")
+
+def _lines(found: ResponseEvidence) -> Iterator[Row]:
+    """Figure 5: lines of the axial acceleration and of the mesh force."""
+    reading, wanted = found.reading, ACCELERATION_LINE_HZ
+    line = found.lines_hz[wanted]
+    judged: Verdict = "given" if verdict.line(wanted, line) == "agrees" else "differs"
+    what = "line of the loads in the cutterhead's axial acceleration"
+    note = "the loads bring it: the frequency is Table 1's"
+    yield reading.row("figure5.load_line", what, wanted, line, judged, note, "Hz")
+    note = "tooth number assumed: the paper names the line, not its frequency"
+    for number in range(1, MULTIPLES + 1):
+        wanted = number * reading.machine.mesh_frequency
+        name, line = "f_m" if number == 1 else f"{number} f_m", found.mesh_lines_hz[wanted]
+        what = f"line of the mesh force at {name} = {wanted:.2f} Hz"
+        yield reading.row(f"figure5.mesh.{number}", what, name, line, verdict.line(wanted, line), note, "Hz")
+    note = "the torque's amplitude at it was fitted so that it shows" if reading.fitted else ""
+    for wanted in MESH_LINES_HZ:
+        line = found.mesh_lines_hz[wanted]
+        judged = reading.unless_fitted(verdict.line(wanted, line))
+        what = f"line of the loads at {wanted:g} Hz in the mesh force"
+        yield reading.row(f"figure5.mesh.load_{wanted:g}", what, wanted, line, judged, note, "Hz")
+
+
+def _levels(found: ResponseEvidence) -> Iterator[Row]:
+    """Figure 7: range of the acceleration, and its decay along the power flow."""
+    reading, peak = found.reading, found.peak_g
+    judged = reading.unless_fitted(verdict.level(CUTTERHEAD_PEAK_G, peak))
+    note = f"over {found.seconds:g} s; the figure shows about ±4 g" + (
+        ", its level was fitted" if reading.fitted else ""
+    )
+    what = "largest axial acceleration at the cutterhead"
+    yield reading.row("figure7.peak", what, CUTTERHEAD_PEAK_G, peak, judged, note, "g")
+    there = [found.rms_g[point] for point in POWER_FLOW if point in found.rms_g]
+    complete = len(there) == len(POWER_FLOW)
+    for axis, name in enumerate("xyz"):
+        values = [rms[axis] for rms in there]
+        judged = reading.unless_fitted(verdict.falling(values)) if complete else "differs"
+        note = _fit_note(reading, judged) if judged == "calibrated" else "" if complete else _NO_POINT
+        what, ours = f"RMS along the power flow, {name}", " > ".join(f"{value:.3g}" for value in values)
+        yield reading.row(f"figure7.decay.{name}", what, " > ".join(POWER_FLOW), ours, judged, note, "g")

@@ -2,41 +2,23 @@
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 
 import numpy as np
 
 from tbm_dynamics.indicators import INDICATORS
+from tbm_gsa.paper.published import METHODS, SHOWN_WITHOUT_STATEMENT, TRENDS
 from tbm_gsa.paper.reproduction.readings import Reading
-from tbm_gsa.paper.surrogates import METHODS
 from tbm_gsa.sensitivity.study.analysis import OutputAnalysis, OutputFit, fit_outputs
 from tbm_gsa.sensitivity.study.campaign import Progress, run_campaign
+from tbm_gsa.sensitivity.study.curves import Curve, response_curve
 from tbm_gsa.sensitivity.study.errors import StudyError
 from tbm_gsa.sensitivity.study.evaluate import MachineEvaluation
 from tbm_gsa.sensitivity.study.inputs import PAPER_INPUTS
 from tbm_gsa.sensitivity.study.problem import Problem
 from tbm_gsa.sensitivity.study.run import FinishedStudy, StudyOptions, run_study
 from tbm_gsa.sensitivity.study.store import STORE_NAME, Store
-
-
-@dataclass(frozen=True, eq=False)
-class Study:
-    """A finished campaign.
-
-    Attributes
-    ----------
-    outputs : mapping of str to OutputFit
-    train, test, failed : int
-        Simulations planned, and those that failed.
-    sampling_gap : float or None
-        Largest distance of first indices by the largest sampling from those in `outputs`; None without a sampling.
-    """
-
-    outputs: Mapping[str, OutputFit]
-    train: int
-    test: int
-    failed: int
-    sampling_gap: float | None
 
 
 @dataclass(frozen=True)
@@ -80,6 +62,40 @@ class Campaign:
             raise StudyError(f"{self.origin}: does not take the paper's Table 4: {error}") from None
 
 
+@dataclass(frozen=True, eq=False)
+class Study:
+    """A finished campaign with its fits.
+
+    Attributes
+    ----------
+    campaign : Campaign
+    outputs : mapping of str to OutputFit
+    failed : int
+        Simulations that failed.
+    sampling_gap : float or None
+        Largest distance of first indices by the largest sampling from those in `outputs`; None without a sampling.
+    """
+
+    campaign: Campaign
+    outputs: Mapping[str, OutputFit]
+    failed: int
+    sampling_gap: float | None
+
+    @property
+    def reading(self) -> Reading:
+        """Reading of the dampings."""
+        return self.campaign.reading
+
+    @cached_property
+    def curves(self) -> Mapping[tuple[str, str], Curve]:
+        """Curves of Figures 12 and 15 by output and input, in the paper's order."""
+        pairs = [(name, code) for name, codes in TRENDS.items() for code in codes] + list(SHOWN_WITHOUT_STATEMENT)
+        return {
+            (name, code): response_curve(self.outputs[name].best.model, PAPER_INPUTS, PAPER_INPUTS.codes.index(code))
+            for name, code in pairs
+        }
+
+
 def whole_study(
     campaign: Campaign, folder: Path, workers: int, progress: Progress, report: Callable[[FinishedStudy], None]
 ) -> Study:
@@ -87,7 +103,7 @@ def whole_study(
     options = StudyOptions(methods=METHODS, workers=workers, progress=progress, report=report)
     found = run_study(campaign.problem, campaign.evaluation, folder, options)
     failed = found.result.samples.failed
-    return Study(found.analyses, campaign.train, campaign.test, failed, _sampling_gap(found.analyses))
+    return Study(campaign, found.analyses, failed, _sampling_gap(found.analyses))
 
 
 def fitted_study(campaign: Campaign, folder: Path, workers: int, progress: Progress) -> Study:
@@ -95,7 +111,7 @@ def fitted_study(campaign: Campaign, folder: Path, workers: int, progress: Progr
     with Store.create_or_open(folder / STORE_NAME, campaign.problem) as store:
         run_campaign(store, campaign.evaluation, workers=workers, progress=progress)
         outputs = fit_outputs(store, METHODS, seed=campaign.seed, workers=workers, progress=progress)
-        return Study(outputs, campaign.train, campaign.test, store.counts().failed, None)
+        return Study(campaign, outputs, store.counts().failed, None)
 
 
 def _sampling_gap(analyses: Mapping[str, OutputAnalysis]) -> float:

@@ -5,67 +5,43 @@ from typing import Final
 
 import numpy as np
 
+from tbm_gsa.paper.published import BEST_ON_TEST, CHOSEN, LEAST_TEST_R2, METHODS, TABLE_6, TEST, TRAIN, WORST_ON_TEST
 from tbm_gsa.paper.reproduction import verdict
 from tbm_gsa.paper.reproduction.readings import Reading
-from tbm_gsa.paper.reproduction.row import Row
+from tbm_gsa.paper.reproduction.result import Row
 from tbm_gsa.paper.reproduction.studies import Study
-from tbm_gsa.paper.surrogates import (
-    BEST_ON_TEST,
-    CHOSEN,
-    LEAST_TEST_R2,
-    METHODS,
-    TABLE_6,
-    TEST,
-    TRAIN,
-    WORST_ON_TEST,
-)
 from tbm_gsa.sensitivity.study.analysis import OutputFit
 from tbm_gsa.sensitivity.study.candidates import Candidate
 
 _NAMES: Final = {"rbf": "RBF", "krg": "KRG", "svr": "SVR"}
 
 
-def surrogate_rows(reading: Reading, study: Study) -> Iterator[Row]:
+def surrogate_rows(study: Study) -> Iterator[Row]:
     """Rows of Table 6 and Figures 8 to 10 under one reading."""
+    reading, sizes = study.reading, (study.campaign.train, study.campaign.test)
     if reading.own:
-        ours = f"{study.train} + {study.test}"
+        ours = f"{sizes[0]} + {sizes[1]}"
         note = f"{study.failed} simulations failed" if study.failed else "Latin hypercubes"
-        what = "training and test points"
-        same = verdict.echoed((study.train, study.test) == (TRAIN, TEST))
-        yield Row("figure8.points", "Figure 8", what, f"{TRAIN} + {TEST}", ours, same, note)
+        same = verdict.echoed(sizes == (TRAIN, TEST))
+        yield Row("figure8.points", "training and test points", f"{TRAIN} + {TEST}", ours, same, note)
     for name, paper in TABLE_6.items():
         yield from _cross_validated(reading, paper, study.outputs[name])
     yield _best_method(reading, study.outputs)
     for name in TABLE_6:
-        yield _followed(reading, study.outputs[name].best, name)
+        # Figure 9 shows simulations beside approximations without a number.
+        best, what = study.outputs[name].best, f"simulations and approximations of {name}"
+        ours = f"held-out error {best.validation.rmse:.3g} (RMS)"
+        yield reading.row(f"figure9.{name}", what, "close together", ours, "no number", _label(best))
     yield from _tested(reading, study.outputs)
 
 
 def _cross_validated(reading: Reading, paper: Mapping[str, float], analysis: OutputFit) -> Iterator[Row]:
-    name, best = analysis.name, analysis.best
-    wanted = max(paper.values())
-    yield Row(
-        reading.id(f"table6.{name}.best"),
-        "Table 6",
-        f"R² ten-fold of {name}, best of RBF, KRG and SVR",
-        wanted,
-        best.r2_cv,
-        verdict.r_squared(wanted, best.r2_cv),
-        _label(best),
-        reading=reading.name,
-    )
-    for method, value in paper.items():
-        candidate = analysis.candidates[method]
-        yield Row(
-            reading.id(f"table6.{name}.{method}"),
-            "Table 6",
-            f"R² ten-fold of {name}, {_NAMES[method]}",
-            value,
-            candidate.r2_cv,
-            verdict.r_squared(value, candidate.r2_cv),
-            _label(candidate),
-            reading=reading.name,
-        )
+    compared = [("best", "best of RBF, KRG and SVR", max(paper.values()), analysis.best)]
+    compared += [(name, _NAMES[name], value, analysis.candidates[name]) for name, value in paper.items()]
+    for key, which, wanted, candidate in compared:
+        ours, what = candidate.r2_cv, f"R² ten-fold of {analysis.name}, {which}"
+        judged = verdict.r_squared(wanted, ours)
+        yield reading.row(f"table6.{analysis.name}.{key}", what, wanted, ours, judged, _label(candidate))
 
 
 def _label(candidate: Candidate) -> str:
@@ -75,49 +51,22 @@ def _label(candidate: Candidate) -> str:
 
 def _best_method(reading: Reading, analyses: Mapping[str, OutputFit]) -> Row:
     means = {name: float(np.mean([one.candidates[name].r2_cv for one in analyses.values()])) for name in METHODS}
-    best = max(means, key=means.__getitem__)
-    return Row(
-        reading.id("table6.method"),
-        "Table 6",
-        "surrogate of the highest accuracy",
-        _NAMES[CHOSEN],
-        _NAMES[best],
-        verdict.statement(best == CHOSEN),
-        "mean R² ten-fold over the outputs: "
-        + ", ".join(f"{_NAMES[name]} {value:.3f}" for name, value in means.items()),
-        reading=reading.name,
-    )
-
-
-def _followed(reading: Reading, best: Candidate, name: str) -> Row:
-    """Figure 9 shows simulations beside approximations without a number."""
-    ours = f"held-out error {best.validation.rmse:.3g} (RMS)"
-    what = f"simulations and approximations of {name}"
-    identity = reading.id(f"figure9.{name}")
-    return Row(identity, "Figure 9", what, "close together", ours, "no number", _label(best), reading=reading.name)
+    best, what = max(means, key=means.__getitem__), "surrogate of the highest accuracy"
+    numbers = ", ".join(f"{_NAMES[name]} {value:.3f}" for name, value in means.items())
+    note, judged = f"mean R² ten-fold over the outputs: {numbers}", verdict.statement(best == CHOSEN)
+    return reading.row("table6.method", what, _NAMES[CHOSEN], _NAMES[best], judged, note)
 
 
 def _tested(reading: Reading, analyses: Mapping[str, OutputFit]) -> Iterator[Row]:
-    scores = {name: analyses[name].best.r2_test for name in TABLE_6}
-    for name, score in scores.items():
-        yield Row(
-            reading.id(f"figure10.{name}"),
-            "Figure 10",
-            f"R² of {name} on the test points",
-            f"> {LEAST_TEST_R2:g}",
-            score,
-            "differs" if score is None else verdict.above(LEAST_TEST_R2, score),
-            _label(analyses[name].best),
-            reading=reading.name,
-        )
-    known = {name: score for name, score in scores.items() if score is not None}
+    known: dict[str, float] = {}
+    for name in TABLE_6:
+        best, what = analyses[name].best, f"R² of {name} on the test points"
+        score = best.r2_test
+        if score is not None:
+            known[name] = score
+        judged = "differs" if score is None else verdict.above(LEAST_TEST_R2, score)
+        yield reading.row(f"figure10.{name}", what, f"> {LEAST_TEST_R2:g}", score, judged, _label(best))
     ranked = sorted(known, key=known.__getitem__)
-    statements = (
-        ("lowest", WORST_ON_TEST, ranked[:1], ranked[:1] == [WORST_ON_TEST]),
-        ("highest", "RDef_A, RDef_L, RDef_R", ranked[-3:], set(ranked[-3:]) == set(BEST_ON_TEST)),
-    )
-    for which, paper, ours, holds in statements:
-        what = f"outputs of the {which} R² on the test points"
-        judged = verdict.statement(holds)
-        identity = reading.id(f"figure10.{which}")
-        yield Row(identity, "Figure 10", what, paper, ", ".join(sorted(ours)), judged, reading=reading.name)
+    for which, paper, ours in (("lowest", (WORST_ON_TEST,), ranked[:1]), ("highest", BEST_ON_TEST, ranked[-3:])):
+        what, judged = f"outputs of the {which} R² on the test points", verdict.statement(set(ours) == set(paper))
+        yield reading.row(f"figure10.{which}", what, ", ".join(paper), ", ".join(sorted(ours)), judged)

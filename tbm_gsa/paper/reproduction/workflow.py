@@ -1,55 +1,34 @@
-"""From a machine to every row of the reproduction: campaigns, loads, runs, rows, document."""
+"""From a machine to the result of its reproduction: campaigns, loads, runs, rows."""
 
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 from tbm_dynamics import Machine, load_machine
-from tbm_gsa.paper.reproduction.document import reproduction_document
-from tbm_gsa.paper.reproduction.loads import SECONDS, LoadEvidence, gather_loads, load_rows
+from tbm_gsa.paper.reproduction.loads import LoadEvidence, gather_loads, load_rows
 from tbm_gsa.paper.reproduction.model import MeshCurves, mesh_curves, model_rows
 from tbm_gsa.paper.reproduction.readings import Reading, readings
-from tbm_gsa.paper.reproduction.response import MODEL_S, RUN_S, ResponseEvidence, gather_response
+from tbm_gsa.paper.reproduction.response import ResponseEvidence, gather_response
 from tbm_gsa.paper.reproduction.response_rows import response_rows
-from tbm_gsa.paper.reproduction.row import SOURCES, Row
-from tbm_gsa.paper.reproduction.sensitivity import SensitivityEvidence, gather_sensitivity, sensitivity_rows
-from tbm_gsa.paper.reproduction.studies import Campaign, fitted_study, whole_study
+from tbm_gsa.paper.reproduction.result import (
+    SOURCES,
+    ReadingSummary,
+    ReproducedRecording,
+    ReproductionResult,
+    Row,
+    Sizes,
+    count_verdicts,
+)
+from tbm_gsa.paper.reproduction.sensitivity import sensitivity_rows
+from tbm_gsa.paper.reproduction.studies import Campaign, Study, fitted_study, whole_study
 from tbm_gsa.paper.reproduction.surrogates import surrogate_rows
-from tbm_gsa.paper.surrogates import TEST, TRAIN
+from tbm_gsa.provenance import machine_sha256, package_versions
+from tbm_gsa.reading import MachineFile
 from tbm_gsa.sensitivity.study.campaign import Progress
 from tbm_gsa.sensitivity.study.errors import StudyError
 from tbm_gsa.sensitivity.study.run import FinishedStudy
-
-
-@dataclass(frozen=True)
-class Sizes:
-    """How much is simulated; the defaults are the paper's numbers and what shows its lines.
-
-    Attributes
-    ----------
-    train, test : int
-        Simulations of each campaign.
-    other_train : int
-        Instead of `train` under the other reading: light damping lets teeth part, and a run takes four times as long.
-    simulation_s : float
-        Length of each.
-    run_s, model_s, loads_s : float
-        Of the response run, of the run beside the recording, of the loads.
-    whole_study : bool
-        Whether the machine's own reading gets the whole study: sampling, screening and a report of its own.
-    """
-
-    train: int = TRAIN
-    test: int = TEST
-    other_train: int = TRAIN // 2
-    simulation_s: float = 3.0
-    run_s: float = RUN_S
-    model_s: float = MODEL_S
-    loads_s: float = SECONDS
-    whole_study: bool = True
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,24 +37,21 @@ class Reproduction:
 
     Attributes
     ----------
-    document : dict
-        See `reproduction_document`.
-    rows : tuple of Row
+    result : ReproductionResult
     readings : tuple of Reading
-        The machine's own first; `responses` and `sensitivities` in their order.
+        The machine's own first; `responses` and `studies` in their order.
     mesh : MeshCurves
     loads : LoadEvidence
     responses : tuple of ResponseEvidence
-    sensitivities : tuple of SensitivityEvidence
+    studies : tuple of Study
     """
 
-    document: dict[str, Any]
-    rows: tuple[Row, ...]
+    result: ReproductionResult
     readings: tuple[Reading, ...]
     mesh: MeshCurves
     loads: LoadEvidence
     responses: tuple[ResponseEvidence, ...]
-    sensitivities: tuple[SensitivityEvidence, ...]
+    studies: tuple[Study, ...]
 
 
 def reproduce(
@@ -89,7 +65,7 @@ def reproduce(
     progress: Progress = lambda *_: None,
     report: Callable[[FinishedStudy], None] = lambda _: None,
 ) -> Reproduction:
-    """Produce every table and figure of the paper.
+    """Every table and figure of the paper, beside ours.
 
     Parameters
     ----------
@@ -132,12 +108,11 @@ def reproduce(
     studies = []
     for campaign in campaigns:
         with clock.measure(f"campaign and surrogates, {campaign.reading.name}"):
-            place, told = folder / campaign.reading.name, _simulations(campaign.reading.name, progress)
+            place, report_done = folder / campaign.reading.name, _simulations(campaign.reading.name, progress)
             if campaign.reading.own and chosen.whole_study:
-                study = whole_study(campaign, place, workers, told, report)
+                studies.append(whole_study(campaign, place, workers, report_done, report))
             else:
-                study = fitted_study(campaign, place, workers, told)
-            studies.append(gather_sensitivity(campaign.reading, study))
+                studies.append(fitted_study(campaign, place, workers, report_done))
     progress("loads", None)
     with clock.measure("loads"):
         mesh, loads = mesh_curves(described), gather_loads(described, seed, chosen.loads_s)
@@ -146,9 +121,36 @@ def reproduce(
         progress(f"runs, {reading.name}", None)
         with clock.measure(f"runs, {reading.name}"):
             responses.append(gather_response(reading, bag, seed, chosen.run_s, chosen.model_s))
-    rows = tuple(_rows(described, mesh, loads, responses, studies))
-    document = reproduction_document(rows, described, both, responses, seed, asdict(chosen), clock.seconds)
-    return Reproduction(document, rows, both, mesh, loads, tuple(responses), tuple(studies))
+    rows = _rows(described, mesh, loads, responses, studies)
+    result = _result(rows, described, both, responses[0], seed, chosen, clock.seconds)
+    return Reproduction(result, both, mesh, loads, tuple(responses), tuple(studies))
+
+
+def _result(
+    rows: Sequence[Row],
+    machine: Machine,
+    both: Sequence[Reading],
+    response: ResponseEvidence,
+    seed: int,
+    sizes: Sizes,
+    seconds: Mapping[str, float],
+) -> ReproductionResult:
+    compared = response.comparison.result
+    return ReproductionResult(
+        rows=tuple(rows),
+        verdicts=count_verdicts(row for row in rows if row.reading in (None, both[0].name)),
+        other_reading=count_verdicts(row for row in rows if row.reading == both[1].name),
+        readings=tuple(ReadingSummary(**vars(one)) for one in both),
+        machine=machine.name,
+        machine_file=MachineFile(origin=machine.origin, sha256=machine_sha256(machine)),
+        recording=ReproducedRecording(
+            path=compared.recording.path, sha256=compared.recording.sha256, synthetic=compared.synthetic
+        ),
+        seed=seed,
+        sizes=sizes,
+        versions=package_versions(),
+        seconds={**seconds, "total": sum(seconds.values())},
+    )
 
 
 def _simulations(name: str, progress: Progress) -> Progress:
@@ -161,7 +163,7 @@ def _rows(
     mesh: MeshCurves,
     loads: LoadEvidence,
     responses: Sequence[ResponseEvidence],
-    studies: Sequence[SensitivityEvidence],
+    studies: Sequence[Study],
 ) -> list[Row]:
     """All rows: tables, then figures, each in order."""
     found = [*load_rows(loads), *model_rows(machine, mesh)]
@@ -172,12 +174,11 @@ def _rows(
     return sorted(found, key=lambda row: SOURCES.index(row.source))
 
 
-def _study_rows(evidence: SensitivityEvidence) -> Iterator[Row]:
+def _study_rows(study: Study) -> Iterator[Row]:
     """Rows that rest on a campaign; those of the other reading say on how many points, for it may have fewer."""
-    study = evidence.study
     failed = f", {study.failed} simulations failed" if study.failed else ""
-    for row in (*surrogate_rows(evidence.reading, study), *sensitivity_rows(evidence)):
-        yield row if evidence.reading.own else row.noted(f"{study.train} points{failed}")
+    for row in (*surrogate_rows(study), *sensitivity_rows(study)):
+        yield row if study.reading.own else row.noted(f"{study.campaign.train} points{failed}")
 
 
 class _Clock:

@@ -16,8 +16,8 @@ FOLDS: Final = 5
 
 
 @dataclass(frozen=True, eq=False)
-class Shifts:
-    """Shifts of k statistics from where the machine stands.
+class IndicatorChange:
+    """Change of k statistics from where the machine stands.
 
     Attributes
     ----------
@@ -37,7 +37,7 @@ class Shifts:
     r2: Array
 
     @classmethod
-    def fit(cls, unit: Array, values: Array, nominal: Array, seed: int) -> Shifts:
+    def fit(cls, unit: Array, values: Array, nominal: Array, seed: int) -> IndicatorChange:
         """Fit to statistics (n, k), all positive, at points (n, d) of the unit cube."""
         bounds = np.tile([0.0, 1.0], (unit.shape[1], 1))
         models = tuple(
@@ -48,7 +48,7 @@ class Shifts:
         return cls(models, nominal, shrunk_covariance(residuals), np.array([check.r2 for check in checks]))
 
     def __call__(self, points: Array) -> Array:
-        """Shifts (m, k) of the logarithms at points (m, d) of the unit cube."""
+        """Predict the changes (m, k) of the logarithms at points (m, d) of the unit cube."""
         both = np.vstack([self.nominal, points])
         logs = np.column_stack([np.log(model.predict(both)) for model in self.models])
         return np.asarray(logs[1:] - logs[0])
@@ -63,18 +63,18 @@ class Lengths:
     model: float
 
 
-def chance(still: Array, moved: Array, lengths: Lengths) -> Array:
-    """Covariance (k, k) of the logarithm of field over model, less its shift, from the loads' chance.
+def load_scatter(before: Array, after: Array, lengths: Lengths) -> Array:
+    """Covariance (k, k) of the logarithm of field over model, less its change, from the randomness of the loads.
 
     Parameters
     ----------
-    still, moved : ndarray, shape (r, k)
+    before, after : ndarray, shape (r, k)
         Statistics of runs that differ in the seed of the loads only, where the machine stands and where it is thought
         to have moved to; the same seeds for both. The variance of a statistic goes with the inverse of its length, and
-        the shift is that of the one realisation that all samples of the campaign share.
+        the change is that of the one realisation that all samples of the campaign share.
     lengths : Lengths
     """
-    before, after = np.log(still), np.log(moved)
+    before, after = np.log(before), np.log(after)
     return (
         _scatter(after) * (lengths.run / lengths.field)
         + _scatter(before) * (lengths.run / lengths.model)

@@ -6,9 +6,16 @@ import time
 from pathlib import Path
 from typing import Final
 
-from tbm_gsa.history.errors import NO_ACCESS, HistoryError, HistoryLockedError, primary_code, unusable
 from tbm_gsa.history.queries import Queries
-from tbm_gsa.history.schema import SCHEMA_VERSION, version_of
+from tbm_gsa.history.schema import (
+    NO_ACCESS,
+    SCHEMA_VERSION,
+    HistoryError,
+    HistoryLockedError,
+    primary_code,
+    unusable,
+    version_of,
+)
 
 WAIT_S: Final = 5.0  # for a program that holds the file locked
 SETTLE_S: Final = 0.5  # for the log and its index, which other programs make and remove one after the other
@@ -35,8 +42,8 @@ class HistoryReader(Queries):
 
     SQLite keeps what was written last in a second file, ``-wal``, and reads it through a third, ``-shm``. Both are
     there while a program has the history open, and after one was killed; otherwise the file is whole by itself. SQLite
-    would make both even to read, which a stranger often may not, or leave files behind that the owner may not write: a
-    file that is whole is read without them. No lock holds it then, so closing looks whether it was written meanwhile.
+    would make both even to read, which another user often may not, or leave files behind that the owner may not write:
+    a file that is whole is read without them. No lock holds it then, so closing looks whether it was written meanwhile.
 
     Parameters
     ----------
@@ -94,7 +101,7 @@ class HistoryReader(Queries):
 
 
 def _state(path: Path) -> tuple[int, int, int]:
-    """Give what changes when a file is written, or has gone."""
+    """Inode, size and time of a file: one changes when it is written or replaced."""
     try:
         found = path.stat()
     except OSError:
@@ -113,6 +120,6 @@ def _check_version(path: Path, version: int) -> None:
 
 
 def _unreadable(path: Path) -> HistoryError:
-    """Make the error of a log that cannot be read; SQLite's own words for it say nothing."""
+    """Error of a log that cannot be read; SQLite's own words for it say nothing."""
     names = f"{path.name}-wal and {path.name}-shm"
     return HistoryError(f"{path}: what was written last is in {names}, allowed: both beside it, and to read both")
