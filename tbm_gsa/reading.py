@@ -24,6 +24,7 @@ Size = Annotated[float, Field(ge=0.0, le=LARGEST_NUMBER)]
 Seed = Annotated[int, Field(ge=0, lt=2**31)]
 Name = Annotated[str, Field(min_length=1, max_length=LONGEST_NAME)]
 Line = Annotated[str, Field(max_length=LONGEST_LINE)]
+PathText = Annotated[str, Field(max_length=4096)]
 
 
 def _ordered(ends: tuple[float, float]) -> tuple[float, float]:
@@ -51,14 +52,14 @@ class Part(BaseModel):
 class MachineFile(Part):
     """Machine file that numbers come from, and the digest of what it says."""
 
-    origin: Line
+    origin: PathText
     sha256: Name
 
 
 class RecordingFile(Part):
     """Recording that numbers come from."""
 
-    path: Line
+    path: PathText
     sha256: Name
 
 

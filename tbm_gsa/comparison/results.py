@@ -9,21 +9,21 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable
 from dataclasses import dataclass
-from typing import Annotated, Literal
+from typing import Annotated, Final, Literal
 
 from pydantic import Field, SerializerFunctionWrapHandler, Strict, model_serializer, model_validator
 
 from tbm_dynamics import Machine
-from tbm_gsa.reading import LARGEST_NUMBER, Line, Name, Number, Part, Seed, Size
+from tbm_gsa.reading import LARGEST_NUMBER, Line, MachineFile, Name, Number, Part, PathText, Seed, Size
 
 BAND = r"^\d+(\.\d+)?-\d+(\.\d+)?_hz$"
-LONGEST_PATH = 4096
+COMPARISON: Final = "what `tbm-monitor compare BAG --json` prints"
 DIGITS = 8  # significant ones of what is written by the thousand
 
 OperatingKind = Literal["steady", "transient", "standstill"]
 LineKind = Literal["load", "mesh", "axial"]
 BandName = Annotated[str, Field(max_length=40, pattern=BAND)]
-PathText = Annotated[str, Field(max_length=LONGEST_PATH)]
+Duration = Annotated[float, Field(ge=1.0, le=3600.0)]
 # From JSON a tuple comes as a list.
 Limits = Annotated[tuple[Number, Number], Strict(False)]
 Numbers = Annotated[tuple[Number | None, ...], Strict(False)]
@@ -250,13 +250,6 @@ class RecordingResult(Part):
     points: dict[str, RecordedPoint]
 
 
-class MachineFile(Part):
-    """Machine file: where it is from, and the digest of what it says."""
-
-    origin: PathText
-    sha256: Name
-
-
 @dataclass(frozen=True)
 class AxialRow:
     """A row of the paper's Table 2: RMS of the axial acceleration in g; None where nothing was measured."""
@@ -286,7 +279,7 @@ class ComparisonResult(Part):
     levels: Annotated[tuple[LevelResult, ...], Strict(False)]
     dwells: Annotated[tuple[DwellResult, ...], Strict(False)]
     seed: Seed
-    model_duration: Annotated[float, Field(ge=1.0, le=3600.0)]
+    model_duration: Duration
     versions: dict[Name, Line]
     synthetic: bool = False
 

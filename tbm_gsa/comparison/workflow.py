@@ -16,11 +16,11 @@ from tbm_gsa.comparison.results import (
     ComparisonResult,
     DwellResult,
     LevelResult,
-    MachineFile,
     RecordedPoint,
     RecordingResult,
 )
 from tbm_gsa.provenance import machine_sha256, package_versions
+from tbm_gsa.reading import MachineFile
 from tbm_gsa.signals.intervals import CONFIDENCE
 from tbm_gsa.signals.reduction import ReducedSignal, Series, SignalReducer, one_level
 from tbm_gsa.signals.settings import Settings

@@ -9,7 +9,7 @@ from typing import Final
 
 from scipy.stats import norm
 
-from tbm_gsa.explanation.forms import ComparedAxis, ComparisonForm
+from tbm_gsa.comparison.results import AxisResult, ComparisonResult
 from tbm_gsa.reading import Interval
 from tbm_gsa.sensitivity.study.errors import StudyError
 
@@ -57,7 +57,7 @@ class Observed:
     high_hz: float
 
 
-def observed(comparison: ComparisonForm) -> Observed:
+def observed(comparison: ComparisonResult) -> Observed:
     """RMS and band RMS of every point and axis of a comparison.
 
     The RMS of a point whose band ends elsewhere than that of the narrowest point is left out, and so are bands that
@@ -81,7 +81,7 @@ def observed(comparison: ComparisonForm) -> Observed:
     return Observed(found, high_hz)
 
 
-def _sides(compared: ComparedAxis, own_high_hz: float, high_hz: float) -> Iterator[tuple[str, tuple[Side, Side]]]:
+def _sides(compared: AxisResult, own_high_hz: float, high_hz: float) -> Iterator[tuple[str, tuple[Side, Side]]]:
     """Names of statistics with their value and interval in the field and in the model."""
     intervals = compared.intervals
     if math.isclose(own_high_hz, high_hz, rel_tol=0.02):

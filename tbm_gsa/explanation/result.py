@@ -8,7 +8,7 @@ from typing import Annotated, Final
 import numpy as np
 from pydantic import Field, model_validator
 
-from tbm_gsa.explanation.forms import Duration, OperatingLevel
+from tbm_gsa.comparison.results import Duration, OperatingLevel
 from tbm_gsa.reading import (
     Interval,
     Line,

@@ -10,8 +10,8 @@ from typing import Final
 import numpy as np
 
 from tbm_dynamics import Machine, load_machine
+from tbm_gsa.comparison.results import ComparisonResult
 from tbm_gsa.explanation.causes import Cause, CauseRanking, Misfit, first_input, statistics_of, with_input
-from tbm_gsa.explanation.forms import ComparisonForm
 from tbm_gsa.explanation.indicator_change import IndicatorChange, Lengths
 from tbm_gsa.explanation.joint import JointPosterior, joint_posterior
 from tbm_gsa.explanation.observed import Observed, observed
@@ -73,12 +73,12 @@ class ExplainOptions:
     progress: Progress | None = None
 
 
-def explain(comparison: ComparisonForm, folder: str | Path, options: ExplainOptions | None = None) -> Explanation:
+def explain(comparison: ComparisonResult, folder: str | Path, options: ExplainOptions | None = None) -> Explanation:
     """Find the inputs that explain a recording; the campaign in the folder is gone on with.
 
     Parameters
     ----------
-    comparison : ComparisonForm
+    comparison : ComparisonResult
     folder : str or Path
         Gets ``explanation.sqlite`` and ``explanation.json``.
     options : ExplainOptions, optional
@@ -116,7 +116,7 @@ def explain(comparison: ComparisonForm, folder: str | Path, options: ExplainOpti
     return result
 
 
-def compared_machine(comparison: ComparisonForm) -> Machine:
+def compared_machine(comparison: ComparisonResult) -> Machine:
     """Machine of a comparison, at the level of operation that was held longest."""
     origin, level = comparison.machine_file.origin, comparison.operating_point
     machine = load_machine(origin)
@@ -131,7 +131,7 @@ def _find(
     evaluate: MachineEvaluation,
     inputs: InputSet,
     facts: Observed,
-    comparison: ComparisonForm,
+    comparison: ComparisonResult,
     folder: Path,
     options: ExplainOptions,
 ) -> _Findings:

@@ -25,10 +25,10 @@ from tbm_dynamics.machine.inputs import input_values
 from tbm_dynamics.machine.writing import updated_text
 from tbm_gsa.app.cli.main import main
 from tbm_gsa.app.report.explanation_page import joint_intervals
+from tbm_gsa.comparison.results import ComparisonResult
 from tbm_gsa.comparison.workflow import compare_recording
 from tbm_gsa.explanation import workflow
 from tbm_gsa.explanation.causes import Misfit, rank_causes
-from tbm_gsa.explanation.forms import ComparisonForm
 from tbm_gsa.explanation.indicator_change import Lengths, load_scatter, shrunk_covariance
 from tbm_gsa.explanation.joint import joint_posterior
 from tbm_gsa.explanation.observed import observed
@@ -109,7 +109,7 @@ def test_shrinkage_keeps_the_sizes():
 
 
 def form(document):
-    return validated(json.dumps(document), ComparisonForm, StudyError)
+    return validated(json.dumps(document), ComparisonResult, StudyError)
 
 
 @pytest.fixture(scope="module")
@@ -263,7 +263,7 @@ def test_what_no_input_explains(compared, folder, command, monkeypatch):
 def test_documents_that_are_none(compared, change):
     broken = json.loads(json.dumps(compared))
     change(broken)
-    with pytest.raises(StudyError, match=r"bands: missing|points: Input should be|statistics with an interval"):
+    with pytest.raises(StudyError, match=r"bands: missing|bands: other test points|points: Input should be"):
         observed(form(broken))
 
 

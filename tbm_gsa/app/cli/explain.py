@@ -19,7 +19,7 @@ from tbm_gsa.app.cli.output import (
     results,
 )
 from tbm_gsa.app.cli.workers import Scheduler, Workers, anonymous_main, shown_progress
-from tbm_gsa.explanation.forms import COMPARISON, ComparisonForm
+from tbm_gsa.comparison.results import COMPARISON, ComparisonResult
 from tbm_gsa.explanation.result import Explanation, NoChange
 from tbm_gsa.reading import read_document
 
@@ -45,7 +45,7 @@ def explain(
     from tbm_gsa.explanation.workflow import ExplainOptions  # noqa: PLC0415
     from tbm_gsa.explanation.workflow import explain as find  # noqa: PLC0415
 
-    compared = read_document(comparison, ComparisonForm, COMPARISON)
+    compared = read_document(comparison, ComparisonResult, COMPARISON)
     out.mkdir(parents=True, exist_ok=True)
     with progress_bar() as bar, anonymous_main():
         options = ExplainOptions(
