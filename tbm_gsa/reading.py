@@ -7,7 +7,16 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Annotated, Final, TypeVar
 
-from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, ValidationError, WithJsonSchema
+from pydantic import (
+    AfterValidator,
+    BaseModel,
+    BeforeValidator,
+    ConfigDict,
+    Field,
+    Strict,
+    ValidationError,
+    WithJsonSchema,
+)
 
 from tbm_msgs_py.base.errors import InputError
 from tbm_msgs_py.base.files import read_text
@@ -33,7 +42,7 @@ def _ordered(ends: tuple[float, float]) -> tuple[float, float]:
     return ends
 
 
-Interval = Annotated[tuple[Number, Number], AfterValidator(_ordered)]
+Interval = Annotated[tuple[Number, Number], Strict(False), AfterValidator(_ordered)]  # from JSON it comes as a list
 Maybe = Annotated[
     float,
     Field(allow_inf_nan=True),

@@ -14,7 +14,7 @@ from typing import Annotated, Final, Literal
 from pydantic import Field, SerializerFunctionWrapHandler, Strict, model_serializer, model_validator
 
 from tbm_dynamics import Machine
-from tbm_gsa.reading import LARGEST_NUMBER, Line, MachineFile, Name, Number, Part, PathText, Seed, Size
+from tbm_gsa.reading import LARGEST_NUMBER, Interval, Line, MachineFile, Name, Number, Part, PathText, Seed, Size
 
 BAND = r"^\d+(\.\d+)?-\d+(\.\d+)?_hz$"
 COMPARISON: Final = "what `tbm-monitor compare BAG --json` prints"
@@ -25,10 +25,9 @@ LineKind = Literal["load", "mesh", "axial"]
 BandName = Annotated[str, Field(max_length=40, pattern=BAND)]
 Duration = Annotated[float, Field(ge=1.0, le=3600.0)]
 # From JSON a tuple comes as a list.
-Limits = Annotated[tuple[Number, Number], Strict(False)]
 Numbers = Annotated[tuple[Number | None, ...], Strict(False)]
 BandValues = dict[BandName, Size | None]
-BandLimits = dict[BandName, Limits | None]
+BandLimits = dict[BandName, Interval | None]
 
 
 def finite(value: float) -> float | None:
@@ -52,7 +51,7 @@ class SpectralPeak(Part):
     frequency_hz: Size
     rms: Size | None
     match: str
-    interval: Limits | None
+    interval: Interval | None
 
 
 class WindowColumns(Part):
@@ -74,23 +73,23 @@ class WindowColumns(Part):
 class LevelIntervals(Part):
     """95 % intervals at one level of operation."""
 
-    field_rms: Limits | None
-    model_rms: Limits | None
-    relative_error: Limits | None
+    field_rms: Interval | None
+    model_rms: Interval | None
+    relative_error: Interval | None
 
 
 class AxisIntervals(LevelIntervals):
     """95 % intervals of the statistics of one axis."""
 
-    field_peak: Limits | None
-    field_crest_factor: Limits | None
-    field_kurtosis: Limits | None
-    field_velocity_rms: Limits | None
+    field_peak: Interval | None
+    field_crest_factor: Interval | None
+    field_kurtosis: Interval | None
+    field_velocity_rms: Interval | None
     field_band_rms: BandLimits
-    model_peak: Limits | None
-    model_crest_factor: Limits | None
-    model_kurtosis: Limits | None
-    model_velocity_rms: Limits | None
+    model_peak: Interval | None
+    model_crest_factor: Interval | None
+    model_kurtosis: Interval | None
+    model_velocity_rms: Interval | None
     model_band_rms: BandLimits
 
 
@@ -142,7 +141,7 @@ class SpectrumResult(Part):
     resolution_hz: Size
     density: Numbers
     segments: Size
-    interval_factors: Limits
+    interval_factors: Interval
 
 
 class AxisSpectra(Part):
@@ -208,7 +207,7 @@ class RecordedPoint(Part):
     samples: int
     rate_hz: Size
     duration: Size
-    gaps: Annotated[tuple[Limits, ...], Strict(False)]
+    gaps: Annotated[tuple[Interval, ...], Strict(False)]
     stuck: Annotated[tuple[Annotated[tuple[str, Number, Number], Strict(False)], ...], Strict(False)]
     clipped: int
     undecodable: int

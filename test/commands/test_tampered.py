@@ -108,14 +108,18 @@ def comparison():
         **{f"{side}_band_rms": bands for side in ("field", "model")},
         **{f"{side}_lines": [line] for side in ("field", "model")},
         "intervals": {
-            **dict.fromkeys((*both, "relative_error"), [1.9, 2.1]),
+            **{key: [1.9, 2.1] for key in (*both, "relative_error")},
             **{f"{side}_band_rms": intervals for side in ("field", "model")},
         },
-        "windows": {**dict.fromkeys(columns, [0.5]), "level": [0], "field_band_rms": {band: [1.0] for band in bands}},
+        "windows": {
+            **{key: [0.5] for key in columns},
+            "level": [0],
+            "field_band_rms": {band: [1.0] for band in bands},
+        },
     }
     spectrum = {"resolution_hz": 1.0, "density": [1.0], "segments": 9.0, "interval_factors": [0.5, 2.0]}
     of_level = {"field_rms": 2.0, "model_rms": 1.9, "relative_error": 0.1}
-    at_level = {**of_level, "intervals": dict.fromkeys(of_level, [1.9, 2.1])}
+    at_level = {**of_level, "intervals": {key: [1.9, 2.1] for key in of_level}}
     return {
         "window_s": 2.0,
         "confidence": 0.95,

@@ -59,7 +59,7 @@ def levels(**axial):
     }
 
 
-def test_objective_is_zero_at_the_papers_numbers_and_counts_each_miss():
+def test_objective_is_zero_at_the_paper_and_counts_each_miss():
     right = levels(cutterhead=1.10, shield=0.56, gripper=0.04, girder=0.3)
     lines = {0.9: 6e3, 130.3: 5e3}
     assert objective(Prediction(right, np.array([10.0, 130.0]), lines), 0.1, 0.1) == 0.0

@@ -108,7 +108,7 @@ def test_a_hard_layer_tilts_the_head_and_stands_still(even):
     assert abs(values[:, 5].mean()) < 0.02 * abs(expected)
 
 
-def test_a_boulder_makes_lines_at_the_rotation_frequency_and_its_multiples(even):
+def test_a_boulder_makes_lines_at_multiples_of_the_rotation(even):
     head = facing(even, boulder(2.0, 1.0, 0.7, 4.0))
     loads = CutterLoads(head, THRUST, SPEED)
     turns, samples = 8, 400

@@ -67,7 +67,7 @@ def test_radii_of_an_external_pair():
 
 @settings(max_examples=60)
 @given(z1=st.integers(12, 60), z2=st.integers(12, 120), angle=st.floats(14.5, 32.0))
-def test_a_pair_that_is_not_undercut_touches_above_both_base_circles(z1, z2, angle):
+def test_a_pair_not_undercut_touches_above_both_base_circles(z1, z2, angle):
     # The wheel's flank is the line between the base circles less the pinion's.
     pair = ExternalPair(z1, z2, MODULE, np.radians(angle))
     line = pair.centre_distance * np.sin(pair.pressure_angle)

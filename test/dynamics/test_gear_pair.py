@@ -102,7 +102,7 @@ def jump(sweep):
     return UPWARDS[place], UPWARDS[place + 1]
 
 
-def test_the_teeth_part_and_the_amplitude_jumps_where_the_branches_end(curve, upwards, downwards):
+def test_teeth_separate_and_amplitude_jumps_at_the_branch_ends(curve, upwards, downwards):
     below, above = curve[:, 2], curve[:, 3]
     # The lower branch bends back where its ratio is greatest, the upper one ends where the two ratios meet.
     end_of_lower, end_of_upper = np.nanmax(below), np.nanmin(above)

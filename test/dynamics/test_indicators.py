@@ -34,7 +34,7 @@ def test_closed_forms():
     # Equation (5): mesh 1 deviates by 1 and 1 from 2 (RMS 1), mesh 2 by 3 and 3 (RMS 3); their mean is 2.
 
 
-def test_equation_5_is_the_mean_of_the_meshes_and_not_of_all_samples():
+def test_equation_5_averages_the_meshes_not_all_samples():
     force = np.array([[2.0, 2.0], [2.0, 10.0]])  # RMS 0 and √32
     found = indicators(np.zeros((2, 6)), np.zeros((2, 6)), force, 2.0)
     assert found["MF_Se"] == pytest.approx(np.sqrt(32.0) / 2.0)
@@ -63,7 +63,7 @@ def test_a_response_uses_ring_first_pinion_and_the_static_share():
     assert found["MF_Se"] == pytest.approx(deviation.mean())
 
 
-def test_units_are_those_that_change_with_the_units_of_the_motion():
+def test_units_change_with_the_units_of_the_motion():
     # Lengths in another unit, times in another, forces in a third: each number changes by what its unit says.
     random = np.random.default_rng(0)
     q, a, f = random.standard_normal((50, 6)), random.standard_normal((50, 6)), random.uniform(1.0, 2.0, (50, 3))

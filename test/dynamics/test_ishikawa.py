@@ -151,7 +151,7 @@ def test_a_tooth_yields_more_towards_its_tip():
 
 
 @pytest.mark.parametrize("scale", [0.5, 3.0])
-def test_stiffness_is_proportional_to_width_and_elasticity_and_free_of_size(scale):
+def test_stiffness_scales_with_width_and_elasticity_not_size(scale):
     tooth, big = Tooth(16, 0.022, 0.4), Tooth(16, 0.022 * scale, 0.4)
     radius = np.linspace(tooth.form_radius, 0.99 * tooth.tip_radius, 5)
     plain = tooth_compliance(tooth, radius, 0.4, *STEEL)

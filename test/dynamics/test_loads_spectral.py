@@ -66,7 +66,7 @@ def test_same_bits_in_any_chunks_and_any_order(loads, times, cut, data):
     np.testing.assert_array_equal(np.concatenate([loads.evaluate(time[:cut]), loads.evaluate(time[cut:])]), whole)
 
 
-def test_same_bits_in_live_blocks_as_offline_and_in_another_object(loads):
+def test_live_blocks_and_offline_loads_have_the_same_bits(loads):
     time = 14.9 + np.arange(20_000) * 1e-4  # over the edge of a block
     whole = SpectralLoads(DESCRIPTION, seed=11).evaluate(time)
     for block in (1, 7, 500):

@@ -327,7 +327,7 @@ def test_an_input_changes_what_it_names_and_nothing_else(machine, code):
 
 @settings(max_examples=30)
 @given(first=st.floats(0.5, 2.0), second=st.floats(0.5, 2.0))
-def test_multipliers_are_relative_to_the_file_and_the_last_one_holds(machine, first, second):
+def test_multipliers_are_relative_to_the_file_the_last_holds(machine, first, second):
     twice = machine.with_inputs(x16=first, x2=1500.0).with_inputs(x16=second)
     assert twice == machine.with_inputs(x16=second, x2=1500.0)
     assert twice.with_inputs(x16=second) == twice

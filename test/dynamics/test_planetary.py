@@ -118,7 +118,7 @@ def test_no_power_is_lost(stage):
 
 
 @some
-def test_compliance_is_that_of_sun_planets_and_carrier_on_springs(stage):
+def test_compliance_is_that_of_gears_on_springs(stage):
     sun, ring = tooth_stiffness(stage, *STEEL, CYCLES)
     found = [static(stage, np.append(s, r), np.zeros(2 * len(s)))[0][0] for s, r in zip(sun, ring, strict=True)]
     law = stage_law(stage, *STEEL, 200)
@@ -184,7 +184,7 @@ def test_parity_of_the_planet(planet, lag):
 
 
 @some
-def test_teeth_enter_before_the_pitch_point_by_the_path_in_between(stage):
+def test_teeth_enter_ahead_of_the_pitch_point_by_the_path(stage):
     fine = (np.arange(2048) + 0.5) / 2048
     pairs = (stage.sun_mesh, stage.ring_mesh)
     lags = (stage.sun_phases, stage.ring_phases + stage.ring_lag)

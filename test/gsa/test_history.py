@@ -138,7 +138,7 @@ def old(tmp_path):
     return path
 
 
-def test_a_file_of_version_1_keeps_what_it_has_and_takes_new_windows(old):
+def test_a_file_of_version_1_is_kept_and_goes_on(old):
     new = replace(entry(2), field_peak=4.0, field_kurtosis=3.5)
     with History(old) as opened:
         kept = [window.entry for window in opened.windows()]
@@ -184,7 +184,7 @@ def test_a_version_1_file_that_cannot_be_migrated_stays_as_it_is(old):
 
 
 @pytest.mark.parametrize("there", [False, True])
-def test_several_processes_share_a_file_from_its_creation_or_migration_on(tmp_path, old, there):
+def test_processes_share_a_file_while_one_creates_or_migrates_it(tmp_path, old, there):
     path = old if there else tmp_path / "shared.sqlite"
     context = multiprocessing.get_context("forkserver")  # which loads once what all of them need
     context.set_forkserver_preload(["tbm_gsa.history"])
@@ -259,7 +259,7 @@ def test_where_the_history_is(monkeypatch, tmp_path):
     assert default_history() == tmp_path / "mine.sqlite"
 
 
-def test_a_baseline_is_mean_and_scatter_and_alarms_are_set_against_it(history):
+def test_alarms_are_set_against_mean_and_scatter(history):
     errors = [0.1, 0.2, 0.3, 0.4, 0.5]
     history.add(LIVE, [entry(n, error=error) for n, error in enumerate(errors)])
     history.add(LIVE, [entry(n, axis="yz", error=0.6) for n in range(5)])
@@ -316,7 +316,7 @@ def test_a_deleted_baseline_leaves_nothing_behind(history):
     assert history.count() == 10
 
 
-def test_machines_that_share_a_file_have_a_baseline_of_the_same_name_each(history):
+def test_each_machine_has_its_own_baseline_of_a_name(history):
     for number, machine in enumerate(("dz101", "south")):
         history.add(
             WindowSource("live", machine, "", machine, "ab"), [entry(n, error=0.2 + 0.2 * number) for n in range(5)]
@@ -366,7 +366,7 @@ def test_live_windows_give_an_entry_an_axis():
     assert list(live_entries(silent, False)) == []
 
 
-def test_windows_of_a_recording_also_at_no_level_without_those_without_samples():
+def test_windows_at_no_level_are_kept_empty_ones_are_not():
     windows = WindowColumns.model_construct(
         start=(0.0, 2.0, 4.0, 6.0, 8.0),
         level=(0, None, 0, 1, 2),

@@ -150,7 +150,7 @@ def test_a_baseline_over_a_mixture_is_refused_unless_it_is_named(run, file):
     assert found["points"]["shield"]["x"]["mean"] == pytest.approx(0.5)
 
 
-def test_a_recorded_standstill_is_in_the_history_without_an_error(run, tmp_path):
+def test_a_recorded_standstill_enters_the_history_error_free(run, tmp_path):
     driven, still = OperatingPoint(0.5, 3e6, 1e7), OperatingPoint(0.0, 0.0, 0.0)
     operating = [(at, driven if at < 20 else still) for at in range(28)]
     bag = write_bag(tmp_path / "bag", {"shield": noise(28.0)}, operating=operating)
@@ -268,7 +268,7 @@ def test_more_windows_than_fit_into_memory_are_not_plotted(run, file, monkeypatc
     assert run("history", "--history", file, "--point", "shield", "--html", tmp_path / "h.html")[0] == 0
 
 
-def test_crest_factor_and_kurtosis_are_drawn_where_they_are_known():
+def test_crest_factor_and_kurtosis_are_drawn_where_known():
     source = WindowSource("live", "node", "", "dz101", "ab")
     plain = [HistoryEntry("shield", axis, START_NS, 2_000_000_000, 2.0, 1.2, 0.2, 1.0) for axis in "xy"]
     assert len(trends("shield", [StoredEntry(source, one) for one in plain], None).axes) == 4
@@ -282,7 +282,7 @@ def test_crest_factor_and_kurtosis_are_drawn_where_they_are_known():
     }
 
 
-def test_windows_of_different_kinds_and_machines_are_not_one_line():
+def test_windows_of_other_kinds_and_machines_are_not_one_line():
     one = HistoryEntry("shield", "x", START_NS, 2_000_000_000, 2.0, 1.2, 0.2, 1.0)
     live, replay = (WindowSource(kind, "node", "", "dz101", "ab") for kind in ("live", "replay"))
     later = replace(one, start_ns=START_NS + 60_000_000_000)

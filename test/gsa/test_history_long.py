@@ -26,7 +26,7 @@ def history(tmp_path):
         yield opened
 
 
-def test_a_document_of_a_long_history_needs_little_memory_and_says_what_all_windows_come_to(history):
+def test_a_long_history_is_summarised_in_little_memory(history):
     """Some 40 bytes a window of one point and axis are held, not hundreds of every one."""
     strength = np.random.default_rng(0).lognormal(size=1500).tolist()
     axes = [(point, axis) for point in ("shield", "girder") for axis in "xyz"]
@@ -54,7 +54,7 @@ def test_a_document_of_a_long_history_needs_little_memory_and_says_what_all_wind
     assert made.usual["shield", "y"].windows == document.summary[5].windows - 215
 
 
-def test_old_windows_of_a_node_are_deleted_in_portions_and_their_pages_used_again(history):
+def test_old_windows_are_deleted_in_portions_and_pages_reused(history):
     old = replace(LIVE, machine_sha256="ef" * 32)  # the same node before its machine file changed
     others = [BAG, replace(LIVE, name="/south/analysis_node")]
     for source in (LIVE, old, *others):

@@ -121,7 +121,7 @@ def test_a_file_that_is_locked_at_the_start_is_tried_again(tmp_path, said, monke
     assert starts(file) == [3, 4]
 
 
-def test_windows_that_are_too_old_are_deleted_but_none_because_of_a_stamp_of_the_future(tmp_path, said, monkeypatch):
+def test_a_stamp_of_the_future_deletes_no_window(tmp_path, said, monkeypatch):
     file, day = tmp_path / "h.sqlite", 43_200  # windows
     writer = HistoryWriter(str(file), SOURCE, said.append, days=1.0)
     for number in range(10):

@@ -51,7 +51,7 @@ def test_the_spectral_level_is_table_1(machine, seed):
 
 
 @pytest.mark.parametrize("seed", range(4))
-def test_the_cutter_level_has_its_thrust_and_torque_and_moves_slowly(machine, seed):
+def test_cutter_loads_have_their_thrust_and_torque(machine, seed):
     run = load_run(machine, "cutter", 120.0, seed)
     found = run.summary.components
     assert abs(found["fx"].mean) == pytest.approx(TABLE_1["fx"].mean, rel=0.05)

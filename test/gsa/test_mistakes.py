@@ -102,7 +102,7 @@ def test_the_shipped_recording_goes_by_its_name(folder):
     assert recording_path(name) == name  # what is there goes first
 
 
-def test_the_demo_calls_the_shipped_recording_synthetic_and_no_other(folder, capsys):
+def test_the_demo_calls_only_the_shipped_recording_synthetic(folder, capsys):
     (folder / "link").symlink_to(shipped_bag())
     document = {"points": {}, "outputs": {}, "blocks": {}, "seconds": 1.0, "report": "report.html"}
     for path, synthetic in ((shipped_bag(), True), (Path("link"), True), (Path("old"), False), (Path("none"), False)):

@@ -148,7 +148,7 @@ class _Links(HTMLParser):
         self.anchors |= {value for name, value in attrs if name == "id"}
 
 
-def test_the_command_says_what_differs_and_its_page_holds_everything_itself(result, tmp_path, typed, monkeypatch):
+def test_the_command_says_what_differs_on_a_whole_page(result, tmp_path, typed, monkeypatch):
     monkeypatch.setattr(workflow, "reproduce", lambda *_, **__: result)
     monkeypatch.setattr(output.results, "_width", 400)  # nothing is wrapped
     code, out, err = typed("reproduce", "--out", str(tmp_path))

@@ -99,7 +99,7 @@ def test_what_colcon_installed_starts_and_ends(built, tmp_path):
     assert not any((tmp_path / node).read_text() for node in NODES)
 
 
-def test_the_launch_files_name_nodes_and_parameters_that_there_are():
+def test_launch_files_name_existing_nodes_and_parameters():
     described = yaml.safe_load((LAUNCH / "tbm_monitor.launch.yaml").read_text())["launch"]
     launched = [entry["node"] for entry in described if "node" in entry]
     assert [node["exec"] for node in launched] == [node["name"] for node in launched]
