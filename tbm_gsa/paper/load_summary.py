@@ -27,7 +27,7 @@ RESOLUTION_HZ: Final = 0.25
 
 
 @dataclass(frozen=True)
-class LoadLine:
+class LineSummary:
     """A line of Table 1 and where it was found, Hz; None where none stands out within `NEAR_HZ`."""
 
     paper_hz: float
@@ -35,7 +35,7 @@ class LoadLine:
 
 
 @dataclass(frozen=True)
-class LoadComponent:
+class ComponentSummary:
     """One component of the loads beside its row of Table 1.
 
     Attributes
@@ -44,7 +44,7 @@ class LoadComponent:
         N or N·m; the RMS is that of the fluctuation.
     in_regions : float
         Share of the fluctuation's power in Table 1's regions.
-    lines : tuple of LoadLine
+    lines : tuple of LineSummary
     paper_mean : float
         Magnitude, N or N·m.
     """
@@ -52,11 +52,11 @@ class LoadComponent:
     mean: float
     rms: float
     in_regions: float
-    lines: tuple[LoadLine, ...]
+    lines: tuple[LineSummary, ...]
     paper_mean: float
 
     @classmethod
-    def of(cls, values: Array, paper: LoadRow) -> LoadComponent:
+    def of(cls, values: Array, paper: LoadRow) -> ComponentSummary:
         """Component of a signal (n,), N or N·m at `RATE_HZ`, beside a row of Table 1."""
         frequency, power = scipy.signal.periodogram(values, RATE_HZ, "hann", detrend="constant")
         total = float(power.sum())
@@ -65,7 +65,7 @@ class LoadComponent:
             mean=float(values.mean()),
             rms=float(values.std()),
             in_regions=float(power[inside].sum() / total) if total else 0.0,
-            lines=tuple(LoadLine(line, found_line(frequency, power, line)) for line in paper.lines),
+            lines=tuple(LineSummary(line, found_line(frequency, power, line)) for line in paper.lines),
             paper_mean=paper.mean,
         )
 
@@ -79,7 +79,7 @@ class LoadSummary:
     seed: int
     duration: float
     operating_point: OperatingPoint
-    components: dict[str, LoadComponent]
+    components: dict[str, ComponentSummary]
 
 
 @dataclass(frozen=True, eq=False)
@@ -116,7 +116,7 @@ def load_run(machine: Machine, level: LoadModel = "spectral", duration: float = 
     point = loads.reached(machine.operating_point)
     time = np.arange(round(duration * RATE_HZ)) / RATE_HZ
     values = loads.evaluate(point, point, time, point.speed * time)
-    components = {name: LoadComponent.of(values[:, i], TABLE_1[name]) for i, name in enumerate(TABLE_1)}
+    components = {name: ComponentSummary.of(values[:, i], TABLE_1[name]) for i, name in enumerate(TABLE_1)}
     return LoadRun(LoadSummary(machine.name, level, seed, duration, point, components), time, values)
 
 

@@ -17,7 +17,7 @@ from hypothesis import strategies as st
 
 from tbm_dynamics import load_machine
 from tbm_gsa.app.cli.main import main
-from tbm_gsa.paper.load_summary import RATE_HZ, LoadComponent, found_line, load_run
+from tbm_gsa.paper.load_summary import RATE_HZ, ComponentSummary, found_line, load_run
 from tbm_gsa.paper.published import TABLE_1
 
 
@@ -74,7 +74,7 @@ def test_a_line_is_found_where_it_is_and_noise_is_none(frequency, share, seed, m
     noise = np.random.default_rng(seed).standard_normal(len(time))
     # 60 s of white noise of unit variance: a sine of 0.2 is 0.02 x 60 s x 1000 Hz / 1.5 / 2 = 400 times a bin of it.
     sine = np.sin(2 * np.pi * frequency * time)
-    quiet, loud = (LoadComponent.of(mean + noise + a * sine, TABLE_1["fx"]) for a in (0, 0.2))
+    quiet, loud = (ComponentSummary.of(mean + noise + a * sine, TABLE_1["fx"]) for a in (0, 0.2))
     assert all(line.found_hz is None or abs(line.paper_hz - frequency) < 0.6 for line in loud.lines)
     assert all(line.found_hz is None for line in quiet.lines)
     spectrum = np.abs(np.fft.rfft((noise + 0.2 * sine) * np.hanning(len(time)))) ** 2
@@ -86,7 +86,7 @@ def test_a_line_is_found_where_it_is_and_noise_is_none(frequency, share, seed, m
 
 
 def test_a_load_that_does_not_move():
-    still = LoadComponent.of(np.full(20_000, 3.0), TABLE_1["mx"])
+    still = ComponentSummary.of(np.full(20_000, 3.0), TABLE_1["mx"])
     assert (still.mean, still.rms, still.in_regions) == (3.0, 0.0, 0.0)
     assert [line.found_hz for line in still.lines] == [None, None]
 

@@ -44,7 +44,7 @@ TITLES: Final = {
 
 
 @dataclass(frozen=True)
-class Section:
+class PageSection:
     """A table or figure of the paper: rows with the other reading's beside them, images with their captions."""
 
     source: str
@@ -96,13 +96,13 @@ def anchor(source: str) -> str:
     return source.lower().replace(" ", "")
 
 
-def _sections(found: Reproduction) -> Iterator[Section]:
+def _sections(found: Reproduction) -> Iterator[PageSection]:
     result = found.result
     other = {row.id.partition("@")[0]: row for row in result.rows_of(result.readings[1].name)}
     pictures = _pictures(found)
     for source in SOURCES:
         rows = [(row, other.get(row.id)) for row in result.own_rows if row.source == source]
-        yield Section(source, TITLES[source], rows, pictures.get(source, []))
+        yield PageSection(source, TITLES[source], rows, pictures.get(source, []))
 
 
 def _pictures(found: Reproduction) -> dict[str, list[tuple[str, str]]]:

@@ -10,7 +10,7 @@ from typing import Final
 
 from tbm_dynamics import Machine
 from tbm_dynamics.loads.cutters.layout import TYPES
-from tbm_gsa.paper.load_summary import LoadComponent, LoadRun, load_run
+from tbm_gsa.paper.load_summary import ComponentSummary, LoadRun, load_run
 from tbm_gsa.paper.published import CUTTERS, HEAD_DIAMETER_M, TABLE_1, LoadRow
 from tbm_gsa.paper.reproduction import verdict
 from tbm_gsa.paper.reproduction.result import Row
@@ -70,7 +70,7 @@ def load_rows(evidence: LoadEvidence) -> Iterator[Row]:
     yield Row("figure4.diameter", "diameter of the cutterhead", HEAD_DIAMETER_M, diameter, same, unit="m")
 
 
-def _given(name: str, paper: LoadRow, loads: LoadComponent) -> Iterator[Row]:
+def _given(name: str, paper: LoadRow, loads: ComponentSummary) -> Iterator[Row]:
     """Rows of a component of the spectral model."""
     judged = verdict.echoed(verdict.level(paper.mean, abs(loads.mean)) == "agrees")
     note = "spectral model, made of Table 1; signs are ours, amplitudes assumed"
@@ -78,7 +78,7 @@ def _given(name: str, paper: LoadRow, loads: LoadComponent) -> Iterator[Row]:
     yield _lines(f"table1.{name}.lines", "", paper, loads, verdict.echoed(_all_found(paper, loads)))
 
 
-def _found(name: str, paper: LoadRow, loads: LoadComponent) -> Iterator[Row]:
+def _found(name: str, paper: LoadRow, loads: ComponentSummary) -> Iterator[Row]:
     """Rows of a component of the cutter level."""
     judged, of = verdict.level(paper.mean, abs(loads.mean)), " of the forces on the cutters"
     if judged == "agrees":
@@ -88,18 +88,18 @@ def _found(name: str, paper: LoadRow, loads: LoadComponent) -> Iterator[Row]:
     yield _lines(f"table1.{name}.lines.cutters", of, paper, loads, judged)
 
 
-def _mean(stem: str, of: str, paper: LoadRow, loads: LoadComponent, judged: Verdict, note: str) -> Row:
+def _mean(stem: str, of: str, paper: LoadRow, loads: ComponentSummary, judged: Verdict, note: str) -> Row:
     ours = abs(loads.mean) / 1e3
     return Row(stem, f"{paper.name}, mean{of}", paper.mean / 1e3, ours, judged, note, paper.unit)
 
 
-def _all_found(paper: LoadRow, found: LoadComponent) -> bool:
+def _all_found(paper: LoadRow, found: ComponentSummary) -> bool:
     return all(
         verdict.line(wanted, line.found_hz) == "agrees" for wanted, line in zip(paper.lines, found.lines, strict=True)
     )
 
 
-def _lines(stem: str, of: str, paper: LoadRow, found: LoadComponent, judged: Verdict) -> Row:
+def _lines(stem: str, of: str, paper: LoadRow, found: ComponentSummary, judged: Verdict) -> Row:
     wanted = ", ".join(f"{value:g}" for value in paper.lines)
     ours = ", ".join("–" if line.found_hz is None else f"{line.found_hz:.2f}" for line in found.lines)
     regions = " and ".join(f"{low:g}–{high:g}" for low, high in paper.regions)
