@@ -133,16 +133,16 @@ def test_a_recording_that_unpacks_without_an_end_is_refused(tmp_path, monkeypatc
         recording(tmp_path / "bag" / f"bag_{number}.mcap", 1 if folder else 3, bytes(2 << 20), chunk_size=1)
     path = tmp_path / "bag" if folder else tmp_path / "bag" / "bag_0.mcap"
     with pytest.raises(RecordingError, match="unpacks to far more than it holds, allowed: chunks of up to 256 times"):
-        list(Bag(path).stretches())
+        list(Bag(path).batches())
     assert Bag(path).info().messages == 3  # the index needs nothing unpacked
     monkeypatch.setattr(chunks, "SPARE", 7 << 20)
-    assert sum(map(len, Bag(path).stretches())) == 3
+    assert sum(map(len, Bag(path).batches())) == 3
 
 
 def test_lz4_cannot_say_more_than_is_allowed(tmp_path, monkeypatch):
     monkeypatch.setattr(chunks, "SPARE", 0)
     path = recording(tmp_path / "lz4.mcap", 3, bytes(2 << 20), chunk_size=1, compression=CompressionType.LZ4)
-    assert sum(map(len, Bag(path).stretches())) == 3
+    assert sum(map(len, Bag(path).batches())) == 3
 
 
 def test_what_is_quoted_and_listed_has_bounds():

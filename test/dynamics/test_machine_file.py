@@ -119,13 +119,13 @@ WRONG = {
     "misspelt key of a limit": (
         "power_kw: 3500",
         "power_kv: 3500",
-        "limits.power_kv: unknown key; allowed",
+        "limits.power_kv: unknown key, allowed",
         "power_kw",
     ),
     "misspelt key of a zone": (
         "side_share: 0.1",
         "face: {zones: [{level: 0.0, hardness: 1.0}], source: assumed}\n  side_share: 0.1",
-        "cutters.face.zones.0.hardness: unknown key; allowed",
+        "cutters.face.zones.0.hardness: unknown key, allowed",
         "level, strength",
     ),
     "layer of negative strength": (

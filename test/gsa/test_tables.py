@@ -5,6 +5,7 @@ What takes minutes to compute is printed from a document of the widest entries t
 
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 from compare_bags import START_NS, noise, write_bag
@@ -120,9 +121,10 @@ def test_what_the_reproduction_prints_fits(capsys):
 
 
 def test_what_a_run_prints_fits(capsys):
-    count = {"blocks": 12_345_678, "lost": 1_234_567, "stream_time": 1_234_567.89}
+    count = SimpleNamespace(received=12_345_678, lost=1_234_567, stream_time=1_234_567.89)
     names = ("/tbm/model/cutterhead/block", "/tbm/model/mesh_forces")
-    run._print_table({"topics": dict.fromkeys(names, count), "first_block_seconds": 1.0, "diagnostics": {}})
+    state = SimpleNamespace(blocks={name.removeprefix("/tbm/"): count for name in names}, diagnostics={})
+    run._print_table(state, 1.0)
     _fits(capsys.readouterr().out, *names, "12345678", "1234567", "1234567.89")
 
 
