@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from pathlib import Path
 from typing import Annotated, Final, TypeVar
 
@@ -14,6 +13,7 @@ from pydantic import (
     ConfigDict,
     Field,
     Strict,
+    TypeAdapter,
     ValidationError,
     WithJsonSchema,
 )
@@ -72,19 +72,21 @@ class RecordingFile(Part):
     sha256: Name
 
 
-Form = TypeVar("Form", bound=Part)
+Read = TypeVar("Read")
 
 
-def read_document(file: Path, form: type[Form], what: str) -> Form:
+def read_document(file: Path, form: type[Read], what: str, error: type[InputError] = InputError) -> Read:
     """Read a result from its JSON file.
 
     Parameters
     ----------
     file : Path
     form : type
-        Model of the result, or of what is used of it.
+        Model of the result.
     what : str
         What is allowed, for the message.
+    error : type
+        Kind of error that is raised.
 
     Raises
     ------
@@ -93,19 +95,19 @@ def read_document(file: Path, form: type[Form], what: str) -> Form:
     """
     try:
         text = read_text(file, largest=LARGEST_DOCUMENT)
-    except OSError as error:
-        raise InputError(f"{file}: {error.strerror}, allowed: {what}") from None
+    except OSError as problem:
+        raise error(f"{file}: {problem.strerror}, allowed: {what}") from None
     except UnicodeDecodeError:
-        raise InputError(f"{file}: no UTF-8 text, allowed: {what}") from None
-    return validated(text, form, lambda problem: InputError(f"{file}: not {what} ({problem})"))
+        raise error(f"{file}: no UTF-8 text, allowed: {what}") from None
+    return validated(TypeAdapter(form), text, f"{file}: not {what}", error)
 
 
-def validated(text: str, form: type[Form], refusal: Callable[[str], InputError]) -> Form:
-    """Parse and validate JSON; `refusal` makes the error of what is wrong with it."""
+def validated(adapter: TypeAdapter[Read], text: str, refusal: str, error: type[InputError] = InputError) -> Read:
+    """Read JSON that may have been edited since; an `error` holds the refusal and what is wrong."""
     try:
-        return form.model_validate_json(text)
-    except ValidationError as error:
-        raise refusal(_problem(error)) from None
+        return adapter.validate_json(text)
+    except ValidationError as problem:
+        raise error(f"{refusal} ({_problem(problem)})") from None
 
 
 def _problem(error: ValidationError) -> str:

@@ -12,15 +12,14 @@ from pydantic import (
     BaseModel,
     BeforeValidator,
     ConfigDict,
-    TypeAdapter,
     ValidationInfo,
     WithJsonSchema,
     WrapSerializer,
 )
 
 from tbm_gsa.provenance import package_versions
+from tbm_gsa.reading import read_document
 from tbm_gsa.sensitivity.study.errors import StudyError
-from tbm_gsa.sensitivity.study.problem import validated
 from tbm_msgs_py.base.files import write_json
 
 if TYPE_CHECKING:
@@ -230,11 +229,7 @@ class StudyResult(ResultPart):
     @classmethod
     def read(cls, path: Path) -> StudyResult:
         """Read what `write` wrote; a StudyError of one line for any other file."""
-        try:
-            text = path.read_bytes()
-        except OSError as error:
-            raise StudyError(f"{path}: {error.strerror}, allowed: the result of a study") from None
-        return validated(TypeAdapter(cls), text, f"{path}: not the result of a study")
+        return read_document(path, cls, "the result of a study", StudyError)
 
 
 def _output(analysis: OutputAnalysis, codes: Codes, groups: Codes) -> OutputResult:

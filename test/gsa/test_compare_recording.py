@@ -6,6 +6,7 @@ from functools import reduce
 import numpy as np
 import pytest
 from compare_bags import RATE, START_NS, G, model_values, noise, write_bag
+from pydantic import TypeAdapter
 
 from tbm_dynamics import MachineError, load_machine
 from tbm_gsa.app.cli.bag.info import info
@@ -95,7 +96,7 @@ def test_what_is_no_result_is_one_line(own, path, value, message):
     *parents, key = path.split(".")
     reduce(dict.get, parents, document)[key] = value
     with pytest.raises(InputError, match=message) as caught:
-        validated(json.dumps(document), ComparisonResult, InputError)
+        validated(TypeAdapter(ComparisonResult), json.dumps(document), "document", InputError)
     assert "\n" not in str(caught.value)
 
 

@@ -18,6 +18,7 @@ import scipy.integrate
 import yaml
 from compare_bags import model_values, write_bag
 from here import simulations_here
+from pydantic import TypeAdapter
 from scipy.stats import multivariate_normal, truncnorm
 
 from tbm_dynamics import load_machine, simulate
@@ -109,7 +110,7 @@ def test_shrinkage_keeps_the_sizes():
 
 
 def form(document):
-    return validated(json.dumps(document), ComparisonResult, StudyError)
+    return validated(TypeAdapter(ComparisonResult), json.dumps(document), "document", StudyError)
 
 
 @pytest.fixture(scope="module")

@@ -3,32 +3,19 @@
 import json
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
-from typing import Annotated, ClassVar, Final, TypeVar
+from typing import Annotated, ClassVar, Final
 
-from pydantic import ConfigDict, Field, TypeAdapter, ValidationError
+from pydantic import ConfigDict, Field, TypeAdapter
 
-from tbm_gsa.reading import Line, Name, Seed
+from tbm_gsa.reading import Line, Name, Seed, validated
 from tbm_gsa.sensitivity.study.design import check_kind
 from tbm_gsa.sensitivity.study.errors import StudyError
 from tbm_gsa.sensitivity.study.inputs import InputSet
-from tbm_msgs_py.base.texts import LONGEST_NAME, shortened
+from tbm_msgs_py.base.texts import shortened
 
 Setting = Line | float | int
 Count = Annotated[int, Field(ge=0, lt=2**31)]
 FORMAT: Final = 2
-
-Stored = TypeVar("Stored")
-
-
-def validated(adapter: TypeAdapter[Stored], text: str | bytes, refusal: str) -> Stored:
-    """Read JSON of a study that may have been edited since; raise a StudyError with the refusal and what is wrong."""
-    try:
-        return adapter.validate_json(text)
-    except ValidationError as error:
-        first = error.errors(include_url=False)[0]
-        place = shortened(".".join(map(str, first["loc"])), LONGEST_NAME)
-        problem = first["msg"].removeprefix("Value error, ")
-        raise StudyError(f"{refusal} ({place + ': ' if place else ''}{problem})") from None
 
 
 @dataclass(frozen=True)
@@ -82,7 +69,7 @@ class Problem:
             raise StudyError(f"written in format {shortened(str(written), 20)}, allowed: {FORMAT}; run the study again")
         parts = {key: str(text) for key, text in texts.items()}
         parts["inputs"] = _object({key: parts.pop(key, "null") for key in ("inputs", "groups")})
-        return validated(_STORED_PROBLEM, _object(parts), "not the problem of a study")
+        return validated(_STORED_PROBLEM, _object(parts), "not the problem of a study", StudyError)
 
 
 _STORED_PROBLEM: Final = TypeAdapter(Problem)

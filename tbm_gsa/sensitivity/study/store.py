@@ -13,10 +13,10 @@ from typing import Final, Literal, Self
 import numpy as np
 from pydantic import ConfigDict, TypeAdapter
 
-from tbm_gsa.reading import Number
+from tbm_gsa.reading import Number, validated
 from tbm_gsa.sensitivity.study.design import add_points, make_design
 from tbm_gsa.sensitivity.study.errors import StudyError
-from tbm_gsa.sensitivity.study.problem import Problem, difference, validated
+from tbm_gsa.sensitivity.study.problem import Problem, difference
 from tbm_gsa.sensitivity.study.workers import Outcome
 from tbm_msgs_py.base.arrays import Array
 from tbm_msgs_py.base.files import unfinished
@@ -183,7 +183,7 @@ class Store:
 
     def _numbers(self, text: str, count: int) -> list[float]:
         """Read the inputs or outputs of a simulation."""
-        numbers = validated(_NUMBERS, text, f"{self.path}: a simulation is not one of this study")
+        numbers = validated(_NUMBERS, text, f"{self.path}: a simulation is not one of this study", StudyError)
         if len(numbers) != count:
             raise StudyError(f"{self.path}: a simulation of {len(numbers)} numbers, allowed: {count}")
         return numbers
