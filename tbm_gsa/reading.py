@@ -12,7 +12,6 @@ from pydantic import (
     BeforeValidator,
     ConfigDict,
     Field,
-    Strict,
     TypeAdapter,
     ValidationError,
     WithJsonSchema,
@@ -42,7 +41,7 @@ def _ordered(ends: tuple[float, float]) -> tuple[float, float]:
     return ends
 
 
-Interval = Annotated[tuple[Number, Number], Strict(False), AfterValidator(_ordered)]  # from JSON it comes as a list
+Interval = Annotated[tuple[Number, Number], AfterValidator(_ordered)]
 Maybe = Annotated[
     float,
     Field(allow_inf_nan=True),

@@ -11,7 +11,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Annotated, Final, Literal
 
-from pydantic import Field, SerializerFunctionWrapHandler, Strict, model_serializer, model_validator
+from pydantic import Field, SerializerFunctionWrapHandler, model_serializer, model_validator
 
 from tbm_dynamics import Machine
 from tbm_gsa.reading import LARGEST_NUMBER, Interval, Line, MachineFile, Name, Number, Part, PathText, Seed, Size
@@ -24,8 +24,7 @@ OperatingKind = Literal["steady", "transient", "standstill"]
 LineKind = Literal["load", "mesh", "axial"]
 BandName = Annotated[str, Field(max_length=40, pattern=BAND)]
 Duration = Annotated[float, Field(ge=1.0, le=3600.0)]
-# From JSON a tuple comes as a list.
-Numbers = Annotated[tuple[Number | None, ...], Strict(False)]
+Numbers = tuple[Number | None, ...]
 BandValues = dict[BandName, Size | None]
 BandLimits = dict[BandName, Interval | None]
 
@@ -66,7 +65,7 @@ class WindowColumns(Part):
     field_kurtosis: Numbers
     field_velocity_rms: Numbers
     field_line_hz: Numbers
-    level: Annotated[tuple[int | None, ...], Strict(False)]
+    level: tuple[int | None, ...]
     field_band_rms: dict[BandName, Numbers]
 
 
@@ -114,7 +113,7 @@ class AxisResult(Part):
     field_velocity_rms: Size | None
     field_rms_g: Size | None
     field_band_rms: BandValues
-    field_lines: Annotated[tuple[SpectralPeak, ...], Strict(False)]
+    field_lines: tuple[SpectralPeak, ...]
     model_rms: Size | None
     model_peak: Size | None
     model_crest_factor: Size | None
@@ -122,7 +121,7 @@ class AxisResult(Part):
     model_velocity_rms: Size | None
     model_rms_g: Size | None
     model_band_rms: BandValues
-    model_lines: Annotated[tuple[SpectralPeak, ...], Strict(False)]
+    model_lines: tuple[SpectralPeak, ...]
     intervals: AxisIntervals
     windows: WindowColumns
 
@@ -207,8 +206,8 @@ class RecordedPoint(Part):
     samples: int
     rate_hz: Size
     duration: Size
-    gaps: Annotated[tuple[Interval, ...], Strict(False)]
-    stuck: Annotated[tuple[Annotated[tuple[str, Number, Number], Strict(False)], ...], Strict(False)]
+    gaps: tuple[Interval, ...]
+    stuck: tuple[tuple[str, Number, Number], ...]
     clipped: int
     undecodable: int
     astray: int
@@ -271,12 +270,12 @@ class ComparisonResult(Part):
     bands: Annotated[dict[Name, PointBand], Field(min_length=1)]
     skipped: dict[str, str]
     recording: RecordingResult
-    expected_lines: Annotated[tuple[ExpectedLine, ...], Strict(False)]
+    expected_lines: tuple[ExpectedLine, ...]
     machine: Name
     machine_file: MachineFile
     operating_point: OperatingLevel
-    levels: Annotated[tuple[LevelResult, ...], Strict(False)]
-    dwells: Annotated[tuple[DwellResult, ...], Strict(False)]
+    levels: tuple[LevelResult, ...]
+    dwells: tuple[DwellResult, ...]
     seed: Seed
     model_duration: Duration
     versions: dict[Name, Line]

@@ -264,5 +264,6 @@ def _recording(reader: RecordingReader, field: FieldSide) -> RecordingResult:
 
 
 def _recorded(health: PointHealth) -> RecordedPoint:
-    names = RecordedPoint.model_fields.keys() - health.counts().keys()
-    return RecordedPoint.model_validate({**{name: getattr(health, name) for name in names}, **health.counts()})
+    counts = {**health.counts(), "gaps": tuple(health.gaps), "stuck": tuple(health.stuck)}
+    names = RecordedPoint.model_fields.keys() - counts.keys()
+    return RecordedPoint.model_validate({**{name: getattr(health, name) for name in names}, **counts})
