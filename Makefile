@@ -34,6 +34,8 @@ coverage: $(READY)
 # The lowest versions that setup.py allows, all together, in an environment of their own: model, comparison, import, nodes
 # and a tiny study.
 LOWEST := $(VENV)-lowest
+# Compiled code of its own: two versions of numba in one folder may read what the other has written.
+lowest: export NUMBA_CACHE_DIR = $(abspath $(LOWEST))/numba
 lowest:
 	$(PYTHON) -m venv $(LOWEST)
 	$(PYTHON) .ci/lowest.py > $(LOWEST)/constraints.txt
