@@ -110,7 +110,7 @@ def validated(adapter: TypeAdapter[Read], text: str, refusal: str, error: type[I
 
 
 def _problem(error: ValidationError) -> str:
-    """Say what of a document is wrong first."""
+    """Return the first problem of a document, and its place."""
     first = error.errors(include_url=False)[0]
     if first["type"] == "json_invalid":
         return f"no JSON: {shortened(first['ctx']['error'], LONGEST_NAME)}"

@@ -15,7 +15,7 @@ from hypothesis import HealthCheck, settings
 for _name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"):
     os.environ.setdefault(_name, "1")
 
-from tbm_msgs_py.nodes.transport import avoid_shared_memory  # noqa: E402 - it imports numpy, which has its threads then
+from tbm_msgs_py.nodes.transport import LOOPBACK, avoid_shared_memory  # noqa: E402 - it imports numpy, which has its threads then
 
 
 def _claim_domain() -> tuple[int, socket.socket]:
@@ -43,12 +43,23 @@ os.environ["ROS_PYTHON_CHECK_FIELDS"] = "1"
 os.environ.pop("FASTRTPS_DEFAULT_PROFILES_FILE", None)
 avoid_shared_memory()
 
+_data = tempfile.TemporaryDirectory(prefix="tbm_test_data_")
+# A test has several contexts in one process. Fast DDS would tell one of the writers of another by direct calls, and one
+# that ends while the other is busy may wait for it for ever: seen once in some twenty runs, in the removal of a writer.
+# The data themselves still go by direct calls. A process of a machine has one context.
+_profiles = Path(_data.name) / "profiles.xml"
+_profiles.write_text(
+    f"<dds>{LOOPBACK.read_text(encoding='utf-8').partition('?>')[2]}"
+    "<library_settings><intraprocess_delivery>USER_DATA_ONLY</intraprocess_delivery></library_settings></dds>",
+    encoding="utf-8",
+)
+os.environ["FASTRTPS_DEFAULT_PROFILES_FILE"] = str(_profiles)
+
 # A busy computer draws slowly, too.
 settings.register_profile("patient", deadline=None, suppress_health_check=[HealthCheck.too_slow])
 settings.load_profile("patient")
 
 # What a test compares does not go into the history of whoever runs it.
-_data = tempfile.TemporaryDirectory(prefix="tbm_test_data_")
 os.environ["XDG_DATA_HOME"] = _data.name
 os.environ.pop("TBM_HISTORY", None)
 

@@ -290,7 +290,7 @@ class ComparisonResult(Part):
 
     @model_serializer(mode="wrap")
     def _written(self, serialise: SerializerFunctionWrapHandler) -> dict[str, object]:
-        """Say of synthetic recordings only that they are."""
+        """Leave `synthetic` out of the JSON where it is false."""
         written: dict[str, object] = serialise(self)
         return written if self.synthetic else {key: value for key, value in written.items() if key != "synthetic"}
 

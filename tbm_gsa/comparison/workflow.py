@@ -111,18 +111,14 @@ def compare_recording(
     chosen = replace(chosen, expected_lines=named)
     predicted = _model_side(machines, field.signals, chosen, (model_duration, seed), progress)
     points, failed = _compare_each(reader, field, predicted, chosen)
-    unknown = {
-        point: f"machine {described.name} has no such test point" for point in reader.sensors if point not in shared
-    }
-    nodes = described.description.test_points
     result = ComparisonResult(
         window_s=chosen.window_s,
         confidence=CONFIDENCE,
         points={name: dict(point.axes) for name, point in points.items()},
         spectra={name: dict(point.spectra) for name, point in points.items()},
-        nodes={name: nodes[name] for name in points},
+        nodes={name: described.description.test_points[name] for name in points},
         bands={name: point.band for name, point in points.items()},
-        skipped={**unknown, **failed},
+        skipped={**_unknown_points(reader, described), **failed},
         recording=_recording(reader, field),
         expected_lines=lines,
         machine=described.name,
@@ -140,6 +136,12 @@ def compare_recording(
         {name: point.excerpts for name, point in points.items()},
         {name: field.health[name].start_ns for name in points},
     )
+
+
+def _unknown_points(reader: RecordingReader, machine: Machine) -> dict[str, str]:
+    """Name the recorded points that the machine does not have, with that as the reason."""
+    missing = [point for point in reader.sensors if point not in machine.description.test_points]
+    return dict.fromkeys(missing, f"machine {machine.name} has no such test point")
 
 
 def _check(model_duration: float, window_s: float, seed: int) -> None:

@@ -141,7 +141,7 @@ class BagRecorder(ManagedNode):
         return "" if messages.message_class(kind) else "not installed"
 
     def requests(self, topic: str, offered: TopicContract) -> QoS:
-        """Ask what was asked before; less where the publishers of now offer less."""
+        """Quality of service requested before; less where the present publishers offer less."""
         before, now = self._asked.get(topic, offered.quality), offered.quality
         return now if before.reliable > now.reliable or before.latched > now.latched else before
 

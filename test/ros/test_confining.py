@@ -31,21 +31,21 @@ def test_every_path_written_to_is_confined():
 def folders(tmp_path, monkeypatch):
     """A root with a link out of it, what the start states, and what belongs to others."""
     monkeypatch.chdir(tmp_path)
-    for name in ("root", "stated", "others"):
+    for name in ("ours", "stated", "others"):
         (tmp_path / name).mkdir()
-    (tmp_path / "root/link").symlink_to(tmp_path / "others")
-    (tmp_path / "root/circle").symlink_to(tmp_path / "root/circle")
+    (tmp_path / "ours/link").symlink_to(tmp_path / "others")
+    (tmp_path / "ours/circle").symlink_to(tmp_path / "ours/circle")
     return tmp_path
 
 
 @pytest.mark.parametrize(("node", "name", "parameter"), WRITTEN)
 def test_paths_over_ros_stay_below_the_root(host_node, peer, folders, node, name, parameter):
-    started = {"data_root": folders / "root", parameter: folders / "stated", "autostart": False}
+    started = {"data_root": folders / "ours", parameter: folders / "stated", "autostart": False}
     host_node(node, **started)
-    for path in ("root/new", "root/a/b", str(folders / "root/../root/new"), "stated/new"):
+    for path in ("ours/new", "ours/a/b", str(folders / "ours/../ours/new"), "stated/new"):
         assert peer.set_parameters(name, **{parameter.replace(".", "__"): path}) == []
-    outside = ("others/new", "/etc/new", "root/../others/new", "root/link/new", "root/link", "", "rootless", "a\0b")
-    for path in (*outside, str(folders), str(folders / "root/circle/new")):
+    outside = ("others/new", "/etc/new", "ours/../others/new", "ours/link/new", "ours/link", "", "ours_too", "a\0b")
+    for path in (*outside, str(folders), str(folders / "ours/circle/new")):
         if path == "" and parameter != "gsa.folder":
             continue  # the default, or none
         (reason,) = peer.set_parameters(name, **{parameter.replace(".", "__"): path})

@@ -248,9 +248,9 @@ class AnalysisNode(ManagedNode):
         if before is not None and before.state == "running" != status.state:
             self.get_logger().info(f"sensitivity analysis {status.state}: {status.report or status.reason}")
             if status.state == "finished":
-                document, prefix = self._gsa.result(), self.status_name("sensitivity of")
-                self._gsa_quality = surrogate_quality(document)
-                statuses = gsa_result_statuses(prefix, self.value("machine"), document, status)
+                study, prefix = self._gsa.result(), self.status_name("sensitivity of")
+                self._gsa_quality = surrogate_quality(study)
+                statuses = gsa_result_statuses(prefix, self.value("machine"), study, status)
                 self._gsa_result.publish(messages.diagnostics(now, statuses))
         self._gsa_status.publish(messages.diagnostics(now, [self._gsa_status_now()]))
         self._gsa_published = status

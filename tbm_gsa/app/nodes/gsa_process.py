@@ -11,7 +11,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import Any, Literal
+from typing import Literal
 
 from tbm_gsa.app.nodes.start import child_command
 from tbm_gsa.sensitivity.results import REPORT_NAME, RESULT_NAME, StudyResult
@@ -134,10 +134,10 @@ class GsaProcess:
         reason = f"{_end(code)}: {self._process.last_line()}" if state == "failed" else self.status.reason
         self.status = replace(self.status, state=state, reason=reason, done=done, failed=failed)
 
-    def result(self) -> dict[str, Any]:
-        """Read the JSON document of a finished analysis."""
+    def result(self) -> StudyResult:
+        """Read the result of a finished analysis."""
         assert self.status.folder is not None  # noqa: S101 - finished has a folder
-        return StudyResult.read(self.status.folder / RESULT_NAME).model_dump()
+        return StudyResult.read(self.status.folder / RESULT_NAME)
 
     def cancel(self, reason: str) -> bool:
         """End the running analysis, what it has simulated stays in its store; or accept one that failed."""

@@ -105,7 +105,7 @@ class LiveView(ManagedNode):
         return "" if known else "none of the installed common interfaces of ROS 2 Jazzy"
 
     def requests(self, topic: str, offered: TopicContract) -> QoS:  # noqa: ARG002
-        """Ask as much as every publisher offers."""
+        """Quality of service that every publisher offers."""
         return offered.quality
 
     def subscribe(self, topic: str, offer: TopicContract) -> Subscription:

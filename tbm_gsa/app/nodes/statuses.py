@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any
 
 import numpy as np
 from diagnostic_msgs.msg import DiagnosticStatus
@@ -14,6 +13,7 @@ from tbm_gsa.app.nodes.stream_health import Condition
 from tbm_gsa.comparison import StreamCounters, WindowResult, dead_axes
 from tbm_gsa.comparison.results import OperatingKind
 from tbm_gsa.comparison.streams import Side
+from tbm_gsa.sensitivity.results import StudyResult
 from tbm_msgs_py.base.units import STANDARD_GRAVITY
 from tbm_msgs_py.nodes import messages
 
@@ -124,25 +124,23 @@ def gsa_status(name: str, machine: str, status: GsaStatus, quality: Mapping[str,
     return messages.status(name, level, text, values, machine)
 
 
-def surrogate_quality(document: Mapping[str, Any]) -> dict[str, object]:
+def surrogate_quality(study: StudyResult) -> dict[str, object]:
     """Kind, ten-fold and test R² of every output's surrogate."""
     return {
-        f"{key}_{name}": output[key]
-        for name, output in document["outputs"].items()
+        f"{key}_{name}": getattr(output, key)
+        for name, output in study.outputs.items()
         for key in ("surrogate", "r2_cv", "r2_test")
     }
 
 
-def gsa_result_statuses(
-    prefix: str, machine: str, document: Mapping[str, Any], status: GsaStatus
-) -> list[DiagnosticStatus]:
+def gsa_result_statuses(prefix: str, machine: str, study: StudyResult, status: GsaStatus) -> list[DiagnosticStatus]:
     """One status an output: its surrogate's quality and its strongest inputs."""
     statuses = []
-    for name, output in document["outputs"].items():
-        strongest = sorted(output["first"], key=output["first"].__getitem__, reverse=True)[:_STRONGEST]
-        values = {key: output[key] for key in ("surrogate", "r2_test", "r2_cv")}
-        values |= {f"first_{code}": output["first"][code] for code in strongest}
-        values |= {f"total_{code}": output["total"][code] for code in strongest}
+    for name, output in study.outputs.items():
+        strongest = sorted(output.first, key=output.first.__getitem__, reverse=True)[:_STRONGEST]
+        values: dict[str, object] = {key: getattr(output, key) for key in ("surrogate", "r2_test", "r2_cv")}
+        values |= {f"first_{code}": output.first[code] for code in strongest}
+        values |= {f"total_{code}": output.total[code] for code in strongest}
         values["report"] = status.report
         statuses.append(messages.status(f"{prefix} {name}", "ok", ", ".join(strongest), values, machine))
     return statuses

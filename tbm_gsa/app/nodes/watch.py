@@ -141,7 +141,7 @@ class Watch:
         publisher.publish(messages.operating_point_message(now, OperatingPoint(speed, torque, thrust)))
 
     def run_gsa(self) -> None:
-        """Ask the analysis node for a sensitivity analysis; the status topic has the outcome."""
+        """Request a sensitivity analysis of the analysis node; the status topic has the outcome."""
         self._run_gsa.call_async(Trigger.Request())
 
     def _subscribe(self, name: str, callback: Callable[[Any], None]) -> None:

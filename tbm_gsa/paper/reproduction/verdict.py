@@ -90,7 +90,7 @@ def statement(holds: bool) -> Verdict:
 
 
 def fitted(verdict: Verdict, was_fitted: bool) -> Verdict:
-    """Take back an agreement that was fitted; a fit that missed stays a difference."""
+    """Verdict on a fitted value: an agreement is `calibrated`, a fit that missed stays a difference."""
     return "calibrated" if was_fitted and verdict == "agrees" else verdict
 
 

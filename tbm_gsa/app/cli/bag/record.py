@@ -68,7 +68,7 @@ def record(
 
 
 def _info(described: Metadata) -> BagInfo:
-    """Give what the metadata of a finished recording say.
+    """Return the info that the metadata of a finished recording hold.
 
     The files hold the same, but their reader takes a second to load, or four to compile, and an end has three.
     """
