@@ -24,6 +24,7 @@ from rclpy.parameter import Parameter
 from rosgraph_msgs.msg import Clock
 
 from tbm_msgs_py.nodes import messages, qos
+from tbm_msgs_py.nodes.managed import STATUS_PERIOD
 from tbm_msgs_py.nodes.parameters import AUTOSTART
 from tbm_msgs_py.nodes.registry import NODES
 
@@ -49,7 +50,12 @@ class Logger:
 
 
 class HostedNode:
-    """A node in the test process; an error in a callback of it is one of the test, unless it is forgiven."""
+    """A node in the test process; an error in a callback of it is one of the test, unless it is forgiven.
+
+    After its first report an `asked_only` node says how it is by no timer.
+    """
+
+    asked_only = False
 
     def __init__(self, peer, factory, arguments, parameters):
         self._peer = peer
@@ -74,11 +80,19 @@ class HostedNode:
         self._peer.wait_for(condition, step=self.report)
 
     def report(self):
-        """Let it do what is due and say how it is."""
+        """Let it do what is due and say how it is.
+
+        A status holds what was found since the last one: that of its timer, due at any moment on a busy computer,
+        would take a fault away from the one that is waited for.
+        """
+        timer = next(timer for timer in self.node.timers if timer.timer_period_ns == STATUS_PERIOD * 1e9)
+        timer.cancel()
         self._peer.settle()
         self.node.publish_statuses()
         self._peer.spin()
         self._peer.settle()
+        if not self.asked_only:
+            timer.reset()
 
     @property
     def ended(self):

@@ -123,6 +123,8 @@ class System:
             peer.host(DynamicsNode, use_sim_time=True, seed=SEED),
             peer.host(LoadNode, use_sim_time=True, seed=SEED),
         ]
+        for node in self._nodes:
+            node.asked_only = True  # or a timer of wall time divides a step of the simulated clock
         self.wait_until_sound()
 
     def step(self):
