@@ -8,11 +8,19 @@ from collections.abc import Collection, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
+import numpy as np
+
 from tbm_msgs_py.bags.batch import MessageBatch, RawMessage, Topic
 from tbm_msgs_py.bags.chunks import UnpackingBudget, UnpackingError
 from tbm_msgs_py.bags.folder import find_files
 from tbm_msgs_py.bags.mcap_file import McapFile
+from tbm_msgs_py.bags.ordering import in_order
+from tbm_msgs_py.bags.summary import Part
 from tbm_msgs_py.base.errors import RecordingError
+
+_OVERLAP_NS = 1_000_000_000  # by which chunks of a file that follows time may overlap
+_NOTES = 20  # lines that a recording is worth
+_Placed = tuple[int, Part]  # a part and the number of its file
 
 
 @dataclass(frozen=True)
@@ -31,6 +39,8 @@ class BagInfo:
         A file ends before its recording does.
     damaged : int
         Places that are no part of a recording; `lost` is a lower bound when there are any.
+    notes : tuple of str
+        What was found that the counts do not explain, such as codecs that are not read; of many the beginning.
     """
 
     topics: dict[Topic, int]
@@ -40,6 +50,7 @@ class BagInfo:
     lost: int
     truncated: bool
     damaged: int = 0
+    notes: tuple[str, ...] = ()
 
     @property
     def duration(self) -> float:
@@ -63,6 +74,7 @@ class Bag:
         self.problem = found.problem
         self._declared = found.declared
         self._read_through = False  # by the last reading
+        self._parts: list[_Placed] | None = None  # of the last reading that was one through
 
     @property
     def lost(self) -> int:
@@ -78,7 +90,7 @@ class Bag:
     @property
     def damaged(self) -> int:
         """Places of the last reading that were no part of a recording; damaged metadata is one."""
-        return sum(file.damaged for file in self.files) + bool(self.problem)
+        return sum(file.damaged for file in self.files) + int(bool(self.problem))
 
     @property
     def truncated(self) -> bool:
@@ -100,10 +112,79 @@ class Bag:
                     digest.update(block)
         return digest.hexdigest()
 
+    @property
+    def notes(self) -> list[str]:
+        """What the last reading found that the counts do not explain, metadata first; of many the beginning."""
+        several = len(self.files) > 1
+        found = [f"{file.path.name}: {note}" if several else note for file in self.files for note in file.notes]
+        return [*([self.problem] if self.problem else []), *found][:_NOTES]
+
+    def nothing_read(self) -> RecordingError:
+        """Error that says why not a single message could be read, as far as that is known."""
+        return RecordingError(
+            f"{self.path}: no message could be read{''.join(f'; {note}' for note in self.notes[:1])}, "
+            "allowed: a recording with at least one message"
+        )
+
     def batches(self) -> Iterator[MessageBatch]:
-        """All messages in file order, as arrays."""
+        """All messages as arrays: in file order, or chunk by chunk in order of time where files do not follow it."""
+        if (parts := self._disordered()) is None:
+            yield from self._in_file_order()
+            return
+        budget = UnpackingBudget()
+        readers = [file.again() for file in self.files]
+        for number, part in sorted(parts, key=lambda placed: placed[1].start_ns):
+            yield from readers[number].read_part(part, budget)
+
+    def messages(
+        self,
+        topics: Collection[str] | None = None,
+        start_ns: int = 0,
+        *,
+        scan: bool = False,
+        folder: Path | None = None,
+    ) -> Iterator[RawMessage]:
+        """Messages in log-time order, lazily, whatever the layout of the files.
+
+        Where the index names all chunks they are read as it says, those before the start not at all; else the
+        recording is read through first. A message is out of order only where the index states a wrong time.
+
+        Parameters
+        ----------
+        topics : collection of str, optional
+            Topic names; default all.
+        start_ns : int
+            Log time of the first message wanted.
+        scan : bool
+            Read through first in any case, and believe no index.
+        folder : Path, optional
+            Where messages are put that wait and do not fit into memory; default the system's temporary folder.
+        """
+        indexed = None if scan else self._indexed()
+        if indexed is None:
+            for _ in self._in_file_order():
+                pass
+            parts, readers = self._placed(), [file.again() for file in self.files]
+        else:
+            parts, readers = [placed for placed in indexed if placed[1].end_ns >= start_ns], self.files
+        budget = UnpackingBudget()
+
+        def read(place: int) -> Iterator[RawMessage]:
+            number, part = parts[place]
+            for batch in readers[number].read_part(part, budget):
+                keep = batch.messages[1] >= start_ns
+                if topics is not None:
+                    channels = [channel for channel, topic in batch.topics.items() if topic.name in topics]
+                    keep &= np.isin(batch.messages[0], channels)
+                yield from batch.where(keep).raw()
+
+        yield from in_order([part.start_ns for _, part in parts], read, folder)
+        if indexed is not None:
+            self._read_through = len(parts) == len(indexed)
+
+    def _in_file_order(self) -> Iterator[MessageBatch]:
         problem: RecordingError | None = None
-        self._read_through = False
+        self._read_through, self._parts = False, None
         for file in self.files:
             file.restart()  # one that is not reached holds nothing of the reading before
         budget = UnpackingBudget()
@@ -113,30 +194,37 @@ class Bag:
             except UnpackingError:
                 raise
             except RecordingError as error:  # one of several files is none
-                problem, file.damaged = error, 1
-        self._read_through = True
+                problem = error
+                file.damage(str(error))
+        self._read_through, self._parts = True, self._placed()
         if problem is not None and not any(file.messages for file in self.files):
             raise problem
 
-    def messages(self, topics: Collection[str] | None = None, start_ns: int = 0) -> Iterator[RawMessage]:
-        """Messages in log-time order, lazily.
+    def _placed(self) -> list[_Placed]:
+        """Parts that the last reading found, with the numbers of their files, in file order."""
+        return [(number, part) for number, file in enumerate(self.files) for part in file.parts]
 
-        Parameters
-        ----------
-        topics : collection of str, optional
-            Topic names; default all.
-        start_ns : int
-            Log time of the first message wanted.
-        """
-        held: list[RawMessage] = []
-        for chunk in (chunk for batch in self.batches() for chunk in batch.chunks() if len(chunk)):
-            # Neighbouring chunks may overlap in time: one chunk is held back and merged with the next.
-            first = int(chunk.messages[1].min())
-            held.sort(key=lambda message: message.log_ns)
-            yield from (message for message in held if message.log_ns < first)
-            held = [message for message in held if message.log_ns >= first]
-            held += [m for m in chunk.raw() if m.log_ns >= start_ns and (topics is None or m.topic.name in topics)]
-        yield from sorted(held, key=lambda message: message.log_ns)
+    def _indexed(self) -> list[_Placed] | None:
+        """Parts by the indices of all files; None when one has none that names all of it."""
+        self._read_through, self._parts = False, None
+        try:
+            found = [file.index() for file in self.files]
+        except RecordingError:  # reading it through says which file is none
+            return None
+        if None in found:
+            return None
+        return [(number, part) for number, parts in enumerate(found) for part in parts or ()]
+
+    def _disordered(self) -> list[_Placed] | None:
+        """Parts by a reading, where they do not follow one another in time; None where they do or nobody knows."""
+        parts = self._parts if self._parts is not None else self._indexed()
+        starts = np.array([part.start_ns for _, part in parts or () if part.end_ns], np.int64)
+        if (starts >= np.maximum.accumulate(starts) - _OVERLAP_NS).all():
+            return None
+        if self._parts is None:  # no index is believed for that
+            for _ in self._in_file_order():
+                pass
+        return self._parts
 
     def info(self, *, scan: bool = False) -> BagInfo:
         """Topics, counts and times: from the index when the recording is whole, else by reading it through.
@@ -161,15 +249,25 @@ class Bag:
             messages,
             max(0, (self._declared or 0) - messages),
             truncated=False,
-            damaged=bool(self.problem),
+            damaged=int(bool(self.problem)),
+            notes=tuple(self.notes),
         )
 
     def _scan(self) -> BagInfo:
         topics: Counter[Topic] = Counter()
         start, end = 2**63, 0
-        for batch in self.batches():
+        for batch in self._in_file_order():
             topics.update(batch.counts())
             if len(batch):
                 start, end = min(start, int(batch.messages[1].min())), max(end, int(batch.messages[1].max()))
         count = sum(topics.values())
-        return BagInfo(dict(topics), start if count else 0, end, count, self.lost, self.truncated, self.damaged)
+        return BagInfo(
+            dict(topics),
+            start if count else 0,
+            end,
+            count,
+            self.lost,
+            self.truncated,
+            self.damaged,
+            tuple(self.notes),
+        )

@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from tbm_msgs_py.base.arrays import Bytes, Integers
+from tbm_msgs_py.base.arrays import Bytes, Flags, Integers
 
 POOL = 4 << 20  # bytes of decompressed chunks that are passed on together
 LOOSE = 1000  # messages outside chunks that count as one chunk
@@ -99,6 +99,11 @@ class MessageBatch:
         """Chunk after chunk."""
         for first, end in zip((0, *self.ends), self.ends, strict=False):
             yield MessageBatch(self.data, self.messages[:, first:end], self.topics, (end - first,))
+
+    def where(self, keep: Flags) -> MessageBatch:
+        """Only some of the messages, chunk by chunk as before."""
+        ends = np.concatenate(([0], np.cumsum(keep)))[list(self.ends)]
+        return MessageBatch(self.data, self.messages[:, keep], self.topics, tuple(ends.tolist()))
 
     def raw(self) -> Iterator[RawMessage]:
         """One object a message, ordered by log time."""

@@ -59,7 +59,8 @@ def recover(path: str | Path, out: str | Path) -> Recovery:
     described: dict[Topic, tuple[QoS | None, tuple[str, str] | None]] = {}
     recovered = 0
     with BagWriter(out, custom_data=SYNTHETIC if is_synthetic(bag.path) else None) as writer:
-        for topic, log_ns, data in bag.messages():
+        # What waits for its turn and does not fit into memory is put where the result will be: there is room for that.
+        for topic, log_ns, data in bag.messages(scan=True, folder=writer.path.parent):
             if topic.encoding != "cdr":
                 left_out[topic.name] += 1
                 continue
