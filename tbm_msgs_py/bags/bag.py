@@ -15,7 +15,7 @@ from tbm_msgs_py.bags.chunks import UnpackingBudget, UnpackingError
 from tbm_msgs_py.bags.folder import find_files
 from tbm_msgs_py.bags.mcap_file import McapFile
 from tbm_msgs_py.bags.ordering import in_order
-from tbm_msgs_py.bags.summary import Part
+from tbm_msgs_py.bags.summary import Part, Summary
 from tbm_msgs_py.base.errors import RecordingError
 
 _OVERLAP_NS = 1_000_000_000  # by which chunks of a file that follows time may overlap
@@ -234,7 +234,7 @@ class Bag:
         scan : bool
             Read it through in any case: damage in the middle does not show in the index.
         """
-        summaries = [None if scan else file.summary() for file in self.files]
+        summaries = [None if scan else _summary(file) for file in self.files]
         if None in summaries:
             return self._scan()
         topics: Counter[Topic] = Counter()
@@ -271,3 +271,11 @@ class Bag:
             self.damaged,
             tuple(self.notes),
         )
+
+
+def _summary(file: McapFile) -> Summary | None:
+    """Read what the end of a file states; None of one that is none, too, which reading it through tells."""
+    try:
+        return file.summary()
+    except RecordingError:
+        return None

@@ -30,6 +30,7 @@ class ChannelTable:
         self.topics: dict[int, Topic] = {}
         self.unfinished: dict[int, Topic] = {}
         self._schemas: dict[int, Schema] = {}
+        self._waiting: dict[int, list[Channel]] = {}  # by the schema that has not come
 
     def add(self, opcode: int, body: bytes) -> str:
         """Add a schema or a channel; what is wrong with it, empty when nothing is.
@@ -51,6 +52,8 @@ class ChannelTable:
             return ""
         before = self._schemas.get(schema.id)
         self._schemas[schema.id] = schema
+        for channel in self._waiting.pop(schema.id, ()):
+            self._add_channel(channel)
         if before is None or before == schema:
             return ""
         return f"schema {schema.id} is {before.name} and again {schema.name} with another text"
@@ -67,6 +70,7 @@ class ChannelTable:
         )
         if schema is None and channel.schema_id:
             self.unfinished.setdefault(channel.id, topic)
+            self._waiting.setdefault(channel.schema_id, []).append(channel)
             return ""
         before = self.topics.setdefault(channel.id, topic)
         if (before.name, before.type, before.encoding) == (topic.name, topic.type, topic.encoding):

@@ -32,6 +32,14 @@ from tbm_msgs_py.base.arrays import Bytes, Integers
 from tbm_msgs_py.base.errors import RecordingError
 
 WINDOW = 4 << 20  # bytes read at a time
+_OTHERS = {  # what others begin with, and what to do with them
+    b"#ROS": "rosbags-convert --src NAME.bag --dst FOLDER",
+    b"\x1f\x8b": "gunzip NAME",
+    b"BZh": "bunzip2 NAME",
+    b"\xfd7zXZ": "unxz NAME",
+    b"\x04\x22\x4d\x18": "lz4 -d NAME",
+    b"PK\x03\x04": "unzip NAME",
+}
 _NOTES = 20  # lines that a file is worth
 _FOOTER = 20  # bytes of its body
 
@@ -166,6 +174,7 @@ class McapFile:
                 self._plain = made.file
                 weakref.finalize(self, made.file.close)
         if self._plain is not None:
+            self._plain.seek(0)
             yield self._plain
         else:
             with self.path.open("rb", buffering=0) as file:
@@ -262,7 +271,8 @@ class McapFile:
         if records.problem or left:
             self._note(f"{name}: {records.problem or f'{left} bytes behind its records that are no record'}")
         broken = inner.damaged + bool(left or records.problem)
-        lost = inner.lost + int(inner.stop < records.end and records.data[inner.stop] == Opcode.MESSAGE)
+        cut = records.end - inner.stop >= HEAD + MESSAGE_HEAD and records.data[inner.stop] == Opcode.MESSAGE
+        lost = inner.lost + int(cut)
         self.lost += lost
         self._settle(inner.messages.shape[1] + lost, broken)
         self._found(base + first - HEAD, base + end, inner.messages)
@@ -346,6 +356,7 @@ def _loaded(file: IO[bytes], at: int, buffer: Bytes) -> Bytes:
 
 def _remedy(head: bytes) -> str:
     """Say what makes a recording of a file of another kind."""
-    if head.startswith(b"#ROSBAG"):
-        return "this is one of ROS 1, which `rosbags-convert --src NAME.bag --dst FOLDER` makes one of"
+    for beginning, command in _OTHERS.items():
+        if head.startswith(beginning):
+            return f"this one is read after `{command}`"
     return "`tbm-monitor bag import` makes one of tables of other systems"
