@@ -70,8 +70,8 @@ class BagPlayer(ManagedNode):
         self._info = info = self._bag.info()
         if info.messages == 0:
             raise self._bag.nothing_read()
-        for note in info.notes:
-            self.get_logger().warning(f"{self._bag.path}: {note}")
+        self._noted: list[str] = []
+        self._tell_notes()
         self._start_ns = info.start_ns + round(self.value("start") * NANOSECONDS)
         length = round(self.value("duration") * NANOSECONDS)
         self._end_ns = min(info.end_ns, self._start_ns + length) if length else info.end_ns
@@ -252,7 +252,15 @@ class BagPlayer(ManagedNode):
         if self._clock_publisher is not None:
             self._clock_publisher.publish(messages.clock(now_ns))
 
+    def _tell_notes(self) -> None:
+        """Say once each what was found in the recording so far."""
+        for note in self._bag.notes:
+            if note not in self._noted:
+                self._noted.append(note)
+                self.get_logger().warning(f"{self._bag.path}: {note}")
+
     def _finished(self) -> None:
+        self._tell_notes()
         if self.value("loop"):
             self._loops += 1
             self._lost_before = self.lost

@@ -156,3 +156,18 @@ def test_no_room_for_runs_is_one_line(tmp_path, monkeypatch):
     path = written(tmp_path / "a.mcap", ONE_AFTER_THE_OTHER)
     with pytest.raises(RecordingError, match=r"No such file.*allowed: room"):
         list(Bag(path).messages(folder=tmp_path / "none"))
+
+
+def test_index_without_a_chunk_is_not_believed(tmp_path):
+    """One chunk less, one that is named twice, one at another place: the file is read through instead."""
+    path = written(tmp_path / "a.mcap", ONE_AFTER_THE_OTHER)
+    data, expected = path.read_bytes(), read(path)
+    with path.open("rb") as file:
+        first, second = make_reader(file).get_summary().chunk_indexes[:2]
+    places = [struct.pack("<Q", index.chunk_start_offset) for index in (first, second)]
+    start = data.rindex(places[0] + struct.pack("<Q", first.chunk_length))
+    for wrong in (places[1], struct.pack("<Q", 8), struct.pack("<Q", 2**63), struct.pack("<Q", len(data))):
+        (tmp_path / "b.mcap").write_bytes(data[:start] + wrong + data[start + 8 :])
+        bag = Bag(tmp_path / "b.mcap")
+        assert [(m.log_ns, m.data) for m in bag.messages()] == expected
+        assert (bag.lost, bag.damaged) == (0, 0)
