@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
-from tbm_msgs_py.bags.batch import MessageBatch, RawMessage, Topic
+from tbm_msgs_py.bags.batch import MessageBatch, RawMessage, Topic, rebatched
 from tbm_msgs_py.bags.chunks import UnpackingBudget, UnpackingError
 from tbm_msgs_py.bags.folder import find_files
 from tbm_msgs_py.bags.mcap_file import McapFile
@@ -127,14 +127,34 @@ class Bag:
         )
 
     def batches(self) -> Iterator[MessageBatch]:
-        """All messages as arrays: in file order, or chunk by chunk in order of time where files do not follow it."""
-        if (parts := self._disordered()) is None:
-            yield from self._in_file_order()
-            return
+        """All messages in file order, as arrays."""
+        problem: RecordingError | None = None
+        self._read_through, self._parts = False, None
+        for file in self.files:
+            file.restart()  # one that is not reached holds nothing of the reading before
         budget = UnpackingBudget()
-        readers = [file.again() for file in self.files]
-        for number, part in sorted(parts, key=lambda placed: placed[1].start_ns):
-            yield from readers[number].read_part(part, budget)
+        for file in self.files:
+            try:
+                yield from file.batches(budget)
+            except UnpackingError:
+                raise
+            except RecordingError as error:  # one of several files is none
+                problem = error
+                file.damage(str(error))
+        self._read_through = True
+        self._parts = [(number, part) for number, file in enumerate(self.files) for part in file.parts]
+        if problem is not None and not any(file.messages for file in self.files):
+            raise problem
+
+    def batches_in_order(self) -> Iterator[MessageBatch]:
+        """All messages in log-time order, as arrays: more work than in file order."""
+        yield from rebatched(self.messages(scan=True))
+
+    def is_disordered(self) -> bool:
+        """Whether log times go back in the order of the files, as far as an index or the last reading tells."""
+        parts = self._parts if self._parts is not None else self._indexed()
+        starts = np.array([part.start_ns for _, part in parts or () if part.end_ns], np.int64)
+        return bool((starts < np.maximum.accumulate(starts) - _OVERLAP_NS).any())
 
     def messages(
         self,
@@ -161,12 +181,13 @@ class Bag:
             Where messages are put that wait and do not fit into memory; default the system's temporary folder.
         """
         indexed = None if scan else self._indexed()
-        if indexed is None:
-            for _ in self._in_file_order():
-                pass
-            parts, readers = self._placed(), [file.again() for file in self.files]
-        else:
+        if indexed is not None:
             parts, readers = [placed for placed in indexed if placed[1].end_ns >= start_ns], self.files
+        else:
+            if self._parts is None:
+                for _ in self.batches():
+                    pass
+            parts, readers = self._parts or [], [file.again() for file in self.files]
         budget = UnpackingBudget()
 
         def read(place: int) -> Iterator[RawMessage]:
@@ -182,28 +203,6 @@ class Bag:
         if indexed is not None:
             self._read_through = len(parts) == len(indexed)
 
-    def _in_file_order(self) -> Iterator[MessageBatch]:
-        problem: RecordingError | None = None
-        self._read_through, self._parts = False, None
-        for file in self.files:
-            file.restart()  # one that is not reached holds nothing of the reading before
-        budget = UnpackingBudget()
-        for file in self.files:
-            try:
-                yield from file.batches(budget)
-            except UnpackingError:
-                raise
-            except RecordingError as error:  # one of several files is none
-                problem = error
-                file.damage(str(error))
-        self._read_through, self._parts = True, self._placed()
-        if problem is not None and not any(file.messages for file in self.files):
-            raise problem
-
-    def _placed(self) -> list[_Placed]:
-        """Parts that the last reading found, with the numbers of their files, in file order."""
-        return [(number, part) for number, file in enumerate(self.files) for part in file.parts]
-
     def _indexed(self) -> list[_Placed] | None:
         """Parts by the indices of all files; None when one has none that names all of it."""
         self._read_through, self._parts = False, None
@@ -214,17 +213,6 @@ class Bag:
         if None in found:
             return None
         return [(number, part) for number, parts in enumerate(found) for part in parts or ()]
-
-    def _disordered(self) -> list[_Placed] | None:
-        """Parts by a reading, where they do not follow one another in time; None where they do or nobody knows."""
-        parts = self._parts if self._parts is not None else self._indexed()
-        starts = np.array([part.start_ns for _, part in parts or () if part.end_ns], np.int64)
-        if (starts >= np.maximum.accumulate(starts) - _OVERLAP_NS).all():
-            return None
-        if self._parts is None:  # no index is believed for that
-            for _ in self._in_file_order():
-                pass
-        return self._parts
 
     def info(self, *, scan: bool = False) -> BagInfo:
         """Topics, counts and times: from the index when the recording is whole, else by reading it through.
@@ -256,7 +244,7 @@ class Bag:
     def _scan(self) -> BagInfo:
         topics: Counter[Topic] = Counter()
         start, end = 2**63, 0
-        for batch in self._in_file_order():
+        for batch in self.batches():
             topics.update(batch.counts())
             if len(batch):
                 start, end = min(start, int(batch.messages[1].min())), max(end, int(batch.messages[1].max()))

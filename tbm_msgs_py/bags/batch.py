@@ -128,3 +128,27 @@ def joined(window: Bytes, parts: Iterable[tuple[Bytes, Integers]], topics: dict[
         messages = np.concatenate([part for _, part in found], axis=1)
         ends = tuple(np.cumsum([part.shape[1] for _, part in found]).tolist())
         yield MessageBatch(data, messages, topics, ends)
+
+
+def rebatched(messages: Iterable[RawMessage]) -> Iterator[MessageBatch]:
+    """Join single messages, in their order, to batches of up to `POOL` bytes."""
+    channels: dict[Topic, int] = {}
+    rows: list[tuple[int, int, int, int]] = []
+    parts: list[bytes] = []
+    place = 0
+    for message in messages:
+        channel = channels.setdefault(message.topic, len(channels))
+        rows.append((channel, message.log_ns, place, len(message.data)))
+        parts.append(message.data)
+        place += len(message.data)
+        if place > POOL:
+            yield _batch(rows, parts, channels)
+            rows, parts, place = [], [], 0
+    if rows:
+        yield _batch(rows, parts, channels)
+
+
+def _batch(rows: list[tuple[int, int, int, int]], parts: list[bytes], channels: dict[Topic, int]) -> MessageBatch:
+    topics = {channel: topic for topic, channel in channels.items()}
+    data = np.frombuffer(b"".join(parts), np.uint8)
+    return MessageBatch(data, np.array(rows, np.int64).T.copy(), topics, (len(rows),))

@@ -27,6 +27,7 @@ from tbm_msgs_py.recordings.mapping import (
     load_mapping,
 )
 from tbm_msgs_py.recordings.operating import OperatingPoints, OperatingRecord
+from tbm_msgs_py.recordings.reading_order import follows_log
 from tbm_msgs_py.recordings.splitting import RecordSplitter
 from tbm_msgs_py.recordings.timeline import DecodedStream, Timeline
 
@@ -171,7 +172,8 @@ class RecordingReader:
             raise ValueError(f"pieces of {length_s:g} s, allowed: 0.001 s or more")
         self._restart()
         splitter = RecordSplitter(self._lines, length_s)
-        for batch in self._bag.batches():
+        by_log = self._bag.is_disordered() and follows_log(self._bag.batches(), self._points)
+        for batch in self._bag.batches_in_order() if by_log else self._bag.batches():
             self._add(batch)
             yield from map(self._records, splitter.due())
         yield from map(self._records, splitter.rest())

@@ -171,3 +171,38 @@ def test_index_without_a_chunk_is_not_believed(tmp_path):
         bag = Bag(tmp_path / "b.mcap")
         assert [(m.log_ns, m.data) for m in bag.messages()] == expected
         assert (bag.lost, bag.damaged) == (0, 0)
+
+
+def sensors(path, entries):
+    """One-sample messages of two sensors: (topic, header s, log s) in this order, a few a chunk."""
+    with (path.with_suffix(".tmp")).open("wb") as file:
+        writer = McapWriter(file, chunk_size=2000)
+        writer.start("ros2", "test")
+        name = "geometry_msgs/msg/AccelStamped"
+        schema = writer.register_schema(name, "ros2msg", b"")
+        channels = {topic: writer.register_channel(f"/tbm/field/{topic}/accel", "cdr", schema) for topic in "ab"}
+        for topic, stamp, log in entries:
+            data = struct.pack("<4BIII4x6d", 0, 1, 0, 0, 10**9 + stamp, 0, 0, *range(6))
+            writer.add_message(channels[topic], log * 10**9, data, 0)
+        writer.finish()
+    return path.with_suffix(".tmp").rename(path)
+
+
+def test_no_layout_costs_a_sample(tmp_path):
+    """Topic after topic; chunks in any order; log times that were set back, while the stamps went on."""
+    steady = [(topic, s, s) for topic in "ab" for s in range(300)]
+    blocks = [steady[k : k + 60] for k in range(0, 300, 60)]
+    shuffled = [entry for k in (3, 0, 4, 2, 1) for entry in blocks[k]]
+    set_back = [("a", s, s if s < 150 else s - 120) for s in range(300)]
+    no_log = [("a", s, 7) for s in range(300)]
+    layouts = {"after": steady, "shuffled": shuffled, "back": set_back, "none": no_log}
+    for name, entries in layouts.items():
+        path = sensors(tmp_path / f"{name}.mcap", entries)
+        reader = open_recording(path)
+        lengths = {}
+        for piece in reader.pieces(30.0):
+            for point, record in piece.items():
+                lengths[point] = lengths.get(point, 0) + len(record.time)
+        assert lengths == dict.fromkeys({topic for topic, _, _ in entries}, 300), name
+        assert {faults.late + faults.disordered for faults in reader.faults.values()} == {0}, name
+        assert (reader.lost, reader.damaged, reader.messages) == (0, 0, len(entries)), name
