@@ -55,10 +55,10 @@ def _find_files(path: Path) -> Files:
     if missing := [name for name, file in found.items() if not file]:
         problem = f"{path / missing[0]}: named by {metadata.FILE_NAME} and not there, allowed: every file that it names"
     if not files:
-        plain = [file for suffix in _STORAGES.values() for file in path.glob(f"*{suffix}")]
-        packed = [file for suffix in _STORAGES.values() for file in path.glob(f"*{suffix}{_PACKED}")]
-        files = [*plain, *(file for file in packed if file.with_suffix("") not in plain)]
-        files.sort(key=lambda file: (len(file.name), file.name))
+        of_storage = [_of(path, suffix) for suffix in _STORAGES.values()]
+        files = next((found for found in of_storage if found), [])
+        if all(of_storage):  # one is likely the other, converted
+            problem = problem or f"{of_storage[1][0]}: beside MCAP files, and not read"
     if not files:
         raise RecordingError(problem or f"{path}: no recording in this folder, allowed: {ALLOWED}")
     return _filled(files, declared, problem)
@@ -68,6 +68,13 @@ def _there(folder: Path, name: str) -> Path | None:
     """File of a name of the metadata: itself, or as somebody unpacked or packed it afterwards."""
     other = name.removesuffix(_PACKED) if name.endswith(_PACKED) else name + _PACKED
     return next((file for file in (folder / name, folder / other) if file.is_file()), None)
+
+
+def _of(folder: Path, suffix: str) -> list[Path]:
+    """Files of a storage, each once, in the order of their numbers."""
+    plain = set(folder.glob(f"*{suffix}"))
+    packed = {file for file in folder.glob(f"*{suffix}{_PACKED}") if file.with_suffix("") not in plain}
+    return sorted(plain | packed, key=lambda file: (len(file.name.removesuffix(_PACKED)), file.name))
 
 
 def _filled(files: list[Path], declared: int | None, problem: str) -> Files:

@@ -108,15 +108,15 @@ def file_end(file: IO[bytes]) -> FileEnd | None:
 
 def _messageless(file: IO[bytes], at: int, end: int, last: int = 0) -> bool:
     """Whether neither messages nor chunks stand between two places, the second at most the first record `last`."""
-    while at != end:
+    while at < end:
         file.seek(at)
         head = file.read(HEAD)
-        if at > end or len(head) < HEAD or head[0] in (0, Opcode.MESSAGE, Opcode.CHUNK):
+        if len(head) < HEAD or head[0] in (0, Opcode.MESSAGE, Opcode.CHUNK):
             return False
         if head[0] == last:
             return True
         at += HEAD + int.from_bytes(head[1:], "little")
-    return True
+    return at == end
 
 
 def _summary_records(file: IO[bytes]) -> list[tuple[int, bytes]] | None:

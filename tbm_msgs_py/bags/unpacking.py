@@ -22,10 +22,12 @@ from tbm_msgs_py.bags.chunks import DENSEST, ChunkError, UnpackingBudget, Unpack
 from tbm_msgs_py.bags.records import LONGEST
 from tbm_msgs_py.base.arrays import Bytes
 from tbm_msgs_py.base.errors import RecordingError
+from tbm_msgs_py.base.texts import quoted
 
 ZSTD_MAGIC = b"\x28\xb5\x2f\xfd"
 SQLITE_MAGIC = b"SQLite format 3\0"
 _STEP = 1 << 20
+_DATABASE = "a database that rosbag2 wrote"
 
 
 class Unpacked(NamedTuple):
@@ -40,14 +42,14 @@ def unpacked(path: Path, budget: UnpackingBudget) -> Unpacked | None:
     with path.open("rb") as file:
         head = file.read(len(SQLITE_MAGIC))
     if head == SQLITE_MAGIC:
-        return _of_database(path)
+        return _of_database(path, path)
     if not head.startswith(ZSTD_MAGIC):
         return None
     with NamedTemporaryFile(prefix="tbm_monitor.") as plain:
         problem = _decompress(path, plain, budget)
         plain.seek(0)
         if plain.read(len(SQLITE_MAGIC)) == SQLITE_MAGIC:
-            made = _of_database(Path(plain.name))
+            made = _of_database(Path(plain.name), path)
             return made._replace(problem=made.problem or problem)
         return Unpacked(os.fdopen(os.dup(plain.fileno()), "rb", buffering=0), problem)
 
@@ -69,17 +71,22 @@ def _decompress(path: Path, out: IO[bytes], budget: UnpackingBudget) -> str:
     return ""
 
 
-def _of_database(path: Path) -> Unpacked:
-    """MCAP file of the messages of a rosbag2 database, in order of time."""
+def _of_database(path: Path, name: Path) -> Unpacked:
+    """MCAP file of the messages of a rosbag2 database, in order of time; errors call it by a name."""
     out, problem = TemporaryFile(prefix="tbm_monitor."), ""  # noqa: SIM115 - the reader's
     writer = Writer(out, chunk_size=_STEP, compression=CompressionType.NONE)
     writer.start("ros2")
-    with closing(_connected(path)) as database:
+    room = DENSEST * path.stat().st_size  # a database that goes in circles has more
+    with closing(_connected(path, name)) as database:
         try:
             channels = {number: _channel(writer, topic) for number, topic in _topics(database)}
             for number, log_ns, data in database.execute(
                 "SELECT topic_id, timestamp, data FROM messages ORDER BY timestamp, id"
             ):
+                room -= 1 + (len(data) if isinstance(data, bytes) else 0)
+                if room < 0:
+                    problem = "SQLite: more messages than the file can hold"
+                    break
                 if number in channels and isinstance(data, bytes) and isinstance(log_ns, int) and log_ns >= 0:
                     writer.add_message(channels[number], log_ns, data, log_ns)
                 else:
@@ -90,20 +97,27 @@ def _of_database(path: Path) -> Unpacked:
     return Unpacked(out, problem)
 
 
-def _connected(path: Path) -> sqlite3.Connection:
+def _connected(path: Path, name: Path) -> sqlite3.Connection:
     """Database opened to read: with its log of a recorder that was killed, as it is where that cannot be opened."""
     error: sqlite3.Error | None = None
     for mode in ("mode=ro", "immutable=1"):
         database = sqlite3.connect(f"{path.absolute().as_uri()}?{mode}", uri=True)
         try:
             database.execute("PRAGMA trusted_schema = OFF")
-            database.execute("SELECT count(*) FROM sqlite_master").fetchone()
+            # What is computed instead of stored may be without an end.
+            views = database.execute(
+                "SELECT name FROM sqlite_master WHERE name IN ('topics', 'messages', 'message_definitions') "
+                "AND (type != 'table' OR sql LIKE 'CREATE VIRTUAL%')"
+            ).fetchall()
         except sqlite3.Error as refused:
             database.close()
             error = refused
         else:
-            return database
-    raise RecordingError(f"{path}: SQLite: {error}, allowed: a database that rosbag2 wrote")
+            if not views:
+                return database
+            database.close()
+            raise RecordingError(f"{name}: SQLite: {quoted(views[0][0])} is no table, allowed: {_DATABASE}")
+    raise RecordingError(f"{name}: SQLite: {error}, allowed: {_DATABASE}")
 
 
 class _StoredTopic(NamedTuple):

@@ -261,6 +261,8 @@ class BagPlayer(ManagedNode):
 
     def _finished(self) -> None:
         self._tell_notes()
+        if not self._count and self.lost:
+            raise self._bag.nothing_read()
         if self.value("loop"):
             self._loops += 1
             self._lost_before = self.lost

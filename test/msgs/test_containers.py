@@ -164,6 +164,30 @@ def test_database_in_which_something_is_missing(tmp_path):
     assert (info.messages, info.damaged, info.notes) == (3, 1, ("SQLite: a message of no topic or of no time",))
 
 
+def test_database_without_an_end_is_refused(tmp_path):
+    path = tmp_path / "endless.db3"
+    with sqlite3.connect(path) as database:
+        database.execute("CREATE TABLE topics (id INTEGER PRIMARY KEY, name, type, serialization_format)")
+        database.execute("INSERT INTO topics VALUES (1, ?, ?, 'cdr')", (TOPIC, BLOCK_TYPE))
+        database.execute(
+            "CREATE VIEW messages AS WITH RECURSIVE c(id) AS (SELECT 1 UNION ALL SELECT id + 1 FROM c) "
+            "SELECT id, 1 AS topic_id, id AS timestamp, x'00' AS data FROM c"
+        )
+    database.close()
+    with pytest.raises(RecordingError, match=r"endless.db3: SQLite: 'messages' is no table"):
+        Bag(path).info()
+
+
+def test_databases_beside_mcap_files_are_named(tmp_path):
+    """A conversion in place: the messages are there once."""
+    folder = rosbag(tmp_path / "bag", StoragePlugin.SQLITE3)
+    recover(folder, folder / "new.mcap")
+    (folder / "metadata.yaml").unlink()
+    info = Bag(folder).info()
+    assert (info.messages, len(info.notes)) == (BLOCKS + 1, 1)
+    assert "bag.db3: beside MCAP files, and not read" in info.notes[0]
+
+
 @pytest.mark.parametrize(
     ("name", "content", "said"),
     [

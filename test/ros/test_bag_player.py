@@ -231,6 +231,20 @@ def test_other_encodings_and_no_qos_end_no_playback(host_node, peer, heard, bag,
     assert any("quality of service recorded is none of ROS" in line for line in warnings)
 
 
+def test_recording_of_an_unknown_codec_is_an_error_that_names_it(host_node, peer, bag, tmp_path):
+    with (tmp_path / "a.mcap").open("wb") as file:
+        writer = McapWriter(file)
+        writer.start("ros2", "test")
+        channel = writer.register_channel("/a", "cdr", writer.register_schema("std_msgs/msg/String", "ros2msg", b""))
+        writer.add_message(channel, START_NS, serialize_message(String(data="x")), START_NS)
+        writer.finish()
+    (tmp_path / "b.mcap").write_bytes((tmp_path / "a.mcap").read_bytes().replace(b"\4\0\0\0zstd", b"\4\0\0\0zst4"))
+    player = host_node(BagPlayer, bag=tmp_path / "b.mcap", wait_for_subscribers=0)
+    peer.wait_for(lambda: player.ended)
+    assert player.node.exit_code == 2
+    assert "compression 'zst4', allowed: none, zstd, lz4" in player.output.splitlines()[-1]
+
+
 def test_topics_one_after_the_other_are_played_in_time(host_node, peer, heard, tmp_path, wall):
     """Written as `mcap` tools do that go by topic; and a message behind its time is counted."""
     with (tmp_path / "a.mcap").open("wb") as file:
