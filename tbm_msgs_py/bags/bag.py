@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 from collections import Counter
-from collections.abc import Collection, Iterator
+from collections.abc import Collection, Iterable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -17,6 +17,7 @@ from tbm_msgs_py.bags.mcap_file import McapFile
 from tbm_msgs_py.bags.ordering import in_order
 from tbm_msgs_py.bags.summary import Part, Summary
 from tbm_msgs_py.base.errors import RecordingError
+from tbm_msgs_py.base.texts import quoted
 
 _OVERLAP_NS = 1_000_000_000  # by which chunks of a file that follows time may overlap
 _NOTES = 20  # lines that a recording is worth
@@ -238,7 +239,7 @@ class Bag:
             max(0, (self._declared or 0) - messages),
             truncated=False,
             damaged=int(bool(self.problem)),
-            notes=tuple(self.notes),
+            notes=self._notes_on(topics),
         )
 
     def _scan(self) -> BagInfo:
@@ -257,8 +258,15 @@ class Bag:
             self.lost,
             self.truncated,
             self.damaged,
-            tuple(self.notes),
+            self._notes_on(topics),
         )
+
+    def _notes_on(self, topics: Iterable[Topic]) -> tuple[str, ...]:
+        """Collect the notes, those on topics that are nothing of ROS 2 included."""
+        others = (
+            f"topic {t.name}: message encoding {quoted(t.encoding)}, read is cdr" for t in topics if t.encoding != "cdr"
+        )
+        return (*self.notes, *others)[:_NOTES]
 
 
 def _summary(file: McapFile) -> Summary | None:

@@ -102,7 +102,12 @@ def _decompressed(stored: bytes, compression: str, size: int) -> Bytes:
         return unzipped(stored, size + 1)
     if compression == "lz4":
         return _read(_lz4_reader(stored), size + 1)
-    raise ChunkError(f"compression {quoted(compression)}, allowed: none, zstd, lz4")
+    raise ChunkError(unknown_codec(compression))
+
+
+def unknown_codec(compression: str) -> str:
+    """Say that a compression is not read; empty for one that is."""
+    return "" if compression in ("", "zstd", "lz4") else f"compression {quoted(compression)}, allowed: none, zstd, lz4"
 
 
 def unzipped(stored: bytes, most: int) -> Bytes:

@@ -24,7 +24,7 @@ from mcap.records import Statistics
 
 from tbm_msgs_py.bags.batch import LOOSE, POOL, MessageBatch, Topic, joined
 from tbm_msgs_py.bags.channels import DAMAGED, ChannelTable
-from tbm_msgs_py.bags.chunks import ChunkError, UnpackingBudget, UnpackingError, chunk_records
+from tbm_msgs_py.bags.chunks import ChunkError, UnpackingBudget, UnpackingError, chunk_records, unknown_codec
 from tbm_msgs_py.bags.records import CHUNK_HEAD, CUT, FOOTER, HEAD, MESSAGE_HEAD, Walk, number, walk
 from tbm_msgs_py.bags.summary import MAGIC, FileEnd, Part, Summary, file_end
 from tbm_msgs_py.bags.unpacking import ZSTD_MAGIC, unpacked, with_unzipped
@@ -126,8 +126,11 @@ class McapFile:
     def summary(self) -> Summary | None:
         """Read what the end of the file states about it; None when that is missing or does not fit together."""
         with self._open() as file:
-            self._end_of_file = file_end(file)
-        return self._end_of_file.summary() if self._end_of_file and not self._problem else None
+            self._end_of_file = end = file_end(file)
+        for codec in {chunk.compression for chunk in end.chunks} if end else ():
+            if why := unknown_codec(codec):
+                self._note(f"chunks by the index: {why}")
+        return end.summary() if end and not self._problem else None
 
     def index(self) -> list[Part] | None:
         """Chunks by the index at the end, to be read by `read_part`; None when it does not name all of the file."""

@@ -267,6 +267,8 @@ def test_other_encodings_of_a_topic_are_named(tmp_path):
             channel = writer.register_channel(f"/tbm/field/p{k}/accel", encoding, schema)
             writer.add_message(channel, 1, b"{}", 1)
         writer.finish()
+    assert shown(path)["notes"][0] == "topic /tbm/field/p0/accel: message encoding 'json', read is cdr"
+    assert len(shown(path)["notes"]) == len(Bag(path).info(scan=True).notes) == 3
     with pytest.raises(RecordingError, match="topic /tbm/field/p0/accel: message encoding 'json', allowed: cdr"):
         read_recording(path)
     with pytest.raises(RecordingError, match="/tbm/field/p0/accel in 'json', /tbm/field/p1/accel in 'ros1'"):

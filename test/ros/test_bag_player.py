@@ -239,6 +239,9 @@ def test_recording_of_an_unknown_codec_is_an_error_that_names_it(host_node, peer
         writer.add_message(channel, START_NS, serialize_message(String(data="x")), START_NS)
         writer.finish()
     (tmp_path / "b.mcap").write_bytes((tmp_path / "a.mcap").read_bytes().replace(b"\4\0\0\0zstd", b"\4\0\0\0zst4"))
+    assert Bag(tmp_path / "b.mcap").info().notes == (
+        "chunks by the index: compression 'zst4', allowed: none, zstd, lz4",
+    )
     player = host_node(BagPlayer, bag=tmp_path / "b.mcap", wait_for_subscribers=0)
     peer.wait_for(lambda: player.ended)
     assert player.node.exit_code == 2
