@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from tbm_msgs_py.base.arrays import Bytes, Integers
+from tbm_msgs_py.base.arrays import Bytes, Flags, Integers
 
 POOL = 4 << 20  # bytes of decompressed chunks that are passed on together
 LOOSE = 1000  # messages outside chunks that count as one chunk
@@ -100,6 +100,11 @@ class MessageBatch:
         for first, end in zip((0, *self.ends), self.ends, strict=False):
             yield MessageBatch(self.data, self.messages[:, first:end], self.topics, (end - first,))
 
+    def where(self, keep: Flags) -> MessageBatch:
+        """Only some of the messages, chunk by chunk as before."""
+        ends = np.concatenate(([0], np.cumsum(keep)))[list(self.ends)]
+        return MessageBatch(self.data, self.messages[:, keep], self.topics, tuple(ends.tolist()))
+
     def raw(self) -> Iterator[RawMessage]:
         """One object a message, ordered by log time."""
         order = np.argsort(self.messages[1], kind="stable")
@@ -123,3 +128,27 @@ def joined(window: Bytes, parts: Iterable[tuple[Bytes, Integers]], topics: dict[
         messages = np.concatenate([part for _, part in found], axis=1)
         ends = tuple(np.cumsum([part.shape[1] for _, part in found]).tolist())
         yield MessageBatch(data, messages, topics, ends)
+
+
+def rebatched(messages: Iterable[RawMessage]) -> Iterator[MessageBatch]:
+    """Join single messages, in their order, to batches of up to `POOL` bytes."""
+    channels: dict[Topic, int] = {}
+    rows: list[tuple[int, int, int, int]] = []
+    parts: list[bytes] = []
+    place = 0
+    for message in messages:
+        channel = channels.setdefault(message.topic, len(channels))
+        rows.append((channel, message.log_ns, place, len(message.data)))
+        parts.append(message.data)
+        place += len(message.data)
+        if place > POOL:
+            yield _batch(rows, parts, channels)
+            rows, parts, place = [], [], 0
+    if rows:
+        yield _batch(rows, parts, channels)
+
+
+def _batch(rows: list[tuple[int, int, int, int]], parts: list[bytes], channels: dict[Topic, int]) -> MessageBatch:
+    topics = {channel: topic for topic, channel in channels.items()}
+    data = np.frombuffer(b"".join(parts), np.uint8)
+    return MessageBatch(data, np.array(rows, np.int64).T.copy(), topics, (len(rows),))

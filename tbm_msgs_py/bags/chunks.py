@@ -14,6 +14,7 @@ from isal import isal_zlib  # zlib's checksum, five times as fast
 from tbm_msgs_py.bags.records import LONGEST
 from tbm_msgs_py.base.arrays import Bytes
 from tbm_msgs_py.base.errors import InputError, RecordingError
+from tbm_msgs_py.base.texts import quoted
 
 _HEAD = struct.Struct("<QQQII")  # first and last log time, size of the records, their CRC, length of the name
 _STEP = 1 << 20  # bytes that are decompressed at a time: no frame grows further than a chunk may
@@ -54,45 +55,68 @@ class UnpackingError(RecordingError):
 
 
 class ChunkRecords(NamedTuple):
-    """Records of a chunk: `data` from `first` to `end`; `whole` when all that it states are there."""
+    """Records of a chunk: `data` from `first` to `end`; `whole` when all that it states are there.
+
+    `problem` says what about the chunk is wrong and costs no message.
+    """
 
     data: Bytes
     first: int
     end: int
     whole: bool
+    problem: str
 
 
 def chunk_records(data: Bytes, first: int, end: int, budget: UnpackingBudget) -> ChunkRecords:
     """Open the chunk whose body is ``data[first:end]``, cut off or not.
 
     A chunk that is whole and does not have the stated size or checksum is a `ChunkError`: some of it is wrong, and
-    nothing says which part. One that was cut is read as far as it goes.
+    nothing says which part. One that was cut is read as far as it goes. Bytes behind the records, be they extensions
+    of the chunk or of its frame, are none of them.
     """
     _, _, size, crc, name = _HEAD.unpack(data[first : min(end, first + _HEAD.size)].tobytes())
     start = first + _HEAD.size + name + 8
     if start > end or size > LONGEST:
-        raise ChunkError(f"chunk of {size} bytes, allowed: up to {LONGEST}")
+        raise ChunkError(f"{size} bytes, allowed: up to {LONGEST}")
     compression = data[first + _HEAD.size : start - 8].tobytes().decode("utf-8", "replace")
     stored = int.from_bytes(data[start - 8 : start].tobytes(), "little")
     whole = end - start >= stored
+    end = min(end, start + stored)
     if compression:
-        budget.spend(min(stored, end - start), size)
-        data = _decompressed(data[start : start + stored].tobytes(), compression, size)
+        budget.spend(end - start, size)
+        data = _decompressed(data[start:end].tobytes(), compression, size)
         start, end = 0, len(data)
-    if whole and (end - start != size or (crc and isal_zlib.crc32(data[start:end]) != crc)):
-        raise ChunkError(f"chunk of {end - start} bytes, stated are {size} and a checksum")
-    return ChunkRecords(data, start, end, whole)
+    there, end = end - start, min(end, start + size)
+    certain = bool(crc) and isal_zlib.crc32(data[start:end]) == crc
+    if whole and not certain and (crc or there < size):
+        raise ChunkError(f"{there} bytes, stated are {size}" + (" and another checksum" if crc else ""))
+    problem = f"more than the {size} bytes that it states" if there > size else ""
+    if whole and there < size:
+        problem = f"{there} bytes with the right checksum, stated are {size}"
+    return ChunkRecords(data, start, end, whole, problem)
 
 
 def _decompressed(stored: bytes, compression: str, size: int) -> Bytes:
     """Up to `size` bytes, and one more where there are more; fewer when the frame is cut or damaged."""
     if compression == "zstd":
-        read: Callable[[int], bytes] = zstandard.ZstdDecompressor().stream_reader(stored).read
-    elif compression == "lz4":
-        read = _lz4_reader(stored)
-    else:
-        raise ChunkError(f"compression {compression}, allowed: none, zstd, lz4")
-    parts, room = [], size + 1
+        return unzipped(stored, size + 1)
+    if compression == "lz4":
+        return _read(_lz4_reader(stored), size + 1)
+    raise ChunkError(unknown_codec(compression))
+
+
+def unknown_codec(compression: str) -> str:
+    """Say that a compression is not read; empty for one that is."""
+    return "" if compression in ("", "zstd", "lz4") else f"compression {quoted(compression)}, allowed: none, zstd, lz4"
+
+
+def unzipped(stored: bytes, most: int) -> Bytes:
+    """Up to `most` bytes of a zstd frame; fewer when it is cut or damaged."""
+    return _read(zstandard.ZstdDecompressor().stream_reader(stored).read, most)
+
+
+def _read(read: Callable[[int], bytes], room: int) -> Bytes:
+    parts = []
     while room:
         try:
             part = read(min(room, _STEP))

@@ -25,6 +25,20 @@ UNDECODABLE = (SerdeError, struct.error, ValueError, IndexError, AssertionError,
 _IDL = "=" * 80 + "\nIDL: "  # how a definition in IDL begins
 
 
+# By half the second byte of a message, whose last bit is the byte order: DDS-XTypes 1.3, 7.6.3.1.2, and Fast CDR.
+_ENCODINGS = {1: "PL_CDR", 2: "XML", 3: "CDR2", 4: "D_CDR2", 5: "PL_CDR2", 8: "CDR2", 9: "PL_CDR2", 10: "D_CDR2"}
+
+
+def other_encoding(message: bytes) -> str:
+    """Say what a message is encoded in and what is allowed; empty for the plain CDR of ROS 2."""
+    if len(message) < 4:
+        return f"{len(message)} bytes, allowed: a whole message"
+    if message[0] == 0 and message[1] in (0, 1):
+        return ""
+    name = _ENCODINGS.get(message[1] >> 1, "no CDR") if message[0] == 0 else "no CDR"
+    return f"encoded in {name} (0x{message[:2].hex()}), allowed: CDR (0x0000, 0x0001)"
+
+
 @lru_cache(maxsize=1)
 def typestore() -> Typestore:
     """Message definitions of ROS 2 Jazzy."""

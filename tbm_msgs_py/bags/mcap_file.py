@@ -6,40 +6,42 @@ and make an object of each message. Here one walk (`records`) finds the messages
 
 from __future__ import annotations
 
+import copy
 import os
 import struct
-from collections import Counter
+import tempfile
+import weakref
 from collections.abc import Iterator
-from contextlib import suppress
+from contextlib import contextmanager
 from io import BytesIO
 from pathlib import Path
-from typing import IO, NamedTuple
+from typing import IO
 
 import numpy as np
 from mcap.data_stream import ReadDataStream
-from mcap.exceptions import McapError
 from mcap.opcode import Opcode
-from mcap.records import Channel, Schema, Statistics
+from mcap.records import Statistics
 
 from tbm_msgs_py.bags.batch import LOOSE, POOL, MessageBatch, Topic, joined
-from tbm_msgs_py.bags.chunks import ChunkError, UnpackingBudget, UnpackingError, chunk_records
-from tbm_msgs_py.bags.records import CHUNK_HEAD, CUT, FOOTER, HEAD, LONGEST, MORE, Walk, walk
+from tbm_msgs_py.bags.channels import DAMAGED, ChannelTable
+from tbm_msgs_py.bags.chunks import ChunkError, UnpackingBudget, UnpackingError, chunk_records, unknown_codec
+from tbm_msgs_py.bags.records import CHUNK_HEAD, CUT, FOOTER, HEAD, MESSAGE_HEAD, Walk, number, walk
+from tbm_msgs_py.bags.summary import MAGIC, FileEnd, Part, Summary, file_end
+from tbm_msgs_py.bags.unpacking import ZSTD_MAGIC, unpacked, with_unzipped
 from tbm_msgs_py.base.arrays import Bytes, Integers
 from tbm_msgs_py.base.errors import RecordingError
 
-MAGIC = b"\x89MCAP0\r\n"
 WINDOW = 4 << 20  # bytes read at a time
-_FOOTER_BODY = struct.Struct("<QQI")
-_DAMAGED = (struct.error, McapError, ValueError, OverflowError)
-
-
-class Summary(NamedTuple):
-    """What the end of a file states: message count of each topic, first and last log time in ns, and all messages."""
-
-    topics: dict[Topic, int]
-    start_ns: int
-    end_ns: int
-    messages: int
+_OTHERS = {  # what others begin with, and what to do with them
+    b"#ROS": "rosbags-convert --src NAME.bag --dst FOLDER",
+    b"\x1f\x8b": "gunzip NAME",
+    b"BZh": "bunzip2 NAME",
+    b"\xfd7zXZ": "unxz NAME",
+    b"\x04\x22\x4d\x18": "lz4 -d NAME",
+    b"PK\x03\x04": "unzip NAME",
+}
+_NOTES = 20  # lines that a file is worth
+_FOOTER = 20  # bytes of its body
 
 
 class McapFile:
@@ -55,11 +57,16 @@ class McapFile:
         The last reading met the end of the file before the end of the recording.
     declared : int or None
         Message count of the file's own statistics, when it got there.
+    notes : list of str
+        What was found that the counts do not explain: codecs, bytes that are no record; the first of them.
+    parts : list of Part
+        Where the last reading found messages.
     """
 
     def __init__(self, path: Path) -> None:
         self.path = path
-        self._stated: dict[int, Topic] | None = None  # channels by the end of the file, once it was looked at
+        self._plain: IO[bytes] | None = None  # what the file unpacks to
+        self._problem: str | None = None  # with that; None before it was looked at
         self.restart()
 
     def batches(self, budget: UnpackingBudget | None = None) -> Iterator[MessageBatch]:
@@ -77,7 +84,9 @@ class McapFile:
         """
         self.restart()
         self._budget = budget or UnpackingBudget()
-        with self.path.open("rb", buffering=0) as file:
+        with self._open() as file:
+            if self._problem:
+                self.damage(self._problem)
             at = self._begin(file)
             buffer, searching = np.empty(WINDOW, np.uint8), at == 0
             while True:
@@ -85,7 +94,7 @@ class McapFile:
                 size = os.fstat(file.fileno()).st_size
                 limit = max(size - at, len(data))
                 found = walk(data, 0, len(data), limit, searching=searching)
-                yield from self._messages_in(data, found)
+                yield from self._messages_in(data, found, at)
                 # A file that is being written has grown meanwhile: then it is not cut there.
                 grown = os.fstat(file.fileno()).st_size > size
                 if found.state == FOOTER or (found.state == CUT and not grown):
@@ -95,46 +104,93 @@ class McapFile:
                     buffer = np.empty(2 * len(buffer), np.uint8)
                 at, searching = at + found.stop, found.searching
             if found.state == CUT:
-                yield from self._end(data, found)
+                self.truncated = True
+                yield from self._end(data, found, at)
+            else:
+                self._look_behind(file, at + found.stop + HEAD + _FOOTER)
         self._settle(0, 0)
-
-    def summary(self) -> Summary | None:
-        """Read what the end of the file states about it; None when that is missing or does not fit together."""
-        with self.path.open("rb") as file:
-            found = _summary_records(file)
-        if found is None:
-            return None
-        schemas: dict[int, Schema] = {}
-        channels: dict[int, Topic] = {}
-        statistics: Statistics | None = None
-        for opcode, body in found:
-            with suppress(*_DAMAGED):
-                if opcode == Opcode.STATISTICS:
-                    statistics = Statistics.read(ReadDataStream(BytesIO(body)))
-                else:
-                    _describe(opcode, body, schemas, channels)
-        self._stated = channels
-        if statistics is None or statistics.message_end_time >= 2**63:
-            return None
-        counts = statistics.channel_message_counts
-        topics: Counter[Topic] = Counter()
-        for channel, topic in channels.items():
-            topics[topic] += counts.get(channel, 0)
-        if sum(topics.values()) != statistics.message_count:
-            return None
-        return Summary(
-            dict(topics), statistics.message_start_time, statistics.message_end_time, statistics.message_count
-        )
 
     def restart(self) -> None:
         """Forget what the last reading found."""
         self._budget = UnpackingBudget()
         self.messages, self.lost, self.damaged, self.truncated = 0, 0, 0, False
         self.declared: int | None = None
-        self._schemas: dict[int, Schema] = {}
-        self._channels: dict[int, Topic] = {}
-        self._stated = None
+        self.notes: list[str] = []
+        self.parts: list[Part] = []
+        self._table = ChannelTable()
+        self._channels: dict[int, Topic] = {}  # of messages that were read
+        self._zipped: dict[int, bool] = {}  # whether the messages of a channel are compressed one by one
+        self._end_of_file: FileEnd | None = None
         self._indexed = self._accounted = 0  # messages since the last chunk began: by indices; read or lost
+
+    def summary(self) -> Summary | None:
+        """Read what the end of the file states about it; None when that is missing or does not fit together."""
+        with self._open() as file:
+            self._end_of_file = end = file_end(file)
+        for codec in {chunk.compression for chunk in end.chunks} if end else ():
+            if why := unknown_codec(codec):
+                self._note(f"chunks by the index: {why}")
+        return end.summary() if end and not self._problem else None
+
+    def index(self) -> list[Part] | None:
+        """Chunks by the index at the end, to be read by `read_part`; None when it does not name all of the file."""
+        with self._open() as file:
+            end = file_end(file)
+            parts = end.parts(file) if end and not self._problem else None
+        self.restart()
+        self._end_of_file = end
+        if end and end.statistics:
+            self.declared = end.statistics.message_count
+        return parts
+
+    def again(self) -> McapFile:
+        """Make a second reader of the parts that were found, whose counts leave those of the reading alone."""
+        other = copy.copy(self)
+        other.notes, other.parts = [], []
+        return other
+
+    def read_part(self, part: Part, budget: UnpackingBudget) -> Iterator[MessageBatch]:
+        """Messages of a part; counts are added to those of the parts before."""
+        self._budget = budget
+        with self._open() as file:
+            data = _loaded(file, part.at, np.empty(part.end - part.at, np.uint8))
+        found = walk(data, 0, len(data), len(data))
+        yield from self._messages_in(data, found, part.at)
+        if found.stop < len(data):
+            self.damage(f"byte {part.at + found.stop}: no record")
+            yield from self._end(data, found, part.at)
+        self._settle(0, 0)
+
+    @contextmanager
+    def _open(self) -> Iterator[IO[bytes]]:
+        """Open the file, or what it unpacks to, which is made once."""
+        if self._problem is None:
+            try:
+                made = unpacked(self.path, self._budget)
+            except OSError as error:
+                raise RecordingError(
+                    f"{self.path}: {error.strerror}, allowed: a file that can be read, and where it is compressed or "
+                    f"a database room for it in {tempfile.gettempdir()} (TMPDIR)"
+                ) from error
+            self._problem = made.problem if made else ""
+            if made:
+                self._plain = made.file
+                weakref.finalize(self, made.file.close)
+        if self._plain is not None:
+            self._plain.seek(0)
+            yield self._plain
+        else:
+            with self.path.open("rb", buffering=0) as file:
+                yield file
+
+    def _note(self, text: str) -> None:
+        if len(self.notes) < _NOTES and text not in self.notes:
+            self.notes.append(text)
+
+    def damage(self, text: str) -> None:
+        """Count a place that is no part of a recording, and say what was found."""
+        self.damaged += 1
+        self._note(text)
 
     def _begin(self, file: IO[bytes]) -> int:
         """Where the records begin; 0 when the magic is damaged and they have to be searched for."""
@@ -147,14 +203,23 @@ class McapFile:
         if file.read() != MAGIC and head[len(MAGIC) : len(MAGIC) + 1] != bytes([Opcode.HEADER]):
             raise RecordingError(
                 f"{self.path}: not an MCAP file, its first bytes are not the MCAP magic, "
-                "allowed: a recording; `tbm-monitor bag import` makes one of tables of other systems"
+                f"allowed: a recording; {_remedy(head)}"
             )
-        self.damaged += 1
+        self.damage("the magic at the beginning is another")
         file.seek(0)
         return 0
 
-    def _messages_in(self, data: Bytes, found: Walk) -> Iterator[MessageBatch]:
-        """Messages of a window: those outside chunks and those in its chunks, in file order."""
+    def _look_behind(self, file: IO[bytes], at: int) -> None:
+        """Look at what stands behind the footer: the magic, and nothing else."""
+        file.seek(at)
+        behind = file.read(2 * len(MAGIC))
+        extra = os.fstat(file.fileno()).st_size - at - len(MAGIC)
+        if extra > 0:
+            what = "another recording" if behind.endswith(MAGIC) else "no record"
+            self.damage(f"{extra} bytes behind the end of the recording, {what}; not read")
+
+    def _messages_in(self, data: Bytes, found: Walk, base: int) -> Iterator[MessageBatch]:
+        """Messages of a window that begins at `base`: those outside chunks and those in its chunks, in file order."""
         self.damaged += found.damaged
         self.lost += found.lost
         self._accounted += found.lost
@@ -163,39 +228,57 @@ class McapFile:
         for opcode, at, size in found.others.T.tolist():
             if opcode == Opcode.CHUNK:
                 before = int(np.searchsorted(loose[2], at))
-                parts += _in_chunks(data, loose[:, :before])
-                self._accounted += before
+                parts += self._loose(data, loose[:, :before], base)
                 loose = loose[:, before:]
-                bytes_, messages = self._chunk(data, at, at + size)
+                bytes_, messages = self._chunk(data, at, at + size, base)
                 parts.append((bytes_, messages))
                 own += len(bytes_) if bytes_ is not data else 0
                 if own > POOL:
                     yield from self._known(data, parts)
                     parts, own = [], 0
             elif opcode == Opcode.MESSAGE_INDEX:
-                self._indexed += max(0, (size - 6) // 16)
+                self._indexed += min(size - 6, int(number(data, at + 2, 4))) // 16
             else:
                 self._record(opcode, data[at : at + size].tobytes())
-        parts += _in_chunks(data, loose)
-        self._accounted += loose.shape[1]
+        parts += self._loose(data, loose, base)
         yield from self._known(data, parts)
 
-    def _chunk(self, data: Bytes, first: int, end: int) -> tuple[Bytes, Integers]:
+    def _loose(self, data: Bytes, messages: Integers, base: int) -> list[tuple[Bytes, Integers]]:
+        """Messages outside chunks, in parts that stand for chunks."""
+        self._accounted += messages.shape[1]
+        parts = [messages[:, first : first + LOOSE] for first in range(0, messages.shape[1], LOOSE)]
+        for part in parts:
+            first, end = int(part[2, 0]) - MESSAGE_HEAD - HEAD, int(part[2, -1] + part[3, -1])
+            self._found(base + first, base + end, part)
+        return [(data, part) for part in parts]
+
+    def _found(self, at: int, end: int, messages: Integers) -> None:
+        if messages.size:
+            self.parts.append(Part(at, end, int(messages[1].min()), int(messages[1].max())))
+
+    def _chunk(self, data: Bytes, first: int, end: int, base: int) -> tuple[Bytes, Integers]:
         """Messages of the chunk with the body ``data[first:end]``, and the bytes that hold them."""
+        name = f"chunk at byte {base + first - HEAD}"
         try:
             records = chunk_records(data, first, end, self._budget)
-        except (ChunkError, struct.error):
+        except (ChunkError, struct.error) as error:
             self._settle(0, 1)
+            self._note(f"{name}: {error}")
             return data, np.empty((4, 0), np.int64)
         except UnpackingError as error:
             raise UnpackingError(f"{self.path}: {error}") from None
         inner = walk(records.data, records.first, records.end, records.end)
         for opcode, at, size in inner.others.T.tolist():
             self._record(opcode, records.data[at : at + size].tobytes())
-        broken = inner.damaged + (inner.state == CUT and records.whole and inner.stop < records.end)
-        lost = inner.lost + int(inner.stop < records.end and records.data[inner.stop] == Opcode.MESSAGE)
+        left = records.end - inner.stop if inner.state == CUT and records.whole else 0
+        if records.problem or left:
+            self._note(f"{name}: {records.problem or f'{left} bytes behind its records that are no record'}")
+        broken = inner.damaged + bool(left or records.problem)
+        cut = records.end - inner.stop >= HEAD + MESSAGE_HEAD and records.data[inner.stop] == Opcode.MESSAGE
+        lost = inner.lost + int(cut)
         self.lost += lost
         self._settle(inner.messages.shape[1] + lost, broken)
+        self._found(base + first - HEAD, base + end, inner.messages)
         return records.data, inner.messages
 
     def _settle(self, accounted: int, damaged: int) -> None:
@@ -207,66 +290,59 @@ class McapFile:
     def _known(self, window: Bytes, parts: list[tuple[Bytes, Integers]]) -> Iterator[MessageBatch]:
         """Messages of known channels."""
         for batch in joined(window, [part for part in parts if part[1].size], self._channels):
-            channels = np.flatnonzero(np.bincount(batch.messages[0]))
-            unknown = [channel for channel in channels.tolist() if not self._is_known(channel)]
-            if not unknown:
-                self.messages += len(batch)
-                yield batch
-                continue
-            keep = ~np.isin(batch.messages[0], unknown)
-            self.lost += int(np.count_nonzero(~keep))
-            self.messages += int(np.count_nonzero(keep))
-            ends = np.concatenate(([0], np.cumsum(keep)))[list(batch.ends)]
-            yield MessageBatch(batch.data, batch.messages[:, keep], self._channels, tuple(ends.tolist()))
+            channels = np.flatnonzero(np.bincount(batch.messages[0])).tolist()
+            unknown = [channel for channel in channels if not self._is_known(channel)]
+            read = batch.where(~np.isin(batch.messages[0], unknown)) if unknown else batch
+            zipped = [channel for channel in channels if channel not in unknown and self._is_zipped(channel, read)]
+            if zipped:
+                read = with_unzipped(read, zipped, self._budget)
+            if (lost := len(batch) - len(read)) > 0:
+                self.lost += lost
+                self._note("messages of channels that are not described, or that do not unpack, are lost")
+            self.messages += len(read)
+            yield read
 
     def _is_known(self, channel: int) -> bool:
         """Whether a channel is described, if not before its messages then at the end of the file."""
         if channel not in self._channels:
-            if self._stated is None:
-                self.summary()
-                self._stated = self._stated or {}
-            if channel in self._stated:
-                self._channels[channel] = self._stated[channel]
+            topic = self._table.topics.get(channel)
+            if topic is None:
+                if self._end_of_file is None:
+                    self.summary()
+                topics = self._end_of_file.topics if self._end_of_file else {}
+                topic = topics.get(channel) or self._table.unfinished.get(channel)
+            if topic is not None:
+                self._channels[channel] = topic
         return channel in self._channels
 
-    def _end(self, data: Bytes, found: Walk) -> Iterator[MessageBatch]:
-        """Read what is left of the record that the file ends in."""
-        self.truncated = True
+    def _is_zipped(self, channel: int, batch: MessageBatch) -> bool:
+        """Whether rosbag2 compressed the messages of a channel, by the first: CDR never begins like that."""
+        if channel not in self._zipped:
+            first = int(np.argmax(batch.messages[0] == channel))
+            at, size = batch.messages[2:, first].tolist()
+            begins = batch.data[at : at + min(size, len(ZSTD_MAGIC))].tobytes() == ZSTD_MAGIC
+            self._zipped[channel] = begins and self._channels[channel].encoding == "cdr"
+        return self._zipped[channel]
+
+    def _end(self, data: Bytes, found: Walk, base: int) -> Iterator[MessageBatch]:
+        """Read what is left of the record that some bytes end in."""
         left = len(data) - found.stop
         if left < HEAD:
             return
         if data[found.stop] == Opcode.CHUNK and left >= HEAD + CHUNK_HEAD:
-            bytes_, messages = self._chunk(data, found.stop + HEAD, len(data))
+            bytes_, messages = self._chunk(data, found.stop + HEAD, len(data), base)
             yield from self._known(data, [(bytes_, messages)])
         elif data[found.stop] == Opcode.MESSAGE:
             self.lost += 1
 
     def _record(self, opcode: int, body: bytes) -> None:
-        with suppress(*_DAMAGED):
+        try:
             if opcode == Opcode.STATISTICS:
                 self.declared = Statistics.read(ReadDataStream(BytesIO(body))).message_count
-            else:
-                _describe(opcode, body, self._schemas, self._channels)
-
-
-def _describe(opcode: int, body: bytes, schemas: dict[int, Schema], channels: dict[int, Topic]) -> None:
-    """Add a schema or a channel; the first description of a channel counts."""
-    stream = ReadDataStream(BytesIO(body))
-    if opcode == Opcode.SCHEMA:
-        schema = Schema.read(stream)
-        schemas[schema.id] = schema
-    elif opcode == Opcode.CHANNEL:
-        channel = Channel.read(stream)
-        schema_there = schemas.get(channel.schema_id)
-        topic = Topic(
-            channel.topic,
-            schema_there.name if schema_there else "",
-            channel.message_encoding,
-            channel.metadata.get("offered_qos_profiles", ""),
-            schema_there.data.decode("utf-8", "replace") if schema_there else "",
-            channel.metadata.get("topic_type_hash", ""),
-        )
-        channels.setdefault(channel.id, topic)
+            elif problem := self._table.add(opcode, body):
+                self.damage(problem)
+        except DAMAGED:  # what it describes comes from the end of the file, or is lost
+            pass
 
 
 def _loaded(file: IO[bytes], at: int, buffer: Bytes) -> Bytes:
@@ -281,26 +357,9 @@ def _loaded(file: IO[bytes], at: int, buffer: Bytes) -> Bytes:
     return buffer[:filled]
 
 
-def _in_chunks(data: Bytes, messages: Integers) -> list[tuple[Bytes, Integers]]:
-    return [(data, messages[:, first : first + LOOSE]) for first in range(0, messages.shape[1], LOOSE)]
-
-
-def _summary_records(file: IO[bytes]) -> list[tuple[int, bytes]] | None:
-    """Opcode and body of the records between the data and the footer."""
-    size = os.fstat(file.fileno()).st_size
-    at = size - len(MAGIC) - _FOOTER_BODY.size - HEAD
-    if at < len(MAGIC):
-        return None
-    file.seek(at)
-    footer = file.read()
-    if footer[0] != Opcode.FOOTER or not footer.endswith(MAGIC):
-        return None
-    start, _, _ = _FOOTER_BODY.unpack_from(footer, HEAD)
-    if not len(MAGIC) <= start < at or at - start > LONGEST:
-        return None
-    file.seek(start)
-    data = np.frombuffer(file.read(at - start), np.uint8)
-    found = walk(data, 0, len(data), len(data))
-    if found.damaged or found.state == MORE or found.stop < len(data):
-        return None
-    return [(opcode, data[place : place + length].tobytes()) for opcode, place, length in found.others.T.tolist()]
+def _remedy(head: bytes) -> str:
+    """Say what makes a recording of a file of another kind."""
+    for beginning, command in _OTHERS.items():
+        if head.startswith(beginning):
+            return f"this one is read after `{command}`"
+    return "`tbm-monitor bag import` makes one of tables of other systems"

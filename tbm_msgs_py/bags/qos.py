@@ -8,6 +8,7 @@ from rosbags.rosbag2.metadata import parse_qos
 
 from tbm_msgs_py.topics import BLOCK_QOS, QoS
 
+DEEPEST = 2**31 - 1  # messages of a queue, as DDS counts them
 _FOREVER = QosTime(*divmod(2**63 - 1, 10**9))
 
 
@@ -34,9 +35,10 @@ def offered_qos(text: str) -> QoS | None:
     """
     try:
         profiles = parse_qos(text)
-    except (ReaderError, KeyError, TypeError):
+        possible = all(0 <= profile.depth <= DEEPEST for profile in profiles)
+    except (ReaderError, KeyError, TypeError, ValueError, AttributeError):
         return None
-    if not profiles:
+    if not profiles or not possible:
         return None
     latched = all(profile.durability == QosDurability.TRANSIENT_LOCAL for profile in profiles)
     depth = max(profile.depth for profile in profiles)

@@ -3,6 +3,9 @@
 A record is an opcode (1 byte), the length of its body (8 bytes) and the body (mcap.dev/spec). One walk finds the
 messages among some bytes as four rows of numbers; nothing is made for a single message. Where no record can
 begin, the walk searches for the next place from which three records follow one another.
+
+A body may be longer than its fields: all records but Message and Footer "may be extended by adding new fields at the
+end", and opcodes that the specification does not know yet are stepped over.
 """
 
 from __future__ import annotations
@@ -22,16 +25,24 @@ LONGEST = 1 << 28  # bytes of the longest body that is read; attachments are ski
 
 MORE, FOOTER, CUT = 0, 1, 2  # why a walk ended: more bytes are needed, the footer, the end of the bytes
 
-# Least bytes of a body by opcode; 0 for opcodes that the specification leaves open.
+# Least bytes of a body by opcode.
 _LEAST = np.array([0, 8, 20, 14, 16, 22, 40, 6, 64, 36, 48, 46, 8, 20, 17, 4], np.int64)
-_FIXED = np.isin(np.arange(16), (Opcode.FOOTER, Opcode.SUMMARY_OFFSET, Opcode.DATA_END))
 # Records whose body is needed; the others are stepped over.
 _WANTED = np.isin(
     np.arange(16),
-    (Opcode.SCHEMA, Opcode.CHANNEL, Opcode.MESSAGE, Opcode.CHUNK, Opcode.MESSAGE_INDEX, Opcode.STATISTICS),
+    (
+        Opcode.SCHEMA,
+        Opcode.CHANNEL,
+        Opcode.MESSAGE,
+        Opcode.CHUNK,
+        Opcode.MESSAGE_INDEX,
+        Opcode.CHUNK_INDEX,
+        Opcode.STATISTICS,
+    ),
 )
 _MESSAGE, _CHUNK, _FOOTER = int(Opcode.MESSAGE), int(Opcode.CHUNK), int(Opcode.FOOTER)
-_LOOKED_AT = HEAD + CHUNK_HEAD + 8  # bytes by which a record is judged
+_LONGEST_CODEC = 64  # bytes of the name of a chunk's compression
+_LOOKED_AT = HEAD + CHUNK_HEAD + _LONGEST_CODEC  # bytes by which a record is judged
 _CHAIN = 3  # records that have to follow one another for a search to end there
 _MAGIC = 8  # bytes after the footer
 COMPILED = {"cache": True, "nogil": True, "error_model": "numpy"}
@@ -106,15 +117,27 @@ def number(data: Bytes, at: int, size: int, big: bool = False) -> np.int64:
 
 
 @njit(**COMPILED)  # type: ignore[untyped-decorator]
-def _is_chunk(data: Bytes, at: int, end: int) -> bool:
-    """Whether the two lengths of a chunk, of its body and of its records, agree."""
+def _chunk_length(data: Bytes, at: int, end: int) -> int:
+    """Bytes that the fields of a chunk come to by the lengths in them; -1 where they cannot be a chunk's."""
     if at + HEAD + CHUNK_HEAD > end:
-        return False
+        return -1
     name = number(data, at + HEAD + 28, 4)
-    if name > 8 or at + HEAD + CHUNK_HEAD + name > end:
-        return False
+    if name > _LONGEST_CODEC or at + HEAD + CHUNK_HEAD + name > end:
+        return -1
     size = number(data, at + HEAD + 32 + name, 8)
-    return bool(0 <= size <= LONGEST and number(data, at + 1, 8) == CHUNK_HEAD + name + size)
+    return CHUNK_HEAD + name + size if 0 <= size <= LONGEST else -1
+
+
+@njit(**COMPILED)  # type: ignore[untyped-decorator]
+def _can_follow(data: Bytes, at: int, end: int, limit: int) -> bool:
+    """Whether a record of any opcode, or the end, can be at a place; taken for granted where no bytes are yet."""
+    if at == limit:
+        return True
+    if at + HEAD > end:
+        return end < limit
+    length = number(data, at + 1, 8)
+    least = _LEAST[data[at]] if data[at] <= 15 else 0
+    return bool(data[at] != 0 and least <= length <= limit - at - HEAD)
 
 
 @njit(**COMPILED)  # type: ignore[untyped-decorator]
@@ -126,11 +149,24 @@ def _fits(data: Bytes, at: int, end: int, limit: int) -> bool:
     if opcode == 0 or opcode > 15:
         return False
     length = number(data, at + 1, 8)
-    if length < _LEAST[opcode] or (_FIXED[opcode] and length != _LEAST[opcode]):
+    if length < _LEAST[opcode] or (opcode == _FOOTER and length != _LEAST[opcode]):
         return False
     if (length > LONGEST and _WANTED[opcode]) or length > limit - at - HEAD:
         return False
-    return bool(opcode != _CHUNK or _is_chunk(data, at, end))
+    if opcode != _CHUNK:
+        return True
+    own = _chunk_length(data, at, end)
+    # Two lengths that differ: the chunk is extended, or the first is wrong and nothing follows where it says.
+    return bool(own == length or (0 <= own < length and _can_follow(data, at + HEAD + length, end, limit)))
+
+
+@njit(**COMPILED)  # type: ignore[untyped-decorator]
+def _is_cut_chunk(data: Bytes, at: int, end: int, limit: int) -> bool:
+    """Whether a chunk begins at a place whose records go on behind the last byte."""
+    if data[at] != _CHUNK:
+        return False
+    own = _chunk_length(data, at, end)
+    return bool(0 <= own <= number(data, at + 1, 8) <= 2 * LONGEST and own > limit - at - HEAD)
 
 
 @njit(**COMPILED)  # type: ignore[untyped-decorator]
@@ -144,7 +180,7 @@ def _begins(data: Bytes, at: int, end: int, limit: int) -> int:
             return -1
         if not _fits(data, place, end, limit):
             return 0
-        if data[place] == _CHUNK:
+        if data[place] == _CHUNK and _chunk_length(data, place, end) == number(data, place + 1, 8):
             return 1
         if data[place] == _FOOTER:
             return 1 if limit - place == HEAD + _LEAST[_FOOTER] + _MAGIC else 0
@@ -165,19 +201,22 @@ def _search(data: Bytes, first: int, end: int, limit: int) -> tuple[int, int]:
 
 
 @njit(**COMPILED)  # type: ignore[untyped-decorator]
-def _foreign(data: Bytes, at: int, end: int, limit: int) -> bool:
-    """Whether a record of an opcode that the specification leaves open stands there: one that fits follows."""
+def _foreign(data: Bytes, at: int, end: int, limit: int) -> int:
+    """Whether a record of an opcode that the specification leaves open stands there: one that fits follows.
+
+    1 or 0, and -1 where more bytes have to be seen.
+    """
     place = at
     for _ in range(_CHAIN):
         if place == limit or (place + HEAD <= end and data[place] <= 15):
-            return place > at and (place == limit or _fits(data, place, end, limit))
+            return int(place > at and (place == limit or _fits(data, place, end, limit)))
         if place + HEAD > end:
-            return False
+            return -1 if end < limit else 0
         length = number(data, place + 1, 8)
-        if length < 0 or length > limit - place - HEAD:
-            return False
+        if length < 0 or length > min(limit - place - HEAD, LONGEST):
+            return 0
         place += HEAD + length
-    return True
+    return 1
 
 
 @njit(**COMPILED)  # type: ignore[untyped-decorator]
@@ -193,14 +232,18 @@ def _walk(  # noqa: PLR0912, PLR0915 one loop
             break
         if not searching:
             known = _fits(data, at, end, limit)
-            if known or _foreign(data, at, end, limit):
+            foreign = 0 if known else _foreign(data, at, end, limit)
+            if foreign < 0:
+                state = MORE
+                break
+            if known or foreign:
                 opcode, length = data[at], number(data, at + 1, 8)
                 if opcode == _FOOTER:
                     state = FOOTER
                     break
                 body = at + HEAD
                 if known and _WANTED[opcode]:
-                    if body + length > end:
+                    if body + length > end or (opcode == _CHUNK and end < min(limit, body + length + HEAD)):
                         state = MORE
                         break
                     if opcode == _MESSAGE:
@@ -220,7 +263,7 @@ def _walk(  # noqa: PLR0912, PLR0915 one loop
                 previous = at if opcode == _MESSAGE else -1
                 at = body + length
                 continue
-            if data[at] == _CHUNK and _is_chunk(data, at, end):  # whole but for its end
+            if _is_cut_chunk(data, at, end, limit):
                 state = CUT if end == limit else MORE
                 break
         start = at if searching or previous < 0 else previous

@@ -13,6 +13,7 @@ from tbm_msgs_py.bags.metadata import SYNTHETIC, is_synthetic
 from tbm_msgs_py.bags.qos import offered_qos
 from tbm_msgs_py.bags.writing import BagWriter
 from tbm_msgs_py.base.errors import RecordingError
+from tbm_msgs_py.base.texts import listed, quoted
 from tbm_msgs_py.topics import QoS
 
 
@@ -30,6 +31,10 @@ class Recovery:
         A file ended before its recording.
     left_out : dict
         Messages, by topic, that are not CDR and have no place in a recording of ROS 2; they count as lost.
+    encodings : dict
+        What those are encoded in, by topic.
+    notes : tuple of str
+        What was found in the recording that the counts do not explain.
     """
 
     recovered: int
@@ -37,6 +42,8 @@ class Recovery:
     damaged: int
     truncated: bool
     left_out: dict[str, int]
+    encodings: dict[str, str]
+    notes: tuple[str, ...]
 
 
 def recover(path: str | Path, out: str | Path) -> Recovery:
@@ -56,12 +63,15 @@ def recover(path: str | Path, out: str | Path) -> Recovery:
     """
     bag = Bag(path)
     left_out: Counter[str] = Counter()
+    encodings: dict[str, str] = {}
     described: dict[Topic, tuple[QoS | None, tuple[str, str] | None]] = {}
     recovered = 0
     with BagWriter(out, custom_data=SYNTHETIC if is_synthetic(bag.path) else None) as writer:
-        for topic, log_ns, data in bag.messages():
+        # What waits for its turn and does not fit into memory is put where the result will be: there is room for that.
+        for topic, log_ns, data in bag.messages(scan=True, folder=writer.path.parent):
             if topic.encoding != "cdr":
                 left_out[topic.name] += 1
+                encodings[topic.name] = topic.encoding
                 continue
             if topic not in described:
                 described[topic] = offered_qos(topic.qos), recorded_definition(topic)
@@ -69,5 +79,16 @@ def recover(path: str | Path, out: str | Path) -> Recovery:
             writer.write(topic.name, topic.type, log_ns, data, qos=qos, definition=definition)
             recovered += 1
         if not recovered:
-            raise RecordingError(f"{bag.path}: no message could be read, allowed: at least one to recover")
-    return Recovery(recovered, bag.lost + left_out.total(), bag.damaged, bag.truncated, dict(left_out))
+            if encodings:
+                others = listed(f"{name} in {quoted(encoding)}" for name, encoding in encodings.items())
+                raise RecordingError(f"{bag.path}: topics {others}, allowed: message encoding cdr")
+            raise bag.nothing_read()
+    return Recovery(
+        recovered,
+        bag.lost + left_out.total(),
+        bag.damaged,
+        bag.truncated,
+        dict(left_out),
+        encodings,
+        tuple(bag.notes),
+    )

@@ -10,25 +10,28 @@ from diagnostic_msgs.msg import DiagnosticStatus
 from rclpy.clock import Clock
 from rclpy.clock_type import ClockType
 from rclpy.duration import Duration
+from rclpy.exceptions import InvalidTopicNameException
 from rclpy.publisher import Publisher
 from rclpy.timer import Timer
+from rclpy.validate_full_topic_name import validate_full_topic_name
 
 from tbm_msgs_py import topics
 from tbm_msgs_py.bags.bag import Bag
 from tbm_msgs_py.bags.batch import RawMessage, Topic
 from tbm_msgs_py.bags.qos import offered_qos
 from tbm_msgs_py.base.errors import RecordingError
-from tbm_msgs_py.base.texts import listed
+from tbm_msgs_py.base.texts import listed, quoted
 from tbm_msgs_py.base.units import NANOSECONDS
 from tbm_msgs_py.nodes import messages, qos
 from tbm_msgs_py.nodes.managed import ManagedNode
 from tbm_msgs_py.nodes.parameters import SUMMARY, Parameter, live_parameter
 
 TICK = 0.005  # s of wall time: messages are at most this late, /clock comes at 200 Hz
+LATE = 1.0  # s of wall time after its own that a message counts as late
 DELIVERY = 2.0  # s that subscribers get to acknowledge the last messages
 
 PARAMETERS = (
-    Parameter("bag", "", "rosbag2 folder or bare .mcap file"),
+    Parameter("bag", "", "rosbag2 folder or a file of one"),
     live_parameter("rate", 1.0, "playing speed, times real time", 0.1, 10.0),
     live_parameter("paused", False, "stand still, the clock too"),
     Parameter("loop", False, "start again at the end"),
@@ -53,6 +56,9 @@ class BagPlayer(ManagedNode):
         super().__init__("bag_player", PARAMETERS, **options)
         self._played: dict[tuple[str, str], Publisher] = {}  # by topic and type
         self._latched: set[str] = set()
+        self._left_out: dict[str, int] = {}  # recorded messages by topic
+        self._next: RawMessage | None = None
+        self._newest_ns = 0  # log time of what was published
         self._clock_publisher: Publisher | None = None
         self._timer: Timer | None = None
 
@@ -63,7 +69,9 @@ class BagPlayer(ManagedNode):
         self._bag = Bag(self.value("bag"))
         self._info = info = self._bag.info()
         if info.messages == 0:
-            raise RecordingError(f"{self._bag.path}: no message could be read, allowed: at least one")
+            raise self._bag.nothing_read()
+        self._noted: list[str] = []
+        self._tell_notes()
         self._start_ns = info.start_ns + round(self.value("start") * NANOSECONDS)
         length = round(self.value("duration") * NANOSECONDS)
         self._end_ns = min(info.end_ns, self._start_ns + length) if length else info.end_ns
@@ -80,14 +88,21 @@ class BagPlayer(ManagedNode):
         self._rewind()
         self._waiting_until = time.monotonic() + self.value("wait_timeout")
         self._playing, self._now_ns, self._ticked = False, self._start_ns, 0
-        self._count = 0
+        self._count = self._late = 0
         # The wall timer must not follow the clock that this node publishes.
         self._timer = self.create_timer(TICK, self._tick, clock=Clock(clock_type=ClockType.STEADY_TIME))
 
     def deactivate(self) -> None:
         """Stop playing; the next activation starts from the beginning."""
         self._stop()
-        self.write_summary(played=self._count, lost=self.lost, loops=self._loops, ended=self._next is None)
+        self.write_summary(
+            played=self._count,
+            lost=self.lost,
+            late=self._late,
+            left_out=self._left_out,
+            loops=self._loops,
+            ended=self._next is None,
+        )
 
     def _stop(self) -> None:
         if self._timer is not None:
@@ -98,6 +113,7 @@ class BagPlayer(ManagedNode):
         """Forget the publishers."""
         self._played, self._clock_publisher = {}, None
         self._latched.clear()
+        self._left_out = {}
 
     @property
     def lost(self) -> int:
@@ -105,17 +121,20 @@ class BagPlayer(ManagedNode):
         return max(self._lost_before, self._bag.lost)
 
     def statuses(self) -> list[DiagnosticStatus]:
-        """Position, and what of the recording is lost."""
+        """Position, and what of the recording is lost or came late."""
         values = {
             "position": (min(self._now_ns, self._end_ns) - self._info.start_ns) * 1e-9,
             "length": self._info.duration,
             "rate": self.value("rate"),
             "played": self._count,
             "lost": self.lost,
+            "late": self._late,
+            "left out": sum(self._left_out.values()),
             "loops": self._loops,
         }
-        level: messages.Level = "warn" if self.lost else "ok"
-        text = f"{self._doing()}; {self.lost} messages lost" if self.lost else self._doing()
+        wrong = [f"{count} messages {what}" for count, what in ((self.lost, "lost"), (self._late, "late")) if count]
+        level: messages.Level = "warn" if wrong else "ok"
+        text = "; ".join([self._doing(), *wrong])
         return [self.status("player", level, text, values, str(self._bag.path))]
 
     def _doing(self) -> str:
@@ -127,35 +146,55 @@ class BagPlayer(ManagedNode):
 
     def _create_publishers(self, recorded: dict[Topic, int]) -> None:
         chosen = self.value("topics") or {topic.name for topic in recorded}
-        names = {topic.name for topic in recorded}
+        names, reasons = {topic.name for topic in recorded}, list[str]()
         if missing := sorted(set(chosen) - names):
             raise RecordingError(f"parameter topics: {missing[0]}, allowed: {listed(sorted(names))}")
         for topic in sorted(recorded, key=recorded.__getitem__, reverse=True):
             if topic.name not in chosen or (topic.name == topics.CLOCK and self.value("clock")):
                 continue
             if why := self._create_publisher(topic):
-                self.get_logger().warning(f"{topic.name}: {why}; not played")
+                self._left_out[topic.name] = self._left_out.get(topic.name, 0) + recorded[topic]
+                self.get_logger().warning(f"{topic.name}: {why}; not played, {recorded[topic]} messages left out")
+                reasons.append(f"{topic.name}: {why}")
         if not self._played:
-            raise RecordingError(f"{self._bag.path}: no topic can be played, allowed: one of an installed type")
+            raise RecordingError(
+                f"{self._bag.path}: no topic can be played: {listed(reasons, separator='; ')}, "
+                "allowed: CDR of an installed type under a name of ROS"
+            )
 
     def _create_publisher(self, topic: Topic) -> str:
         """Create the publisher of a topic; why there is none, if there is none."""
-        if (topic.name, topic.type) in self._played:
+        if (topic.name, topic.type) in self._played and topic.encoding == "cdr":
             return ""
-        if other := next((kind for name, kind in self._played if name == topic.name), ""):
-            return f"recorded as {topic.type}, too, most of it as {other}"
         message_type = messages.message_class(topic.type)
-        if message_type is None:
-            return f"type {topic.type} is not installed"
-        quality = offered_qos(topic.qos) or topics.contract(topic.name).quality  # what the recording states goes first
+        if why := self._obstacle(topic, message_type):
+            return why
+        stated = offered_qos(topic.qos)
+        if topic.qos.strip(" []\n") and stated is None:
+            self.get_logger().warning(
+                f"{topic.name}: the quality of service recorded is none of ROS; the usual is offered"
+            )
+        quality = stated or topics.contract(topic.name).quality
         try:
             made = self.create_publisher(message_type, topic.name, qos.profile(quality))
-        except Exception as error:  # noqa: BLE001 - rclpy's own: a name that is none, a topic it has as another type
+        except Exception as error:  # noqa: BLE001 - rclpy's own: a topic it has as another type
             return " ".join(str(error).split())
         self._played[topic.name, topic.type] = made
         if quality.latched:
             self._latched.add(topic.name)
         return ""
+
+    def _obstacle(self, topic: Topic, message_type: type | None) -> str:
+        """Why a topic cannot be played, empty when it can."""
+        if topic.encoding != "cdr":
+            return f"message encoding {quoted(topic.encoding)}, where ROS 2 has cdr"
+        if other := next((kind for name, kind in self._played if name == topic.name), ""):
+            return f"recorded as {topic.type}, too, most of it as {other}"
+        try:
+            validate_full_topic_name(topic.name)  # what is none would be completed, and come under another name
+        except InvalidTopicNameException as error:
+            return " ".join(str(error).split())
+        return "" if message_type else f"type {topic.type} is not installed"
 
     def _tick(self) -> None:
         try:
@@ -197,6 +236,11 @@ class BagPlayer(ManagedNode):
 
     def _publish_until(self, now_ns: int) -> None:
         while self._next is not None and self._next.log_ns <= now_ns:
+            after = self._now_ns - self._next.log_ns
+            # Behind its time, or by a wrong index behind a message that comes after it.
+            if after > LATE * NANOSECONDS * self.value("rate") or self._next.log_ns < self._newest_ns:
+                self._late += 1
+            self._newest_ns = max(self._newest_ns, self._next.log_ns)
             self._publish(self._next)
             self._advance()
 
@@ -208,7 +252,17 @@ class BagPlayer(ManagedNode):
         if self._clock_publisher is not None:
             self._clock_publisher.publish(messages.clock(now_ns))
 
+    def _tell_notes(self) -> None:
+        """Say once each what was found in the recording so far."""
+        for note in self._bag.notes:
+            if note not in self._noted:
+                self._noted.append(note)
+                self.get_logger().warning(f"{self._bag.path}: {note}")
+
     def _finished(self) -> None:
+        self._tell_notes()
+        if not self._count and self.lost:
+            raise self._bag.nothing_read()
         if self.value("loop"):
             self._loops += 1
             self._lost_before = self.lost
@@ -217,20 +271,25 @@ class BagPlayer(ManagedNode):
             return
         for publisher in self._played.values():
             publisher.wait_for_all_acked(Duration(seconds=DELIVERY / len(self._played)))
-        lost = f", {self.lost} lost" if self.lost else ""
-        self.get_logger().info(f"end of {self._bag.path}: {self._count} messages played{lost}")
+        wrong = "".join(f", {count} {what}" for count, what in ((self.lost, "lost"), (self._late, "late")) if count)
+        self.get_logger().info(f"end of {self._bag.path}: {self._count} messages played{wrong}")
         self._stop()
         self.publish_statuses()
         if self.value("exit_at_end"):
             self.end()
 
     def _rewind(self) -> None:
+        self._newest_ns = 0
         self._recorded = self._messages({name for name, _ in self._played}, self._start_ns)
         self._advance()
 
     def _messages(self, names: set[str], start_ns: int = 0) -> Iterator[RawMessage]:
         recorded = self._bag.messages(names, start_ns)
-        return (message for message in recorded if (message.topic.name, message.topic.type) in self._played)
+        return (
+            message
+            for message in recorded
+            if (message.topic.name, message.topic.type) in self._played and message.topic.encoding == "cdr"
+        )
 
     def _latched_before_start(self) -> list[RawMessage]:
         """Last message of each latched topic before the start: it still holds there, as the operating point does."""

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from tbm_msgs_py import blocks
 from tbm_msgs_py.bags.batch import MessageBatch
-from tbm_msgs_py.bags.definitions import BLOCK_TYPE, UNDECODABLE, typestore
+from tbm_msgs_py.bags.definitions import BLOCK_TYPE, UNDECODABLE, other_encoding, typestore
 from tbm_msgs_py.bags.records import COMPILED, gather, join, number
 from tbm_msgs_py.base.arrays import Array, Bytes, Flags, Integers
 from tbm_msgs_py.base.units import NANOSECONDS
@@ -148,6 +148,8 @@ def _bad_times(records: NDArray[np.void], counts: Integers) -> Flags:
 
 
 def _decoded(message: bytes) -> blocks.Block:
+    if other := other_encoding(message):
+        raise BlockError(f"block {other}")
     block = blocks.from_cloud(typestore().deserialize_cdr(message, BLOCK_TYPE))  # type: ignore[arg-type]
     if block.layout != ACCELERATION:
         raise BlockError(f"block channels {' '.join(block.layout.channels)}, allowed: ax ay az")
@@ -176,7 +178,9 @@ def decode_vectors(message_type: str, data: Bytes, log_ns: Integers, at: Integer
     valid = header.valid & (place + 24 <= at + sizes)
     stamps, big, problem = header.stamps_ns, header.big, ""
     if not valid.all():
-        problem = f"{message_type} message of {int(sizes[~valid][0])} bytes, allowed: a whole one"
+        first = int(np.flatnonzero(~valid)[0])
+        other = other_encoding(data[at[first] : at[first] + min(4, sizes[first])].tobytes())
+        problem = f"{message_type} message " + (other or f"of {int(sizes[first])} bytes, allowed: a whole one")
         stamps, big, log_ns, place = stamps[valid], big[valid], log_ns[valid], place[valid]
     values = _numbers(gather(data, place, 24), "f8", big)
     undecodable = len(valid) - len(place)

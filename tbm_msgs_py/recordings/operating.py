@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from tbm_msgs_py.bags.batch import MessageBatch
-from tbm_msgs_py.bags.definitions import JOINT_STATE_TYPE, UNDECODABLE, typestore
+from tbm_msgs_py.bags.definitions import JOINT_STATE_TYPE, UNDECODABLE, other_encoding, typestore
 from tbm_msgs_py.base.arrays import Array
 from tbm_msgs_py.base.operating_point import OperatingPoint, from_joint_state
 from tbm_msgs_py.blocks import stamp_to_ns
@@ -43,6 +43,8 @@ class OperatingPoints:
         """Add the joint states of a batch."""
         for message in messages.raw():
             try:
+                if other := other_encoding(message.data):
+                    raise ValueError(other)
                 state = typestore().deserialize_cdr(message.data, JOINT_STATE_TYPE)
                 entry = stamp_to_ns(state.header.stamp), from_joint_state(state)  # type: ignore[arg-type, attr-defined]
             except UNDECODABLE:

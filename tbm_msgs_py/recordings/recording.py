@@ -15,7 +15,7 @@ from tbm_msgs_py.bags.batch import MessageBatch, Topic
 from tbm_msgs_py.bags.definitions import JOINT_STATE_TYPE
 from tbm_msgs_py.base.arrays import Array
 from tbm_msgs_py.base.errors import RecordingError
-from tbm_msgs_py.base.texts import listed
+from tbm_msgs_py.base.texts import listed, quoted
 from tbm_msgs_py.recordings.decoding import ACCELERATION_TYPES, decode_samples
 from tbm_msgs_py.recordings.faults import Clock, FaultCounts, find_gaps, stuck_axes
 from tbm_msgs_py.recordings.mapping import (
@@ -27,6 +27,7 @@ from tbm_msgs_py.recordings.mapping import (
     load_mapping,
 )
 from tbm_msgs_py.recordings.operating import OperatingPoints, OperatingRecord
+from tbm_msgs_py.recordings.reading_order import follows_log
 from tbm_msgs_py.recordings.splitting import RecordSplitter
 from tbm_msgs_py.recordings.timeline import DecodedStream, Timeline
 
@@ -138,8 +139,10 @@ class RecordingReader:
     @property
     def problems(self) -> Mapping[str, str]:
         """Why a test point has no samples so far."""
+        unread = next(iter(self._bag.notes), "") if self._bag.lost or self._bag.damaged else ""
+        other = unread or "no finite sample, allowed: at least one"
         return {
-            point: f"topic {self._topics[point].name}: {line.problem or 'no finite sample, allowed: at least one'}"
+            point: f"topic {self._topics[point].name}: {line.problem or other}"
             for point, line in self._lines.items()
             if point not in self._sampled
         }
@@ -169,7 +172,8 @@ class RecordingReader:
             raise ValueError(f"pieces of {length_s:g} s, allowed: 0.001 s or more")
         self._restart()
         splitter = RecordSplitter(self._lines, length_s)
-        for batch in self._bag.batches():
+        by_log = self._bag.is_disordered() and follows_log(self._bag.batches(), self._points)
+        for batch in self._bag.batches_in_order() if by_log else self._bag.batches():
             self._add(batch)
             yield from map(self._records, splitter.due())
         yield from map(self._records, splitter.rest())
@@ -280,7 +284,7 @@ def _stated_mapping(bag: Bag, mapping: TopicMapping | str | Path | None) -> Topi
 def _topics(bag: Bag) -> list[Topic]:
     found = [topic for topic, count in bag.info().topics.items() if count]
     if not found:
-        raise RecordingError(f"{bag.path}: no message could be read, allowed: a recording with at least one message")
+        raise bag.nothing_read()
     return found
 
 
@@ -292,7 +296,9 @@ def _mapped(bag: Bag, found: list[Topic], mapping: TopicMapping) -> dict[str, To
         by_name.setdefault(topic.name, []).append(topic)
     for name in mapping.topics:
         there = by_name.get(name, [])
-        usable = [topic for topic in there if topic.type in ACCELERATION_TYPES]
+        usable = [topic for topic in there if topic.type in ACCELERATION_TYPES and topic.encoding == "cdr"]
+        if there and not usable and (other := there[0].encoding) != "cdr":
+            raise RecordingError(f"{bag.path}: topic {name}: message encoding {quoted(other)}, allowed: cdr")
         if there and not usable:
             raise RecordingError(
                 f"{bag.path}: topic {name}: type {there[0].type or 'unknown'}, allowed: {', '.join(ACCELERATION_TYPES)}"

@@ -17,16 +17,17 @@ MISTAKES = {
     "a command misspelt": (["simulte"], "No such command 'simulte'. Did you mean 'simulate'?"),
     "no such recording": (
         ["compare", "nowhere"],
-        "nowhere: no such file or folder, allowed: a rosbag2 folder with MCAP files or a .mcap file",
+        "nowhere: no such file or folder, allowed: a rosbag2 folder, or a .mcap or .db3 file, "
+        "either of them as it is or .zstd",
     ),
     "a table for a recording": (
         ["compare", "run.csv"],
         "run.csv: not an MCAP file, its first bytes are not the MCAP magic, allowed: a recording; `tbm-monitor bag "
         "import` makes one of tables of other systems",
     ),
-    "a recording in SQLite": (
+    "a recording in a database that is none": (
         ["bag", "info", "old"],
-        "old: rosbag2 with SQLite storage, allowed: MCAP, as `ros2 bag convert` writes it",
+        "old/old_0.db3: SQLite: file is not a database, allowed: a database that rosbag2 wrote",
     ),
     "a topic that was not recorded": (
         ["bag", "play", "field_dz101", "--topics", "/tbm/operating_point,model/shield/block"],

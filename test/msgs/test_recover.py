@@ -75,6 +75,8 @@ def test_truncated_file_is_recovered_and_read_by_others(tmp_path, folder):
         "damaged": 0,
         "truncated": True,
         "left_out": {},
+        "encodings": {},
+        "notes": [],
     }
     after = Bag(clean).info()
     assert (after.messages, after.lost, after.truncated, after.damaged) == (len(before), 0, False, 0)
@@ -151,6 +153,7 @@ def test_types_that_are_not_known_keep_their_definition(tmp_path):
         writer.finish()
     found = recover(tmp_path / "a.mcap", tmp_path / "out")
     assert (found.recovered, found.lost, found.left_out) == (4, 1, {"/json": 1})
+    assert found.encodings == {"/json": "json"}
     (path,) = (tmp_path / "out").glob("*.mcap")
     with path.open("rb") as file:
         summary = make_reader(file).get_summary()

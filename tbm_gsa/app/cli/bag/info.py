@@ -11,7 +11,7 @@ from typing import Annotated, Any
 import typer
 from rich.text import Text
 
-from tbm_gsa.app.cli.output import JSON_OPTION, add_row, narrow_table, notes, print_json, progress_bar, results
+from tbm_gsa.app.cli.output import JSON_OPTION, add_row, narrow_table, print_json, progress_bar, results
 from tbm_gsa.app.cli.shipped import RECORDING_ARGUMENT, recording_path
 from tbm_msgs_py.bags.bag import Bag, BagInfo
 from tbm_msgs_py.base.errors import RecordingError
@@ -36,8 +36,6 @@ def info(
         if scan:
             progress.add_task("", total=None)
         document = info_document(bag, recording.info(scan=scan))
-        if recording.problem:
-            notes.print(Text(recording.problem))
         if scan:
             document |= _scanned(bag, mapping)
     if json:
@@ -52,7 +50,7 @@ def info_document(path: Path, found: BagInfo) -> dict[str, Any]:
     Returns
     -------
     dict
-        ``path``, ``messages``, ``lost``, ``truncated``, ``damaged``, ``start_ns``, ``duration`` (s) and
+        ``path``, ``messages``, ``lost``, ``truncated``, ``damaged``, ``notes``, ``start_ns``, ``duration`` (s) and
         ``topics{name: {type, types{type: messages}, messages}}``, ``type`` that of most messages; with ``--scan``
         ``points{point: {…}}``, the sums of `PointHealth`, and ``problems{point: reason}`` for those without samples.
     """
@@ -65,6 +63,7 @@ def info_document(path: Path, found: BagInfo) -> dict[str, Any]:
         "lost": found.lost,
         "truncated": found.truncated,
         "damaged": found.damaged,
+        "notes": list(found.notes),
         "start_ns": found.start_ns,
         "duration": found.duration,
         "topics": {
@@ -115,6 +114,8 @@ def _print_tables(document: dict[str, Any]) -> None:
         f"{document['lost']} lost{damaged}{truncated}",
         highlight=False,
     )
+    for note in document["notes"]:
+        results.print(Text(note))
     table = narrow_table("", "topic", "type", ">messages")
     for name, topic in _first(document["topics"]):
         for kind, count in topic["types"].items():

@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Annotated
 
 import typer
+from rich.text import Text
 
 from tbm_gsa.app.cli.bag.node import run_to_end
 from tbm_gsa.app.cli.output import JSON_OPTION, print_json, results
@@ -47,6 +48,8 @@ def play(
     if json:
         print_json(document)
     else:
-        lost = f", {document['lost']} lost" if document["lost"] else ""
-        how = "" if document["ended"] else ", stopped before its end"
-        results.print(f"{bag}: {document['played']} messages played{lost}{how}", highlight=False)
+        parts = [f"{bag}: {document['played']} messages played"]
+        parts += [f"{document[key]} {key}" for key in ("lost", "late") if document[key]]
+        parts += [f"{count} of {topic} left out" for topic, count in document["left_out"].items()]
+        parts += [] if document["ended"] else ["stopped before its end"]
+        results.print(Text(", ".join(parts)))

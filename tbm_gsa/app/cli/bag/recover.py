@@ -12,10 +12,11 @@ from rich.text import Text
 from tbm_gsa.app.cli.output import JSON_OPTION, print_json, progress_bar, results
 from tbm_msgs_py.bags.recovery import Recovery
 from tbm_msgs_py.bags.recovery import recover as recover_recording
+from tbm_msgs_py.base.texts import quoted
 
 
 def recover(
-    bag: Annotated[Path, typer.Argument(help="Damaged recording: a rosbag2 folder or an .mcap file.")],
+    bag: Annotated[Path, typer.Argument(help="Damaged recording: a rosbag2 folder or a file of one.")],
     out: Annotated[Path, typer.Option(help="New recording: a folder, or a file when it ends in .mcap.")],
     json: Annotated[bool, JSON_OPTION] = False,
 ) -> None:
@@ -37,5 +38,8 @@ def _sentence(out: Path, found: Recovery) -> str:
         parts.append(f"{found.damaged} damaged places")
     if found.truncated:
         parts.append("cut off before its end")
-    parts += [f"{count} of {topic} left out: not CDR" for topic, count in found.left_out.items()]
-    return ", ".join(parts)
+    parts += [
+        f"{count} of {topic} left out: {quoted(found.encodings[topic])}, not CDR"
+        for topic, count in found.left_out.items()
+    ]
+    return "\n".join([", ".join(parts), *found.notes])
