@@ -119,7 +119,7 @@ def show(
     if plotted:
         _plot(found, windows, html, png)
     if json:
-        print_json(found.model_dump())
+        print_json(found)
     else:
         _print(found)
     for file in filter(None, (html, png)):
@@ -132,7 +132,7 @@ def list_baselines(history: File = None, json: Json = False) -> None:
     with HistoryReader(history or default_history()) as opened:
         found = BaselineList.of(opened)
     if json:
-        print_json(found.model_dump())
+        print_json(found)
         return
     count = len(found.baselines)
     headings = ("baseline", "source", "machine", ">from", ">to", ">points")
@@ -252,7 +252,7 @@ def _print(found: HistorySummary) -> None:
 def _print_baseline(baseline: Baseline, json: bool) -> None:
     found = BaselineSummary.of(baseline)
     if json:
-        print_json(found.model_dump())
+        print_json(found)
     else:
         results.print(_baseline_table(found))
 

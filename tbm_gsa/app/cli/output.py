@@ -5,7 +5,7 @@ from __future__ import annotations
 import sys
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
-from typing import Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 from rich import box
@@ -17,6 +17,9 @@ from rich.text import Text
 
 from tbm_msgs_py.base.files import json_text
 from tbm_msgs_py.base.texts import printable
+
+if TYPE_CHECKING:
+    from pydantic import BaseModel
 
 
 class _Printable(Console):
@@ -105,9 +108,10 @@ def print_sentence(text: str) -> None:
     results.print(Text(text), soft_wrap=False)
 
 
-def print_json(document: object) -> None:
+def print_json(document: BaseModel | dict[str, object]) -> None:
     """Write one JSON document to stdout; numbers that are not finite become null."""
-    sys.stdout.write(json_text(document, indent=2) + "\n")
+    content = document if isinstance(document, dict) else document.model_dump()
+    sys.stdout.write(json_text(content, indent=2) + "\n")
 
 
 @contextmanager

@@ -11,9 +11,26 @@ from tbm_gsa.app.cli.bag.node import run_to_end
 from tbm_gsa.app.cli.output import JSON_OPTION, print_json, results
 from tbm_gsa.app.cli.processes import NodeCommand
 from tbm_gsa.app.cli.shipped import RECORDING_ARGUMENT, recording_path
+from tbm_gsa.reading import Part
 from tbm_msgs_py.bags.bag import Bag
 from tbm_msgs_py.base.errors import InputError
 from tbm_msgs_py.base.texts import listed
+
+
+class PlayedMessages(Part):
+    """What the player has done: messages played and lost, rounds, and whether it came to the end."""
+
+    played: int
+    lost: int
+    loops: int
+    ended: bool
+
+
+class PlayResult(PlayedMessages):
+    """What `bag play --json` prints."""
+
+    path: str
+    rate: float
 
 
 def play(
@@ -40,13 +57,12 @@ def play(
             raise InputError(f"--topics {name}: not in {bag}, allowed: {listed(sorted(recorded))}")
     given: dict[str, object] = {"bag": str(bag), "rate": rate, "loop": loop, "clock": clock, "start": start}
     given |= {"duration": duration, "topics": names or [""], "wait_for_subscribers": subscribers}
-    summary = run_to_end(NodeCommand("bag_player", given))
-    if summary is None:
+    played = run_to_end(NodeCommand("bag_player", given), PlayedMessages)
+    if played is None:
         return
-    document = {"path": str(bag), "rate": rate, **summary}
     if json:
-        print_json(document)
+        print_json(PlayResult(path=str(bag), rate=rate, **dict(played)))
     else:
-        lost = f", {document['lost']} lost" if document["lost"] else ""
-        how = "" if document["ended"] else ", stopped before its end"
-        results.print(f"{bag}: {document['played']} messages played{lost}{how}", highlight=False)
+        lost = f", {played.lost} lost" if played.lost else ""
+        how = "" if played.ended else ", stopped before its end"
+        results.print(f"{bag}: {played.played} messages played{lost}{how}", highlight=False)

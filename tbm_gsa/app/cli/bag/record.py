@@ -8,15 +8,30 @@ from typing import Annotated
 import typer
 from rosbags.rosbag2.metadata import Metadata
 
-from tbm_gsa.app.cli.bag.info import info_document
+from tbm_gsa.app.cli.bag.info import BagContents
 from tbm_gsa.app.cli.bag.node import run_to_end
 from tbm_gsa.app.cli.output import JSON_OPTION, notes, print_json, results
 from tbm_gsa.app.cli.processes import NodeCommand
+from tbm_gsa.reading import Part
 from tbm_msgs_py.bags import metadata
 from tbm_msgs_py.bags.bag import BagInfo
 from tbm_msgs_py.bags.batch import Topic
 from tbm_msgs_py.base.errors import RecordingError
 from tbm_msgs_py.topics import absolute
+
+
+class RecordedMessages(Part):
+    """What the recorder has done: messages lost, and recordings deleted for the quota."""
+
+    lost: int
+    deleted: tuple[str, ...]
+
+
+class RecordResult(BagContents):
+    """What `bag record --json` prints: contents and files of the recording, and those deleted for the quota."""
+
+    files: tuple[str, ...]
+    deleted: tuple[str, ...]
 
 
 def record(
@@ -44,30 +59,27 @@ def record(
     given: dict[str, object] = {"output": str(out), "topics": names or [""], "duration": duration}
     given |= {"split_size": split_size, "split_time": split_time, "quota": quota, "use_sim_time": sim_time}
     given["compression"] = "zstd" if compress else "none"
-    summary = run_to_end(NodeCommand("bag_recorder", given))
-    if summary is None:
+    recorded = run_to_end(NodeCommand("bag_recorder", given), RecordedMessages)
+    if recorded is None:
         return
     described = metadata.read(out)
-    document = info_document(out, _info(described)) | {
-        "files": described["relative_file_paths"],
-        "lost": summary["lost"],
-        "deleted": summary["deleted"],
-    }
-    silent = [name for name in dict.fromkeys(map(absolute, names)) if name not in document["topics"]]
+    contents = BagContents.of(out, _info(described, recorded.lost))
+    found = RecordResult(**dict(contents), files=tuple(described["relative_file_paths"]), deleted=recorded.deleted)
+    silent = [name for name in dict.fromkeys(map(absolute, names)) if name not in found.topics]
     if silent:
         notes.print(f"warning: no message on {', '.join(silent)}", highlight=False)
     if json:
-        print_json(document)
+        print_json(found)
     else:
-        count, files = len(document["topics"]), len(document["files"])
+        count, files = len(found.topics), len(found.files)
         results.print(
-            f"{out}: {document['messages']} messages of {count} topic{'s' * (count != 1)} over "
-            f"{document['duration']:.3f} s in {files} file{'s' * (files > 1)}, {document['lost']} lost",
+            f"{out}: {found.messages} messages of {count} topic{'s' * (count != 1)} over "
+            f"{found.duration:.3f} s in {files} file{'s' * (files > 1)}, {found.lost} lost",
             highlight=False,
         )
 
 
-def _info(described: Metadata) -> BagInfo:
+def _info(described: Metadata, lost: int) -> BagInfo:
     """Return the info that the metadata of a finished recording hold.
 
     The files hold the same, but their reader takes a second to load, or four to compile, and an end has three.
@@ -76,4 +88,4 @@ def _info(described: Metadata) -> BagInfo:
     topics = {Topic(topic["name"], topic["type"]): count for topic, count in counts}
     start = described["starting_time"]["nanoseconds_since_epoch"]
     end = start + described["duration"]["nanoseconds"]
-    return BagInfo(topics, start, end, described["message_count"], lost=0, truncated=False)
+    return BagInfo(topics, start, end, described["message_count"], lost=lost, truncated=False)
