@@ -102,8 +102,10 @@ def demo(
     bag: Annotated[Path | None, typer.Option(help="Recording to play; default: the shipped synthetic one.")] = None,
     machine: MachineOption = DEFAULT_MACHINE,
     out: Annotated[Path, typer.Option(help="Folder for logs and the study.")] = Path("tbm_demo"),
-    samples: Annotated[int, typer.Option(min=10, help="Training simulations of the sensitivity analysis.")] = 200,
-    test: Annotated[int, typer.Option(min=2, help="Test simulations.")] = 20,
+    samples: Annotated[
+        int, typer.Option(min=10, max=1_000_000, help="Training simulations of the sensitivity analysis.")
+    ] = 200,
+    test: Annotated[int, typer.Option(min=2, max=1_000_000, help="Test simulations.")] = 20,
     outputs: Annotated[str | None, OUTPUTS_OPTION] = None,
     seed: Annotated[int, SEED_OPTION] = 0,
     json: Annotated[bool, JSON_OPTION] = False,
@@ -114,7 +116,7 @@ def demo(
     length = max(record.duration for record in recording.points.values())
     described = load_machine(machine)
     described.assemble()
-    names = split_names(outputs)
+    names = split_names("--outputs", [] if outputs is None else [outputs])
     parse_outputs(names, described.description.test_points)  # refused before anything starts
     start = time.monotonic()
     with watch(described.description.test_points) as watching, NodeProcesses(out / "logs") as nodes:

@@ -15,7 +15,7 @@ from tbm_gsa.app.cli.output import JSON_OPTION, add_row, narrow_table, notes, pr
 from tbm_gsa.app.cli.shipped import RECORDING_ARGUMENT, recording_path
 from tbm_gsa.reading import Maybe, Part
 from tbm_msgs_py.bags.bag import Bag, BagInfo
-from tbm_msgs_py.base.errors import RecordingError
+from tbm_msgs_py.base.errors import InputError, RecordingError
 from tbm_msgs_py.recordings.recording_health import COUNTS, PointHealth, check_recording
 
 _SHOWN = 200  # topics and test points: a terminal takes a quarter of a minute for 60 000
@@ -119,6 +119,8 @@ def info(
     json: Annotated[bool, JSON_OPTION] = False,
 ) -> None:
     """List the topics of a recording, its length, and what is missing."""
+    if mapping is not None and not scan:
+        raise InputError("--mapping: allowed only with --scan, which reads the sensors")
     bag = recording_path(bag)
     recording = Bag(bag)
     with progress_bar("reading") as progress:

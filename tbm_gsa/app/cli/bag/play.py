@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from tbm_gsa.app.cli.bag.node import run_to_end
-from tbm_gsa.app.cli.output import JSON_OPTION, print_json, results
+from tbm_gsa.app.cli.output import JSON_OPTION, LONGEST_S, print_json, results, split_names
 from tbm_gsa.app.cli.processes import NodeCommand
 from tbm_gsa.app.cli.shipped import RECORDING_ARGUMENT, recording_path
 from tbm_gsa.reading import Part
@@ -38,8 +38,10 @@ def play(
     rate: Annotated[float, typer.Option(min=0.1, max=10.0, help="Speed, times real time.")] = 1.0,
     loop: Annotated[bool, typer.Option("--loop", help="Start again at the end, until Ctrl-C.")] = False,
     clock: Annotated[bool, typer.Option(help="Publish the recorded time on /clock.")] = True,
-    start: Annotated[float, typer.Option(min=0.0, help="Recorded time left out at the beginning (s).")] = 0.0,
-    duration: Annotated[float, typer.Option(min=0.0, help="Recorded time played (s); 0: all.")] = 0.0,
+    start: Annotated[
+        float, typer.Option(min=0.0, max=LONGEST_S, help="Recorded time left out at the beginning (s).")
+    ] = 0.0,
+    duration: Annotated[float, typer.Option(min=0.0, max=LONGEST_S, help="Recorded time played (s); 0: all.")] = 0.0,
     topics: Annotated[
         list[str] | None, typer.Option(help="Absolute topics: repeated, or with commas; else all.")
     ] = None,
@@ -50,13 +52,13 @@ def play(
 ) -> None:
     """Play a recording as it was recorded: raw messages, their topics, their quality of service, and its clock."""
     bag = recording_path(bag)
-    names = [name.strip() for given in topics or [] for name in given.split(",") if name.strip()]
+    names = split_names("--topics", topics or ())
     recorded = {topic.name for topic in Bag(bag).info().topics}  # no recording is an error before a node starts
     for name in names:
         if name not in recorded:
             raise InputError(f"--topics {name}: not in {bag}, allowed: {listed(sorted(recorded))}")
     given: dict[str, object] = {"bag": str(bag), "rate": rate, "loop": loop, "clock": clock, "start": start}
-    given |= {"duration": duration, "topics": names or [""], "wait_for_subscribers": subscribers}
+    given |= {"duration": duration, "topics": list(names) or [""], "wait_for_subscribers": subscribers}
     played = run_to_end(NodeCommand("bag_player", given), PlayedMessages)
     if played is None:
         return

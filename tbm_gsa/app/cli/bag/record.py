@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 from typing import Annotated
 
@@ -10,7 +11,7 @@ from rosbags.rosbag2.metadata import Metadata
 
 from tbm_gsa.app.cli.bag.info import BagContents
 from tbm_gsa.app.cli.bag.node import run_to_end
-from tbm_gsa.app.cli.output import JSON_OPTION, notes, print_json, results
+from tbm_gsa.app.cli.output import JSON_OPTION, LARGEST_MB, LONGEST_S, notes, print_json, results, split_names
 from tbm_gsa.app.cli.processes import NodeCommand
 from tbm_gsa.reading import Part
 from tbm_msgs_py.bags import metadata
@@ -37,13 +38,21 @@ class RecordResult(BagContents):
 def record(
     out: Annotated[Path, typer.Option(help="New rosbag2 folder.")],
     topics: Annotated[list[str], typer.Option(help="Topics, relative to /tbm or absolute: repeated, or with commas.")],
-    duration: Annotated[float, typer.Option(min=0.0, help="Ends after so long (s); 0: with Ctrl-C.")] = 0.0,
-    split_size: Annotated[float, typer.Option(min=0.0, help="A further file after so much (MB); 0: never.")] = 0.0,
-    split_time: Annotated[float, typer.Option(min=0.0, help="A further file after so long (s); 0: never.")] = 0.0,
+    duration: Annotated[
+        float, typer.Option(min=0.0, max=LONGEST_S, help="Ends after so long (s); 0: with Ctrl-C.")
+    ] = 0.0,
+    split_size: Annotated[
+        float, typer.Option(min=0.0, max=LARGEST_MB, help="A further file after so much (MB); 0: never.")
+    ] = 0.0,
+    split_time: Annotated[
+        float, typer.Option(min=0.0, max=LONGEST_S, help="A further file after so long (s); 0: never.")
+    ] = 0.0,
     quota: Annotated[
         float,
         typer.Option(
-            min=0.0, help="It and those beside it that were made with a quota take at most so much (MB); 0: no limit."
+            min=0.0,
+            max=LARGEST_MB,
+            help="It and those beside it that were made with a quota take at most so much (MB); 0: no limit.",
         ),
     ] = 0.0,
     compress: Annotated[bool, typer.Option("--compress", help="Compress with zstd.")] = False,
@@ -53,10 +62,10 @@ def record(
     json: Annotated[bool, JSON_OPTION] = False,
 ) -> None:
     """Record topics until Ctrl-C: raw messages, on the disk within half a second."""
-    if out.exists():
+    if os.path.lexists(out):
         raise RecordingError(f"{out}: exists already, allowed: a new name")
-    names = [name.strip() for given in topics for name in given.split(",") if name.strip()]
-    given: dict[str, object] = {"output": str(out), "topics": names or [""], "duration": duration}
+    names = split_names("--topics", topics)
+    given: dict[str, object] = {"output": str(out), "topics": list(names), "duration": duration}
     given |= {"split_size": split_size, "split_time": split_time, "quota": quota, "use_sim_time": sim_time}
     given["compression"] = "zstd" if compress else "none"
     recorded = run_to_end(NodeCommand("bag_recorder", given), RecordedMessages)
