@@ -239,7 +239,7 @@ def _to_plot(history: HistoryReader, selection: Selection, count: int) -> list[S
 
 
 def _plot(found: HistorySummary, windows: list[StoredEntry], html: Path | None, png: Path | None) -> None:
-    from tbm_gsa.app.report.history_page import history_page, history_picture  # noqa: PLC0415 - matplotlib takes its time
+    from tbm_gsa.app.report.history_page import history_page, history_picture  # noqa: PLC0415 - matplotlib loads slowly
 
     if html is not None:
         write_whole(html, history_page(found, windows).encode())

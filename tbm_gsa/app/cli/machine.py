@@ -84,7 +84,7 @@ def show(
     json: Annotated[bool, JSON_OPTION] = False,
 ) -> None:
     """Show what a machine file describes: nodes, parts, connections, drives, masses, natural frequencies, sources."""
-    from tbm_gsa.app.report.machine_drawing import draw_machine  # noqa: PLC0415 - matplotlib takes its time
+    from tbm_gsa.app.report.machine_drawing import draw_machine  # noqa: PLC0415 - matplotlib loads slowly
     from tbm_gsa.app.report.picture import check_path, write_picture  # noqa: PLC0415
 
     if out is not None:
@@ -143,7 +143,7 @@ def loads(
     json: Annotated[bool, JSON_OPTION] = False,
 ) -> None:
     """Compare the cutterhead loads of a machine with the paper's Table 1, and draw its Figure 4."""
-    from tbm_gsa.app.report.load_figure import load_figure  # noqa: PLC0415 - matplotlib takes its time
+    from tbm_gsa.app.report.load_figure import load_figure  # noqa: PLC0415 - matplotlib loads slowly
     from tbm_gsa.app.report.picture import check_path, write_picture  # noqa: PLC0415
 
     if out is not None:

@@ -1,4 +1,4 @@
-"""How the commands speak: results on stdout, everything else on stderr, JSON as one document."""
+"""Output of the commands: results on stdout, everything else on stderr, JSON as one document."""
 
 from __future__ import annotations
 

@@ -51,7 +51,7 @@ def _check_log_folder() -> None:
         folder.expanduser().mkdir(parents=True, exist_ok=True)
         if not os.access(folder.expanduser(), os.W_OK | os.X_OK):
             raise PermissionError(errno.EACCES, os.strerror(errno.EACCES))
-    except (OSError, RuntimeError) as error:  # the second: ~ of nobody
+    except (OSError, RuntimeError) as error:  # the second: ~ of an unknown user
         reason = getattr(error, "strerror", None) or str(error)
         raise InputError(
             f"{folder}: {reason}, allowed: a folder for the logs of ROS, which ROS_LOG_DIR of the environment names"
