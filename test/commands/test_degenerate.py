@@ -18,9 +18,7 @@ from tbm_dynamics import MachineError
 from tbm_dynamics.machine.description import PointName
 from tbm_dynamics.machine.loading import described_by
 from tbm_gsa.app.cli.main import main
-from tbm_gsa.app.cli.processes import settle_ros_environment
 from tbm_gsa.history import History, HistoryEntry, WindowSource
-from tbm_msgs_py.base.errors import InputError
 from tbm_msgs_py.base.files import read_text
 
 TEXT = resources.files("tbm_dynamics").joinpath("machines/open380.yaml").read_text("utf-8")
@@ -142,24 +140,6 @@ def test_a_deleted_working_folder_is_one_line(tmp_path, monkeypatch, capsys):
         main()
     assert end.value.code == 2
     assert capsys.readouterr().err.startswith("tbm-monitor: the working folder: No such file or directory, allowed: ")
-
-
-@pytest.mark.parametrize(
-    ("environment", "said"),
-    [
-        ({"HOME": "/dev/null"}, "/dev/null/.ros/log: Not a directory"),
-        ({"HOME": ""}, "environment HOME: empty"),
-        ({"ROS_HOME": "/proc/none"}, "/proc/none/log: No such file or directory"),
-        ({"ROS_LOG_DIR": "/dev/full"}, "/dev/full: File exists"),
-    ],
-)
-def test_logs_of_ros_that_cannot_be_written_are_told(environment, said, monkeypatch):
-    for name in ("ROS_LOG_DIR", "ROS_HOME"):
-        monkeypatch.delenv(name, raising=False)
-    for name, value in environment.items():
-        monkeypatch.setenv(name, value)
-    with pytest.raises(InputError, match=rf"^{said}.*, allowed: "):
-        settle_ros_environment()
 
 
 def test_a_pipe_is_not_waited_for(tmp_path):

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import errno
 import json
 import os
 import time
@@ -22,40 +21,20 @@ _LAST_DOMAIN = 232
 
 
 def settle_ros_environment() -> None:
-    """Check the ROS domain and the folder of logs, and keep messages on this computer and out of shared memory.
+    """Check the ROS domain, and keep messages on this computer and out of shared memory.
 
     For this process and all it starts, unless the environment says otherwise.
 
     Raises
     ------
     InputError
-        A domain whose ports do not exist, or no folder for logs: the middleware ends a process on either without a
-        word of ours.
+        A domain whose ports do not exist: the middleware ends a process on it without a word of ours.
     """
     domain = os.environ.get("ROS_DOMAIN_ID", "").strip() or "0"
     if not (domain.isascii() and domain.isdigit() and int(domain) <= _LAST_DOMAIN):
         raise InputError(f"environment ROS_DOMAIN_ID: {domain}, allowed: 0 to {_LAST_DOMAIN}")
-    _check_log_folder()
     os.environ.setdefault(DISCOVERY_RANGE, "LOCALHOST")
     avoid_shared_memory()
-
-
-def _check_log_folder() -> None:
-    """Refuse a folder for the logs of ROS that cannot be written."""
-    places = (("ROS_LOG_DIR", "."), ("ROS_HOME", "log"), ("HOME", ".ros/log"))
-    given = (Path(os.environ[name]) / below for name, below in places if os.environ.get(name))
-    folder = next(given, None)
-    if folder is None:
-        raise InputError("environment HOME: empty, allowed: a folder, or one for the logs of ROS in ROS_LOG_DIR")
-    try:
-        folder.expanduser().mkdir(parents=True, exist_ok=True)
-        if not os.access(folder.expanduser(), os.W_OK | os.X_OK):
-            raise PermissionError(errno.EACCES, os.strerror(errno.EACCES))
-    except (OSError, RuntimeError) as error:  # the second: ~ of an unknown user
-        reason = getattr(error, "strerror", None) or str(error)
-        raise InputError(
-            f"{folder}: {reason}, allowed: a folder for the logs of ROS, which ROS_LOG_DIR of the environment names"
-        ) from None
 
 
 @dataclass(frozen=True)
