@@ -13,22 +13,46 @@ from pydantic import BaseModel
 from sphinx.application import Sphinx
 from sphinx.ext.autodoc.mock import mock
 
+from tbm_dynamics.machine.summary import MachineSummary
+from tbm_gsa.app.cli.bag.info import BagContents, ScannedBag
+from tbm_gsa.app.cli.bag.play import PlayResult
+from tbm_gsa.app.cli.bag.record import RecordResult
+from tbm_gsa.app.cli.bag.recover import RecoveryResult
+from tbm_gsa.app.cli.demo import DemoResult
+from tbm_gsa.app.cli.doctor import Diagnosis
+from tbm_gsa.app.cli.machine import CheckedMachine, MachineList
+from tbm_gsa.app.cli.machine_update import UpdateResult
 from tbm_gsa.app.cli.main import app as command_line
+from tbm_gsa.app.cli.simulate import SimulationResult
 from tbm_gsa.comparison.results import ComparisonResult
 from tbm_gsa.explanation.result import Explanation
 from tbm_gsa.history.summary import BaselineList, BaselineSummary, HistorySummary
+from tbm_gsa.paper.load_summary import LoadSummary
 from tbm_gsa.paper.reproduction.result import ReproductionResult
 from tbm_gsa.sensitivity.results import StudyResult
 from tbm_msgs_py.nodes.registry import NODES
 
 RESULTS: dict[str, type[BaseModel]] = {
+    "demo": DemoResult,
+    "simulate": SimulationResult,
     "compare": ComparisonResult,
     "gsa run": StudyResult,
     "gsa explain": Explanation,
+    "bag info": BagContents,
+    "bag info --scan": ScannedBag,
+    "bag recover": RecoveryResult,
+    "bag record": RecordResult,
+    "bag play": PlayResult,
+    "machine list": MachineList,
+    "machine show": MachineSummary,
+    "machine check": CheckedMachine,
+    "machine loads": LoadSummary,
+    "machine update": UpdateResult,
     "history": HistorySummary,
     "history baseline list": BaselineList,
     "history baseline show": BaselineSummary,
     "reproduce": ReproductionResult,
+    "doctor": Diagnosis,
 }
 """Model of the document that a command prints."""
 # The node modules are read without ROS: only their declarations are wanted.

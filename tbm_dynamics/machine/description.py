@@ -8,10 +8,11 @@ degrees where the name says so.
 from __future__ import annotations
 
 import math
+import re
 from itertools import groupby
 from typing import Annotated, Literal, Self
 
-from pydantic import Field, FiniteFloat, model_validator
+from pydantic import AfterValidator, Field, FiniteFloat, model_validator
 
 from tbm_dynamics.loads.cutters.description import CutterDescription
 from tbm_dynamics.loads.description import LoadDescription
@@ -22,6 +23,22 @@ from tbm_msgs_py.base.units import R_MIN
 
 Vector3 = tuple[FiniteFloat, FiniteFloat, FiniteFloat]
 GROUND: Literal["ground"] = "ground"
+
+
+LONGEST_POINT = 100
+"""Characters of a test point: a topic has 247 at most, and names a machine and a quantity beside it."""
+
+
+def _part_of_topics(name: str) -> str:
+    """Name that topics of ROS can have in them."""
+    if not re.fullmatch("[A-Za-z_][A-Za-z0-9_]*", name) or len(name) > LONGEST_POINT:
+        raise ValueError(
+            f"test points name topics of ROS, allowed: up to {LONGEST_POINT} letters a to z, digits, _, no digit first"
+        )
+    return name
+
+
+PointName = Annotated[str, AfterValidator(_part_of_topics)]
 
 
 class SiteOperatingPoint(FrozenModel):
@@ -180,7 +197,7 @@ class MachineDescription(FrozenModel):
     carrier_girder: Subsystem
     connections: tuple[Connection, ...]
     load_node: Node
-    test_points: dict[Label, Node]
+    test_points: dict[PointName, Node]
     loads: LoadDescription
     cutters: CutterDescription | None = None
 

@@ -5,20 +5,31 @@ from __future__ import annotations
 import re
 from collections import Counter
 from collections.abc import Iterator, Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 
 import numpy as np
+from pydantic import computed_field
 
+from tbm_dynamics.loads.cutters.description import CutterDescription
 from tbm_dynamics.loads.cutters.layout import TYPES
-from tbm_dynamics.machine.description import MachineDescription, Subsystem
+from tbm_dynamics.machine.description import (
+    Body,
+    Connection,
+    MachineDescription,
+    OperatingLimits,
+    Shaft,
+    SiteOperatingPoint,
+    Subsystem,
+)
+from tbm_dynamics.machine.drive import DriveBody, DriveConnection, DrivePlacement, DriveShaft, Gear, Gearbox, Mesh
 from tbm_dynamics.machine.machine import Machine
-from tbm_dynamics.mesh.planetary import stage_law
+from tbm_dynamics.mesh.planetary import PlanetaryStage, stage_law
 from tbm_dynamics.structure.assembly import node_positions
 from tbm_dynamics.structure.couplings import STAGE_HARMONICS
 from tbm_dynamics.structure.drive import drive_angles, drive_nodes, gear_pair
 from tbm_dynamics.structure.system import System
 from tbm_msgs_py.base.arrays import Array
-from tbm_msgs_py.base.fields import SOURCES
+from tbm_msgs_py.base.fields import SOURCES, FrozenModel, Source
 
 STRUCTURES = ("cutterhead_bearing_gear", "carrier_girder")
 SUBSYSTEMS = ("cutterhead_bearing_gear", "driveshaft", "carrier_girder")
@@ -44,34 +55,12 @@ class NodeSummary:
 
 
 @dataclass(frozen=True)
-class StageSummary:
-    """What follows from the gears of a planetary stage; stiffness as the pinion shaft feels it (N·m/rad)."""
-
-    ratio: float
-    sun_contact_ratio: float
-    ring_contact_ratio: float
-    mesh_frequency_hz: float
-    stiffness: float
-
-
-@dataclass(frozen=True)
 class CutterType:
     """Cutters of a type, their discs, and the smallest and largest radius of those (m)."""
 
     cutters: int
     discs: int
     radius: tuple[float, float]
-
-
-@dataclass(frozen=True)
-class CuttingSummary:
-    """The cutters at the operating point: penetration in a turn, mean forces of the face discs, torque of the head."""
-
-    types: dict[str, CutterType]
-    penetration_mm: float
-    normal_force_kn: float
-    rolling_force_kn: float
-    torque_kn_m: float
 
 
 @dataclass(frozen=True)
@@ -95,15 +84,113 @@ class ModeSummary:
     shares: dict[str, float]
 
 
+class StageSummary(PlanetaryStage):
+    """A planetary stage and what follows from its gears; stiffness as the pinion shaft feels it (N·m/rad)."""
+
+    sun_contact_ratio: float
+    ring_contact_ratio: float
+    mesh_frequency_hz: float
+    stiffness: float
+
+    @computed_field  # type: ignore[prop-decorator]
+    @property
+    def ratio(self) -> float:
+        """Turns of the sun per turn of the carrier."""
+        return super().ratio
+
+
+class CuttingSummary(CutterDescription):
+    """The cutters, and at the operating point penetration in a turn, mean forces of face discs, torque of the head."""
+
+    types: dict[str, CutterType]
+    penetration_mm: float
+    normal_force_kn: float
+    rolling_force_kn: float
+    torque_kn_m: float
+
+
+class GearSummary(Gear):
+    """The gears of pinion and ring, their contact ratio and mesh frequency."""
+
+    contact_ratio: float
+    mesh_frequency_hz: float
+
+
+class GearboxSummary(Gearbox):
+    """The gearbox: turns of the rotor per turn of the pinion, speed of the rotors.
+
+    `stiffness` is that of stages and shafts in series as the pinion shaft feels it (N·m/rad).
+    """
+
+    stages: tuple[StageSummary, ...]
+    stiffness: float
+    rotor_speed_r_min: float
+
+    @computed_field  # type: ignore[prop-decorator]
+    @property
+    def ratio(self) -> float:
+        """Turns of the rotor per turn of the pinion."""
+        return super().ratio
+
+
+class ShownShaft(Shaft):
+    """A shaft, and the subsystem that it is in."""
+
+    subsystem: str
+
+
+class ShownBody(Body):
+    """A body, and the subsystem that it is in."""
+
+    subsystem: str
+
+
+class ShownConnection(Connection):
+    """A connection, and the subsystem that it is in, or `BETWEEN`."""
+
+    where: str
+
+
+class ShownDriveConnection(DriveConnection):
+    """A connection of a drive, and its key."""
+
+    name: str
+
+
 @dataclass(frozen=True)
-class MachineSummary:
-    """A machine and what follows from its description.
+class DriveMember:
+    """One drive, its angle, and its nodes in the order of `DRIVE_NODES`."""
+
+    drive: int
+    angle_deg: float
+    nodes: tuple[int, ...]
+
+
+class DriveSummary(FrozenModel):
+    """The drives; `radius` is the distance of their axes from the machine's (m)."""
+
+    count: int
+    source: Source
+    ring_node: int
+    mount_node: int
+    placement: DrivePlacement
+    mesh: Mesh
+    radius: float
+    members: tuple[DriveMember, ...]
+    parts: dict[str, DriveShaft | DriveBody]
+    connections: tuple[ShownDriveConnection, ...]
+    gear: GearSummary
+    gearbox: GearboxSummary
+
+
+class MachineSummary(FrozenModel):
+    """What `machine show --json` prints: the sections of the file, and what follows from them.
 
     Attributes
     ----------
-    stages : tuple of StageSummary
-        From the pinion to the motor.
-    cutting : CuttingSummary or None
+    places : dict of str to str
+        Sources of the places of the nodes, by subsystem.
+    cutters : CuttingSummary or None
         None without cutters.
     masses : dict of str to float
         Of each subsystem, and ``total`` (kg).
@@ -111,76 +198,22 @@ class MachineSummary:
         How many numbers of the file are from where.
     """
 
-    machine: Machine
+    machine: str
+    title: str
+    origin: str
+    operating_point: SiteOperatingPoint
+    operating_limits: OperatingLimits | None
     nodes: tuple[NodeSummary, ...]
-    stages: tuple[StageSummary, ...]
-    cutting: CuttingSummary | None
+    places: dict[str, Source]
+    shafts: tuple[ShownShaft, ...]
+    bodies: tuple[ShownBody, ...]
+    connections: tuple[ShownConnection, ...]
+    drives: DriveSummary
+    cutters: CuttingSummary | None
     masses: dict[str, float]
     degrees_of_freedom: int
     modes: tuple[ModeSummary, ...]
     sources: dict[str, int]
-
-    @property
-    def gearbox_stiffness(self) -> float:
-        """Stiffness of stages and shafts in series as the pinion shaft feels it (N·m/rad)."""
-        shafts = self.machine.description.driveshaft.gearbox.shaft_stiffness
-        return 1.0 / (1.0 / shafts + sum(1.0 / stage.stiffness for stage in self.stages))
-
-    @property
-    def rotor_speed_r_min(self) -> float:
-        """Speed of the rotors."""
-        drive = self.machine.description.driveshaft
-        return 60.0 * (self.machine.mesh_frequency / drive.gear.pinion_teeth) * drive.gearbox.ratio
-
-    def document(self) -> dict[str, object]:
-        """Return what `machine show --json` prints: the sections of the file, and what follows from them."""
-        description = self.machine.description
-        structures, limits, cutters = structures_of(description), description.operating_limits, description.cutters
-        groups = [*((name, part.connections) for name, part in structures), (BETWEEN, description.connections)]
-        return {
-            "machine": self.machine.name,
-            "title": description.title,
-            "origin": self.machine.origin,
-            "operating_point": description.operating_point.model_dump(),
-            "operating_limits": limits and limits.model_dump(),
-            "nodes": [asdict(node) for node in self.nodes],
-            "places": {name: part.source for name, part in structures},
-            "shafts": [{"subsystem": name, **s.model_dump()} for name, part in structures for s in part.shafts],
-            "bodies": [{"subsystem": name, **b.model_dump()} for name, part in structures for b in part.bodies],
-            "connections": [{"where": where, **c.model_dump()} for where, group in groups for c in group],
-            "drives": self._drives(),
-            "cutters": cutters and self.cutting and {**cutters.model_dump(), **asdict(self.cutting)},
-            "masses": self.masses,
-            "degrees_of_freedom": self.degrees_of_freedom,
-            "modes": [asdict(mode) for mode in self.modes],
-            "sources": self.sources,
-        }
-
-    def _drives(self) -> dict[str, object]:
-        drive = self.machine.description.driveshaft
-        pair, angles = gear_pair(drive), np.degrees(drive_angles(drive))
-        meshing = {"contact_ratio": pair.contact_ratio, "mesh_frequency_hz": self.machine.mesh_frequency}
-        return {
-            **drive.model_dump(include={"count", "source", "ring_node", "mount_node", "placement", "mesh"}),
-            "radius": pair.centre_distance,
-            "members": [
-                {"drive": i + 1, "angle_deg": float(angle), "nodes": drive_nodes(drive, i)}
-                for i, angle in enumerate(angles)
-            ],
-            "parts": drive.model_dump(include=set(DRIVE_PARTS)),
-            "connections": [{"name": name, **getattr(drive, name).model_dump()} for name in DRIVE_CONNECTIONS],
-            "gear": {**drive.gear.model_dump(), **meshing},
-            "gearbox": {
-                **drive.gearbox.model_dump(),
-                "ratio": drive.gearbox.ratio,
-                "stiffness": self.gearbox_stiffness,
-                "rotor_speed_r_min": self.rotor_speed_r_min,
-                "stages": [
-                    {**gears.model_dump(), **asdict(stage)}
-                    for gears, stage in zip(drive.gearbox.stages, self.stages, strict=True)
-                ],
-            },
-        }
 
 
 def machine_summary(machine: Machine, count: int = 10) -> MachineSummary:
@@ -192,11 +225,21 @@ def machine_summary(machine: Machine, count: int = 10) -> MachineSummary:
         A machine that cannot be assembled.
     """
     system, description = machine.assemble(), machine.description
+    structures = structures_of(description)
+    groups = [*((name, part.connections) for name, part in structures), (BETWEEN, description.connections)]
     return MachineSummary(
-        machine=machine,
+        machine=machine.name,
+        title=description.title,
+        origin=machine.origin,
+        operating_point=description.operating_point,
+        operating_limits=description.operating_limits,
         nodes=tuple(_nodes(description)),
-        stages=tuple(_stages(machine)),
-        cutting=_cutting(machine),
+        places={name: part.source for name, part in structures},
+        shafts=tuple(ShownShaft(**dict(one), subsystem=name) for name, part in structures for one in part.shafts),
+        bodies=tuple(ShownBody(**dict(one), subsystem=name) for name, part in structures for one in part.bodies),
+        connections=tuple(ShownConnection(**dict(one), where=where) for where, group in groups for one in group),
+        drives=_drives(machine),
+        cutters=_cutting(machine),
         masses=_masses(description),
         degrees_of_freedom=system.size,
         modes=tuple(_modes(system, count)),
@@ -204,8 +247,38 @@ def machine_summary(machine: Machine, count: int = 10) -> MachineSummary:
     )
 
 
+def _drives(machine: Machine) -> DriveSummary:
+    drive = machine.description.driveshaft
+    pair, angles = gear_pair(drive), np.degrees(drive_angles(drive)).tolist()
+    stages = tuple(_stages(machine))
+    pinion_r_min = 60.0 * (machine.mesh_frequency / drive.gear.pinion_teeth)
+    return DriveSummary(
+        count=drive.count,
+        source=drive.source,
+        ring_node=drive.ring_node,
+        mount_node=drive.mount_node,
+        placement=drive.placement,
+        mesh=drive.mesh,
+        radius=pair.centre_distance,
+        members=tuple(DriveMember(i + 1, angle, tuple(drive_nodes(drive, i))) for i, angle in enumerate(angles)),
+        parts={name: getattr(drive, name) for name in DRIVE_PARTS},
+        connections=tuple(ShownDriveConnection(**dict(getattr(drive, key)), name=key) for key in DRIVE_CONNECTIONS),
+        gear=GearSummary(
+            **dict(drive.gear), contact_ratio=pair.contact_ratio, mesh_frequency_hz=machine.mesh_frequency
+        ),
+        gearbox=GearboxSummary(
+            stages=stages,
+            shaft_stiffness=drive.gearbox.shaft_stiffness,
+            source=drive.gearbox.source,
+            stiffness=1.0 / (1.0 / drive.gearbox.shaft_stiffness + sum(1.0 / stage.stiffness for stage in stages)),
+            rotor_speed_r_min=pinion_r_min * drive.gearbox.ratio,
+        ),
+    )
+
+
 def _cutting(machine: Machine) -> CuttingSummary | None:
-    if machine.description.cutters is None:
+    cutters = machine.description.cutters
+    if cutters is None:
         return None
     loads = machine.cutter_loads()
     layout = loads.head.layout
@@ -216,7 +289,8 @@ def _cutting(machine: Machine) -> CuttingSummary | None:
         types[kind] = CutterType(layout.count(kind), len(radius), (float(radius.min()), float(radius.max())))
     wrenches = loads.head.wrenches(loads.penetration)[kinds == "face"]
     return CuttingSummary(
-        types,
+        **dict(cutters),
+        types=types,
         penetration_mm=1e3 * loads.penetration,
         normal_force_kn=float(-wrenches[:, 0].mean() / 1e3),
         rolling_force_kn=float((-wrenches[:, 3] / layout.radius[kinds == "face"]).mean() / 1e3),
@@ -249,7 +323,7 @@ def _stages(machine: Machine) -> Iterator[StageSummary]:
     for gears in drive.gearbox.stages:
         law = stage_law(gears, steel.elasticity, steel.poisson, STAGE_HARMONICS)
         yield StageSummary(
-            ratio=gears.ratio,
+            **dict(gears),
             sun_contact_ratio=gears.sun_mesh.contact_ratio,
             ring_contact_ratio=gears.ring_mesh.contact_ratio,
             mesh_frequency_hz=pinion_hz * speed * gears.ring_teeth,

@@ -32,7 +32,7 @@ from tbm_dynamics.mesh.waves import series, shifted
 from tbm_msgs_py.base.fields import FrozenModel, Positive, Source
 
 GOLDEN = 0.6180339887498949
-"""Spacing of what nobody aligns, as the run-out of planets and pinions: fixed, and no two alike (assumed)."""
+"""Spacing of phases that no assembly aligns, as the run-out of planets and pinions: fixed, no two alike (assumed)."""
 
 
 class PlanetaryStage(FrozenModel):

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator
 
 import numpy as np
 
@@ -20,6 +20,61 @@ _CHANGE_S = 0.05  # blocks of a schedule: those of the load node
 
 Progress = Callable[[float], None]
 """Called with the fraction of the run that is done, 0 to 1."""
+
+
+class ModelRun:
+    """A run of a machine from its static equilibrium under its loads, chunk by chunk.
+
+    Parameters
+    ----------
+    machine, duration, seed, time_step, method, loads, schedule
+        As for `simulate`.
+    nodes : iterable of int
+        Nodes whose motion is wanted.
+
+    Attributes
+    ----------
+    steps : int
+    torque : float
+        Mean torque of the cutterhead over the steps that are done, N·m.
+    """
+
+    def __init__(
+        self,
+        machine: Machine,
+        duration: float,
+        seed: int,
+        nodes: Iterable[int],
+        *,
+        time_step: float = DEFAULT_STEP,
+        method: MethodName = "reduced",
+        loads: LoadModel = "spectral",
+        schedule: Schedule | None = None,
+    ) -> None:
+        self.steps = round(duration / time_step) if duration > 0.0 and np.isfinite(duration) else 0
+        if self.steps < 1:
+            raise SimulationError(f"duration {duration} s: must be at least one time step of {time_step} s")
+        samples = _BLOCK_STEPS if schedule is None else max(1, round(_CHANGE_S / time_step))
+        system = machine.assemble()
+        self._stream = LoadStream(machine, seed, time_step, min(samples, self.steps), loads, schedule)
+        started = system.under(self._stream.operating_point, self._stream.mean)
+        self.simulator = Simulator(started, nodes, time_step, method)
+        self.torque = 0.0
+
+    def chunks(self, into: Chunk | None = None, progress: Progress | None = None) -> Iterator[Chunk]:
+        """Chunks of the whole run, written to the rows of `into` if it is given."""
+        stream, impulse = self._stream, 0.0
+        while (first := stream.next_step) < self.steps:
+            before, block = stream.operating_point, stream.next_block()
+            part = slice(first, min(stream.next_step, self.steps))
+            if block.operating_point != before:
+                self.simulator.set_operating_point(block.operating_point, over=len(block.loads))
+            rows = None if into is None else Chunk(first, into.motion[part], into.mesh_force[part])
+            yield self.simulator.step(block.loads[: part.stop - first], rows)
+            impulse += 0.5 * (before.torque + block.operating_point.torque) * (part.stop - first)
+            self.torque = impulse / part.stop
+            if progress:
+                progress(part.stop / self.steps)
 
 
 def simulate(
@@ -62,41 +117,20 @@ def simulate(
     SimulationError
         A duration without steps, a run that diverges.
     """
-    steps = round(duration / time_step) if duration > 0.0 and np.isfinite(duration) else 0
-    if steps < 1:
-        raise SimulationError(f"duration {duration} s: must be at least one time step of {time_step} s")
     nodes = default_outputs(machine) if outputs is None else tuple(outputs)
-    samples = _BLOCK_STEPS if schedule is None else max(1, round(_CHANGE_S / time_step))
-    system = machine.assemble()
-    stream = LoadStream(machine, seed, time_step, min(samples, steps), loads, schedule)
-    simulator = Simulator(system.under(stream.operating_point, stream.mean), nodes, time_step, method)
-    run = Chunk(0, np.empty((steps, 2, len(nodes), 6)), np.empty((steps, system.couplings.drives)))
-    torque = _integrate(stream, simulator, run, progress)
+    run = ModelRun(machine, duration, seed, nodes, time_step=time_step, method=method, loads=loads, schedule=schedule)
     drive = machine.description.driveshaft
+    whole = Chunk(0, np.empty((run.steps, 2, len(nodes), 6)), np.empty((run.steps, drive.count)))
+    for _ in run.chunks(whole, progress):
+        pass
     return Response(
-        time=np.arange(steps) * time_step,
+        time=np.arange(run.steps) * time_step,
         nodes=nodes,
-        displacements=run.displacement,
-        accelerations=run.acceleration,
-        mesh_force=run.mesh_force,
+        displacements=whole.displacement,
+        accelerations=whole.acceleration,
+        mesh_force=whole.mesh_force,
         ring_node=drive.ring_node,
         pinion_node=drive.pinion_nodes_from + 1,
-        static_mesh_force=torque / (drive.count * gear_pair(drive).ring_base_radius),
-        states=simulator.states,
+        static_mesh_force=run.torque / (drive.count * gear_pair(drive).ring_base_radius),
+        states=run.simulator.states,
     )
-
-
-def _integrate(stream: LoadStream, simulator: Simulator, run: Chunk, progress: Progress | None) -> float:
-    """Integrate a run into its arrays; returns the mean torque of the cutterhead over it, N·m."""
-    steps, torque = len(run.mesh_force), 0.0
-    while (first := stream.next_step) < steps:
-        before = stream.operating_point
-        block = stream.next_block()
-        part = slice(first, min(stream.next_step, steps))
-        if block.operating_point != before:
-            simulator.set_operating_point(block.operating_point, over=len(block.loads))
-        simulator.step(block.loads[: part.stop - first], Chunk(first, run.motion[part], run.mesh_force[part]))
-        torque += 0.5 * (before.torque + block.operating_point.torque) * (part.stop - first)
-        if progress:
-            progress(part.stop / steps)
-    return torque / steps

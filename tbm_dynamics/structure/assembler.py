@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from tbm_dynamics.structure.beam import Section, beam_mass, beam_stiffness, circular_section, turned
+from tbm_dynamics.structure.beam import Section, along_direction, beam_mass, beam_stiffness, circular_section
 from tbm_dynamics.structure.connection import spring_rows, spring_stiffness
 from tbm_msgs_py.base.errors import MachineError
 
@@ -87,8 +87,8 @@ class Assembler:
         stiffness = beam_stiffness(section, length, steel.elasticity, steel.poisson)
         mass = beam_mass(section, length, density, steel.elasticity, steel.poisson)
         place = np.ix_(self.dofs(*nodes), self.dofs(*nodes))
-        self.M[place] += turned(mass, vector)
-        self.add_stiffness(nodes, turned(stiffness, vector), self.damping("steel"))
+        self.M[place] += along_direction(mass, vector)
+        self.add_stiffness(nodes, along_direction(stiffness, vector), self.damping("steel"))
 
     def add_spring(self, first: int, second: int | str, stiffness: SixStiffnesses, kind: ConnectionType) -> None:
         """Add six springs at the place of the first node, to the second or the ground."""

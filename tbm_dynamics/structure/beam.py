@@ -95,7 +95,7 @@ def _place(bending: np.ndarray, axial: np.ndarray, torsion: np.ndarray) -> np.nd
     return matrix
 
 
-def turned(matrix: np.ndarray, direction: np.ndarray) -> np.ndarray:
+def along_direction(matrix: np.ndarray, direction: np.ndarray) -> np.ndarray:
     """Turn an element matrix from its own axis x to `direction` (3,); circular sections have no other axis."""
     x = direction / np.linalg.norm(direction)
     helper = np.array([0.0, 0.0, 1.0]) if abs(x[2]) < 0.9 else np.array([0.0, 1.0, 0.0])

@@ -4,12 +4,12 @@ from collections.abc import Callable, Mapping
 
 import numpy as np
 
-from tbm_dynamics import Machine, Simulator
+from tbm_dynamics import Machine
 from tbm_dynamics.integration.simulator import DEFAULT_STEP
+from tbm_dynamics.streaming.simulation import ModelRun
 from tbm_gsa.signals.reduction import ReducedSignal, SignalReducer
 
 MODEL_RATE_HZ = 1.0 / DEFAULT_STEP
-_CHUNK_STEPS = 8192
 
 
 def run_model(
@@ -34,13 +34,9 @@ def run_model(
         Called with the share that is done, 0 to 1.
     """
     nodes = machine.description.test_points
-    simulator = Simulator(machine.assemble(), [nodes[point] for point in reducers])
-    loads = machine.loads(seed)
-    steps = round(duration / DEFAULT_STEP)
-    for first in range(0, steps, _CHUNK_STEPS):
-        time = np.arange(first, min(first + _CHUNK_STEPS, steps), dtype=np.float64) * DEFAULT_STEP
-        acceleration = simulator.step(loads.evaluate(time)).acceleration
+    run = ModelRun(machine, duration, seed, [nodes[point] for point in reducers])
+    for chunk in run.chunks(progress=progress):
+        time = np.arange(chunk.first_step, chunk.first_step + len(chunk.mesh_force), dtype=np.float64) * DEFAULT_STEP
         for place, reducer in enumerate(reducers.values()):
-            reducer.feed(time, np.ascontiguousarray(acceleration[:, place, :3]))
-        progress((first + len(time)) / steps)
+            reducer.feed(time, np.ascontiguousarray(chunk.acceleration[:, place, :3]))
     return {point: reducer.finish() for point, reducer in reducers.items()}

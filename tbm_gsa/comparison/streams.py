@@ -8,10 +8,11 @@ import numpy as np
 from tbm_dynamics.streaming.continuity import Continuity, StreamBlock
 from tbm_gsa.comparison.rate import RateEstimator, StreamCounters
 from tbm_gsa.signals.clock import GAP_PERIODS
-from tbm_gsa.signals.conditioning import HIGH_PASS_HZ, Band, CausalConditioner, along, common_band
+from tbm_gsa.signals.conditioning import HIGH_PASS_HZ, Band, along, causal_conditioner, common_band
 from tbm_gsa.signals.statistics import coverage
 from tbm_gsa.signals.windows import WindowSums
 from tbm_msgs_py.base.arrays import Array, Integers
+from tbm_msgs_py.base.causal_filter import CausalFilter
 from tbm_msgs_py.base.units import NANOSECONDS
 
 Side = Literal["model", "field"]
@@ -173,13 +174,13 @@ class GapConditioner:
     def __init__(self, window_ns: int, counters: StreamCounters, axes: tuple[tuple[int, ...], ...]) -> None:
         self._window_ns, self._counters, self._axes = window_ns, counters, axes
         self._design: tuple[float, Band] | None = None
-        self._conditioner: CausalConditioner | None = None
+        self._filter: CausalFilter | None = None
         self.settled_ns: int | None = None
 
     def start(self, rate_hz: float, band: Band) -> None:
         """Condition to this band from now on."""
         if self._design != (rate_hz, band):
-            self._conditioner, self._design = CausalConditioner(rate_hz, band), (rate_hz, band)
+            self._filter, self._design = causal_conditioner(rate_hz, band), (rate_hz, band)
             self.settled_ns = None
 
     def process(self, times: Integers, rows: Array, reached_ns: int) -> Iterator[tuple[Integers, Array]]:
@@ -190,17 +191,17 @@ class GapConditioner:
             if number:
                 self._counters.gaps += 1
                 self.settled_ns = None
-                if self._conditioner:
-                    self._conditioner.reset()
+                if self._filter:
+                    self._filter.reset()
             if stamps.size:
                 yield stamps, self._condition(stamps, part)
 
     def _condition(self, times: Integers, rows: Array) -> Array:
-        if self._conditioner is None:
+        if self._filter is None:
             return np.full((len(self._axes), len(times)), np.nan)
         if self.settled_ns is None:
             self.settled_ns = int(times[0]) + SETTLE_NS
-        return along(self._conditioner.process(rows), self._axes)
+        return along(self._filter.process(rows, rows.mean(axis=0)), self._axes)
 
 
 class _Stream:

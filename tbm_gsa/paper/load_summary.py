@@ -11,6 +11,7 @@ import scipy  # its parts load on first use
 from tbm_dynamics import Machine
 from tbm_dynamics.loads.stepper import LoadModel, load_stepper
 from tbm_gsa.paper.published import TABLE_1, LoadRow
+from tbm_gsa.reading import Part
 from tbm_msgs_py.base.arrays import Array
 from tbm_msgs_py.base.errors import InputError
 from tbm_msgs_py.base.operating_point import OperatingPoint
@@ -26,16 +27,14 @@ RESOLUTION_HZ: Final = 0.25
 """Of the amplitudes that Figures 4 and 5 show."""
 
 
-@dataclass(frozen=True)
-class LineSummary:
+class LineSummary(Part):
     """A line of Table 1 and where it was found, Hz; None where none stands out within `NEAR_HZ`."""
 
     paper_hz: float
     found_hz: float | None
 
 
-@dataclass(frozen=True)
-class ComponentSummary:
+class ComponentSummary(Part):
     """One component of the loads beside its row of Table 1.
 
     Attributes
@@ -65,14 +64,15 @@ class ComponentSummary:
             mean=float(values.mean()),
             rms=float(values.std()),
             in_regions=float(power[inside].sum() / total) if total else 0.0,
-            lines=tuple(LineSummary(line, found_line(frequency, power, line)) for line in paper.lines),
+            lines=tuple(
+                LineSummary(paper_hz=line, found_hz=found_line(frequency, power, line)) for line in paper.lines
+            ),
             paper_mean=paper.mean,
         )
 
 
-@dataclass(frozen=True)
-class LoadSummary:
-    """Result of `machine loads`: its JSON keys are these names, SI units."""
+class LoadSummary(Part):
+    """What `machine loads --json` prints, SI units."""
 
     machine: str
     loads: LoadModel
@@ -117,7 +117,10 @@ def load_run(machine: Machine, level: LoadModel = "spectral", duration: float = 
     time = np.arange(round(duration * RATE_HZ)) / RATE_HZ
     values = loads.evaluate(point, point, time, point.speed * time)
     components = {name: ComponentSummary.of(values[:, i], TABLE_1[name]) for i, name in enumerate(TABLE_1)}
-    return LoadRun(LoadSummary(machine.name, level, seed, duration, point, components), time, values)
+    summary = LoadSummary(
+        machine=machine.name, loads=level, seed=seed, duration=duration, operating_point=point, components=components
+    )
+    return LoadRun(summary, time, values)
 
 
 def found_line(frequency: Array, power: Array, wanted_hz: float) -> float | None:

@@ -171,23 +171,13 @@ class ZeroPhaseConditioner:
         return filtered[core], velocity[core]
 
 
-class CausalConditioner:
-    """The same filter for a live signal: causal, with its state carried from call to call.
+def causal_conditioner(rate_hz: float, band: Band) -> CausalFilter:
+    """Make the same filter for a live signal: causal, twice forwards, its state carried from piece to piece.
 
-    It starts as if the mean of the first values had always been there, so that gravity causes no transient.
+    Started at the mean of the first values, as if it had always been there, so that gravity causes no transient.
     """
-
-    def __init__(self, rate_hz: float, band: Band) -> None:
-        once = _sections(rate_hz, band)
-        self._filter = CausalFilter(np.vstack([once, once]))
-
-    def reset(self) -> None:
-        """Forget the state."""
-        self._filter.reset()
-
-    def process(self, values: Array) -> Array:
-        """Condition the next values (n, 3), m/s², n ≥ 1."""
-        return self._filter.process(values, values.mean(axis=0))
+    once = _sections(rate_hz, band)
+    return CausalFilter(np.vstack([once, once]))
 
 
 def _sections(rate_hz: float, band: Band) -> Array:

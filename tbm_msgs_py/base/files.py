@@ -34,10 +34,12 @@ def read_text(path: Path, encoding: str = "utf-8", largest: int = LARGEST_TEXT) 
     Raises
     ------
     OSError
-        It cannot be read, or is larger than `largest` bytes.
+        It cannot be read, is a device or a pipe, or is larger than `largest` bytes.
     UnicodeDecodeError
         No text of this encoding.
     """
+    if path.exists() and not (path.is_file() or path.is_dir()):  # a pipe would be waited for
+        raise OSError(errno.EINVAL, "no regular file", str(path))
     with path.open("rb") as file:
         data = file.read(largest + 1)
     if len(data) > largest:

@@ -35,7 +35,7 @@ def listed(names: Iterable[str], most: int = _LISTED, separator: str = ", ") -> 
 def printable(text: str, keep: str = "") -> str:
     r"""Text with escapes such as ``\x1b`` for what a terminal would obey, or what would turn its line around.
 
-    Control characters, those that change the direction of writing, and whatever else has no shape of its own; the
+    Control characters, those that change the direction of writing, and other characters without a glyph; the
     characters of `keep` stay as they are.
     """
     if text.isprintable():

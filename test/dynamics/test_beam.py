@@ -15,7 +15,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from tbm_dynamics.structure.beam import beam_mass, beam_stiffness, circular_section, turned
+from tbm_dynamics.structure.beam import along_direction, beam_mass, beam_stiffness, circular_section
 
 E, NU, RHO = 210e9, 0.3, 7850.0
 G = E / (2.0 * (1.0 + NU))
@@ -147,14 +147,14 @@ def test_turned_is_a_rotation_of_the_element(angles):
     section = circular_section(DIAMETER, 0.3, NU)
     big = np.kron(np.eye(4), R)
     for matrix in (beam_stiffness(section, 0.7, E, NU), beam_mass(section, 0.7, RHO, E, NU)):
-        found = turned(matrix, 3.0 * R[:, 0])
+        found = along_direction(matrix, 3.0 * R[:, 0])
         assert np.abs(found - big @ matrix @ big.T).max() <= 1e-11 * np.abs(matrix).max()
 
 
 @pytest.mark.parametrize("direction", [[1, 0, 0], [-1, 0, 0], [0, 0, 1], [0, 1, 0], [0, 0, -2]])
 def test_turned_along_an_axis_keeps_the_eigenvalues(direction):
     K = beam_stiffness(circular_section(DIAMETER, 0.0, NU), 0.7, E, NU)
-    found = np.linalg.eigvalsh(turned(K, np.array(direction, dtype=float)))
+    found = np.linalg.eigvalsh(along_direction(K, np.array(direction, dtype=float)))
     assert found == pytest.approx(np.linalg.eigvalsh(K), abs=1e-12 * np.abs(K).max())
 
 

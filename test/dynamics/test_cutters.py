@@ -16,7 +16,7 @@ from scipy.spatial.transform import Rotation
 
 from tbm_dynamics.loads.cutters.csm import cutting_forces
 from tbm_dynamics.loads.cutters.description import CutterError, Disc, Rock
-from tbm_dynamics.loads.cutters.head import turned
+from tbm_dynamics.loads.cutters.head import in_fixed_axes
 from tbm_dynamics.loads.cutters.layout import CutterLayout, read_layout
 
 HEAD = 3.965
@@ -122,7 +122,7 @@ def test_a_turned_head_turns_its_forces(layout):
     expected = [
         np.concatenate([Rotation.from_euler("x", a).apply(part) for part in (wrench[:3], wrench[3:])]) for a in angles
     ]
-    assert turned(wrench, angles) == pytest.approx(np.array(expected), rel=1e-9, abs=1e-6)
+    assert in_fixed_axes(wrench, angles) == pytest.approx(np.array(expected), rel=1e-9, abs=1e-6)
 
 
 GOOD = "cutter,type,radius_m,angle_deg,tilt_deg\n1,centre,0.1,0,0\n2,face,0.2,90,0\n3,gauge,0.3,180,30\n"

@@ -12,7 +12,7 @@ from machine_files import built, head_wrench, plain, with_cutters
 from tbm_dynamics import load_machine
 from tbm_dynamics.loads.cutters.cutter_loads import CutterLoads
 from tbm_dynamics.loads.cutters.description import Boulder, CutterError, Face, Layer
-from tbm_dynamics.loads.cutters.head import turned
+from tbm_dynamics.loads.cutters.head import in_fixed_axes
 from tbm_msgs_py.base.errors import MachineError
 
 THRUST, SPEED = 12e6, 0.6
@@ -67,7 +67,7 @@ def test_the_sum_of_the_discs_where_they_are(even, zones):
             factor = np.where(depth > 0.0, zone.strength, factor)
             sure = sure & (np.abs(depth) > 0.05)
         low, high = (
-            turned(head_wrench(layout, normal * f, rolling * f), angle)
+            in_fixed_axes(head_wrench(layout, normal * f, rolling * f), angle)
             for f in (np.where(sure, factor, 0.0), np.where(sure, 0.0, 1.0))
         )
         found = loads.evaluate([angle / SPEED])[0] + -even.rest

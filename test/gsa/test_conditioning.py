@@ -8,8 +8,8 @@ from hypothesis import strategies as st
 from tbm_gsa.signals.clock import sampling_rate
 from tbm_gsa.signals.conditioning import (
     Band,
-    CausalConditioner,
     ZeroPhaseConditioner,
+    causal_conditioner,
     common_band,
     compared_axes,
 )
@@ -93,7 +93,7 @@ def test_sampling_rate_ignores_gaps():
 @given(cuts=st.lists(st.integers(1000, 9999), max_size=6, unique=True).map(sorted))
 def test_live_conditioning_carries_its_state(cuts):
     signal = np.random.default_rng(3).standard_normal((10_000, 3))
-    whole, pieces = CausalConditioner(RATE, BAND), CausalConditioner(RATE, BAND)
+    whole, pieces = causal_conditioner(RATE, BAND), causal_conditioner(RATE, BAND)
     # The first batch sets the mean to start from, so it is the same.
     expected = np.concatenate([whole.process(signal[:1000]), whole.process(signal[1000:])])
     parts = [signal[a:b] for a, b in zip([0, 1000, *cuts], [1000, *cuts, 10_000], strict=True) if b > a]
@@ -104,13 +104,13 @@ def test_live_conditioning_carries_its_state(cuts):
 def test_live_and_offline_have_the_same_magnitude(frequency):
     time = np.arange(40_000) / RATE
     signal = waves(time, frequency, frequency, frequency)
-    live = CausalConditioner(RATE, BAND).process(signal)[20_000:-5000]
+    live = causal_conditioner(RATE, BAND).process(signal)[20_000:-5000]
     offline = conditioned(time, signal, RATE, BAND)[20_000:-5000]
     np.testing.assert_allclose(live.std(axis=0), offline.std(axis=0), rtol=2e-3, atol=1e-9)
 
 
 def test_live_starts_without_a_gravity_transient():
-    conditioner = CausalConditioner(RATE, BAND)
+    conditioner = causal_conditioner(RATE, BAND)
     assert np.abs(conditioner.process(np.full((200, 3), 9.81))).max() < 1e-9
     conditioner.reset()
     assert np.abs(conditioner.process(np.full((200, 3), -5.0))).max() < 1e-9

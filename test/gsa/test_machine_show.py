@@ -115,7 +115,7 @@ def test_tables(data, command):
         assert (row[-8], row[-1]) == (entry["type"], entry["source"])
         assert [float(cell) for cell in row[-7:-1]] == [float(value) for value in entry["stiffness"]]
     for subsystem, mass in masses(data).items():
-        assert [subsystem, f"{mass / 1e3:.1f}"] in rows
+        assert [subsystem, f"{mass / 1e3:.4g}"] in rows
 
 
 def test_document(data, command):

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from tbm_gsa.app.cli.demo import print_tables
+from tbm_gsa.app.cli.demo import DemoResult, print_tables
 from tbm_gsa.app.cli.main import main
 from tbm_gsa.app.cli.shipped import recording_path, shipped_bag
 from tbm_msgs_py.bags.metadata import is_synthetic
@@ -105,10 +105,10 @@ def test_the_shipped_recording_goes_by_its_name(folder):
 
 def test_the_demo_calls_only_the_shipped_recording_synthetic(folder, capsys):
     (folder / "link").symlink_to(shipped_bag())
-    document = {"points": {}, "outputs": {}, "blocks": {}, "seconds": 1.0, "report": "report.html"}
+    found = DemoResult(points={}, outputs={}, blocks={}, trigger="", report="report.html", seconds=1.0)
     for path, synthetic in ((shipped_bag(), True), (Path("link"), True), (Path("old"), False), (Path("none"), False)):
         assert is_synthetic(path) is synthetic
-        print_tables(document, synthetic=is_synthetic(path))
+        print_tables(found, synthetic=is_synthetic(path))
         assert ("synthetic" in capsys.readouterr().out) is synthetic
 
 

@@ -80,12 +80,14 @@ def test_what_a_study_prints_fits(capsys):
 
 
 def test_what_the_demo_prints_fits(capsys):
-    point = {"node": 43, "predicted_g": 10.234, "measured_g": 0.4, "relative_error": 24.59, "windows": 15}
-    output = {"surrogate": "krg", "r2_test": -0.123, "r2_cv": 0.997, "strongest": FIRST}
-    document = {"points": {"cutterhead": point}, "outputs": {LONG_OUTPUT: output}, "blocks": {}, "seconds": 1.0}
-    demo.print_tables({**document, "report": "report.html"}, synthetic=True)
+    point = demo.DemoPoint(node=43, predicted_g=10.234, measured_g=0.4, relative_error=24.59, windows=15)
+    output = demo.DemoOutput(surrogate="krg", r2_test=-0.123, r2_cv=0.997, strongest=FIRST)
+    found = demo.DemoResult(
+        points={"cutterhead": point}, outputs={LONG_OUTPUT: output}, blocks={}, trigger="", report="r", seconds=1.0
+    )
+    demo.print_tables(found, synthetic=True)
     pairs = [f"{code}:{share:.2f}" for code, share in FIRST.items()]
-    _fits(capsys.readouterr().out, "cutterhead", "10.23", "2459", LONG_OUTPUT, "-0.123", *pairs)
+    _fits(capsys.readouterr().out, "cutterhead", "10.2", "2459", LONG_OUTPUT, "-0.123", *pairs)
 
 
 def test_what_an_explanation_prints_fits(capsys):

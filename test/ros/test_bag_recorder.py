@@ -20,7 +20,7 @@ from processes import DEADLINE, wait_for  # noqa: E402
 from rosgraph_msgs.msg import Clock  # noqa: E402
 from sensor_msgs.msg import JointState, PointCloud2  # noqa: E402
 
-from tbm_gsa.app.cli.bag.info import info_document  # noqa: E402
+from tbm_gsa.app.cli.bag.info import BagContents  # noqa: E402
 from tbm_msgs_py import ACCELERATION, Bag, BagWriter, OperatingPoint, read_recording  # noqa: E402
 from tbm_msgs_py.bags.definitions import typestore  # noqa: E402
 from tbm_msgs_py.blocks import from_cloud  # noqa: E402
@@ -288,7 +288,7 @@ def test_record_and_play_commands(started, bag, tmp_path):
         "/tbm/operating_point": 1,
     }
     assert (document["lost"], document["deleted"], document["files"]) == (0, [], ["copy.mcap"])
-    told = info_document(output, Bag(output).info())
+    told = BagContents.of(output, Bag(output).info()).model_dump()
     assert {key: document[key] for key in told} == told
     assert numbers(output) == list(range(20, 40))
     assert read_recording(output).operating_point.points == (OperatingPoint(0.586, 3.04e6, 1.2e7),)

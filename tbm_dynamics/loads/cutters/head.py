@@ -38,7 +38,7 @@ def wrench_rows(layout: CutterLayout) -> Array:
     return np.array(rows)
 
 
-def turned(wrench: Array, angle: ArrayLike) -> Array:
+def in_fixed_axes(wrench: Array, angle: ArrayLike) -> Array:
     """Components in fixed axes of a wrench (…, 6) that is fixed to the head, at head angles (…), rad."""
     cosine, sine = np.cos(angle), np.sin(angle)
     found = np.array(np.broadcast_to(wrench, (*np.shape(angle), 6)))
@@ -88,7 +88,7 @@ class Cutterhead:
     def _unit_means(self) -> Array:
         """Mean over a turn of the sum of `unit_wrenches`, in fixed axes, (2, 6)."""
         angles, strengths = strengths_over_a_turn(self.face, self.layout)
-        return np.array([turned(strengths @ unit, angles).mean(axis=0) for unit in self.unit_wrenches])
+        return np.array([in_fixed_axes(strengths @ unit, angles).mean(axis=0) for unit in self.unit_wrenches])
 
     def forces(self, penetration: float) -> Array:
         """Return normal and rolling force of a new disc on a track of 1 m, (2,), N."""

@@ -11,8 +11,6 @@ from typing import Any
 import typer
 from typer.core import TyperCommand, TyperGroup
 
-# In the order of the help, each with its line there. The module `tbm_gsa.app.cli.NAME` holds a group of commands as
-# `app`, or one command as a function of its name.
 from tbm_gsa.compiled import settle_compiled_folder
 
 # In the order of the help, each with its line there. The module `tbm_gsa.app.cli.NAME` holds a group of commands as
@@ -32,7 +30,7 @@ LINES = {
 
 
 @cache
-def load(name: str) -> Any:
+def load(name: str) -> TyperCommand | TyperGroup:
     """Import a command; KeyError for a name that is none."""
     line = LINES[name]
     settle_compiled_folder()
@@ -42,15 +40,16 @@ def load(name: str) -> Any:
         group = typer.Typer(add_completion=False)
         group.command(name)(getattr(module, name))
     command = typer.main.get_command(group)
+    assert isinstance(command, TyperCommand | TyperGroup)  # noqa: S101 - typer makes no other
     command.name = name
     command.help = command.help or line  # a group that does nothing by itself has no more to say
     return command
 
 
-class _OnDemand(Mapping[str, Any]):
+class _OnDemand(Mapping[str, TyperCommand | TyperGroup]):
     """All commands, by name."""
 
-    def __getitem__(self, name: str) -> Any:
+    def __getitem__(self, name: str) -> TyperCommand | TyperGroup:
         return load(name)
 
     def __contains__(self, name: object) -> bool:
@@ -70,7 +69,7 @@ class CommandLine(TyperGroup):
         super().__init__(**{**given, "commands": None})
         self.commands = _OnDemand()  # type: ignore[assignment]  # nothing is ever added to it
 
-    def list_commands(self, ctx: Any) -> list[str]:  # noqa: ARG002
+    def list_commands(self, ctx: object) -> list[str]:  # noqa: ARG002
         """Names in the order of the help."""
         return list(self.commands)
 

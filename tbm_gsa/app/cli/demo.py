@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
@@ -28,6 +28,7 @@ from tbm_gsa.app.cli.output import (
 from tbm_gsa.app.cli.processes import NodeCommand, NodeProcesses, settle_ros_environment
 from tbm_gsa.app.cli.shipped import shipped_bag
 from tbm_gsa.app.cli.supervision import ACTIVE_STATUSES, watch
+from tbm_gsa.reading import Maybe, Part
 from tbm_gsa.sensitivity.study.outputs import parse_outputs
 from tbm_msgs_py.bags.metadata import is_synthetic
 from tbm_msgs_py.base.errors import RunError
@@ -46,12 +47,65 @@ _START_S = 300.0
 _STRONGEST = 5
 
 
+class DemoPoint(Part):
+    """RMS of the axial acceleration, as in the paper's Table 2, over the windows of one test point."""
+
+    node: int
+    predicted_g: Maybe
+    measured_g: Maybe
+    relative_error: Maybe
+    windows: int
+
+
+class DemoOutput(Part):
+    """Surrogate of one output, and the first index of its strongest inputs."""
+
+    surrogate: str
+    r2_test: Maybe
+    r2_cv: Maybe
+    strongest: dict[str, Maybe]
+
+
+class BlockTotals(Part):
+    """Blocks of one topic."""
+
+    received: int
+    lost: int
+
+
+class DemoResult(Part):
+    """What `demo --json` prints.
+
+    Attributes
+    ----------
+    points : dict of str to DemoPoint
+    outputs : dict of str to DemoOutput
+    blocks : dict of str to BlockTotals
+        By topic.
+    trigger : str
+        What started the study.
+    report : str or None
+        Page of the study.
+    seconds : float
+        Of the whole demo.
+    """
+
+    points: dict[str, DemoPoint]
+    outputs: dict[str, DemoOutput]
+    blocks: dict[str, BlockTotals]
+    trigger: str
+    report: str | None
+    seconds: float
+
+
 def demo(
     bag: Annotated[Path | None, typer.Option(help="Recording to play; default: the shipped synthetic one.")] = None,
     machine: MachineOption = DEFAULT_MACHINE,
     out: Annotated[Path, typer.Option(help="Folder for logs and the study.")] = Path("tbm_demo"),
-    samples: Annotated[int, typer.Option(min=10, help="Training simulations of the sensitivity analysis.")] = 200,
-    test: Annotated[int, typer.Option(min=2, help="Test simulations.")] = 20,
+    samples: Annotated[
+        int, typer.Option(min=10, max=1_000_000, help="Training simulations of the sensitivity analysis.")
+    ] = 200,
+    test: Annotated[int, typer.Option(min=2, max=1_000_000, help="Test simulations.")] = 20,
     outputs: Annotated[str | None, OUTPUTS_OPTION] = None,
     seed: Annotated[int, SEED_OPTION] = 0,
     json: Annotated[bool, JSON_OPTION] = False,
@@ -62,7 +116,7 @@ def demo(
     length = max(record.duration for record in recording.points.values())
     described = load_machine(machine)
     described.assemble()
-    names = split_names(outputs)
+    names = split_names("--outputs", [] if outputs is None else [outputs])
     parse_outputs(names, described.description.test_points)  # refused before anything starts
     start = time.monotonic()
     with watch(described.description.test_points) as watching, NodeProcesses(out / "logs") as nodes:
@@ -75,11 +129,11 @@ def demo(
         )
         _play(watching, nodes, length)
         _finish_study(watching, nodes)
-    document = demo_document(described, watching.state, time.monotonic() - start)
+    found = demo_result(described, watching.state, time.monotonic() - start)
     if json:
-        print_json(document)
+        print_json(found)
     else:
-        print_tables(document, synthetic=is_synthetic(recording.path))
+        print_tables(found, synthetic=is_synthetic(recording.path))
 
 
 def node_commands(
@@ -160,61 +214,53 @@ def _wait_while(watching: Watch, nodes: NodeProcesses, condition: Callable[[], b
         nodes.check(ending="bag_player")
 
 
-def demo_document(machine: Machine, state: WatchState, seconds: float) -> dict[str, Any]:
-    """Gather what `demo --json` prints.
-
-    Returns
-    -------
-    dict
-        ``points{point: {node, predicted_g, measured_g, relative_error, windows}}`` (axial, as the paper's Table 2),
-        ``outputs{name: {surrogate, r2_test, r2_cv, strongest{code: first index}}}``, ``blocks``, ``report``,
-        ``seconds``.
-    """
+def demo_result(machine: Machine, state: WatchState, seconds: float) -> DemoResult:
+    """Gather what the watch has received."""
     points = {}
     for point, node in machine.description.test_points.items():
-        predicted, measured = state.rms(point, "model_rms")[0], state.rms(point, "field_rms")[0]
-        points[point] = {
-            "node": node,
-            "predicted_g": float(predicted / STANDARD_GRAVITY),
-            "measured_g": float(measured / STANDARD_GRAVITY),
-            "relative_error": float(abs(measured - predicted) / measured) if measured > 0.0 else float("nan"),
-            "windows": state.windows[point]["relative_error"].count,
-        }
+        predicted, measured = (float(state.rms(point, side)[0]) for side in ("model_rms", "field_rms"))
+        points[point] = DemoPoint(
+            node=node,
+            predicted_g=predicted / STANDARD_GRAVITY,
+            measured_g=measured / STANDARD_GRAVITY,
+            relative_error=abs(measured - predicted) / measured if measured > 0.0 else float("nan"),
+            windows=state.windows[point]["relative_error"].count,
+        )
     outputs = {}
     for name, values in state.result.items():
         first = {key.removeprefix("first_"): float(value) for key, value in values.items() if key.startswith("first_")}
-        outputs[name] = {
-            "surrogate": values["surrogate"],
-            "r2_test": float(values["r2_test"]),
-            "r2_cv": float(values["r2_cv"]),
-            "strongest": first,
-        }
-    return {
-        "points": points,
-        "outputs": outputs,
-        "blocks": {name: {"received": count.received, "lost": count.lost} for name, count in state.blocks.items()},
-        "trigger": state.gsa_message,
-        "report": state.gsa.get("report"),
-        "seconds": seconds,
-    }
+        outputs[name] = DemoOutput(
+            surrogate=values["surrogate"],
+            r2_test=float(values["r2_test"]),
+            r2_cv=float(values["r2_cv"]),
+            strongest=first,
+        )
+    return DemoResult(
+        points=points,
+        outputs=outputs,
+        blocks={name: BlockTotals(received=one.received, lost=one.lost) for name, one in state.blocks.items()},
+        trigger=state.gsa_message,
+        report=state.gsa.get("report"),
+        seconds=seconds,
+    )
 
 
-def print_tables(document: dict[str, Any], *, synthetic: bool) -> None:
+def print_tables(found: DemoResult, *, synthetic: bool) -> None:
     """Print what was predicted and measured, and what the sensitivity analysis found."""
     title = "Axial acceleration, RMS" + (" (synthetic recording)" if synthetic else "")
     table = narrow_table(title, "test point", ">node", ">predicted (g)", ">measured (g)", ">relative error")
-    for point, row in document["points"].items():
-        error = f"{100.0 * row['relative_error']:.0f} %"
-        add_row(table, point, row["node"], f"{row['predicted_g']:.2f}", f"{row['measured_g']:.2f}", error)
+    for point, row in found.points.items():
+        error = f"{100.0 * row.relative_error:.0f} %"
+        add_row(table, point, row.node, f"{row.predicted_g:.3g}", f"{row.measured_g:.3g}", error)
     results.print(table)
     title = f"\nStrongest {_STRONGEST} inputs of each output, first Sobol index"
     table = narrow_table(title, "=output", "surrogate", ">R² test", ">R² cv", "inputs")
-    for name, row in document["outputs"].items():
-        ranked = list(row["strongest"].items())[:_STRONGEST]
-        quality = (f"{row['r2_test']:.3f}", f"{row['r2_cv']:.3f}")
-        add_row(table, name, row["surrogate"], *quality, ranked_inputs(ranked))
+    for name, output in found.outputs.items():
+        ranked = list(output.strongest.items())[:_STRONGEST]
+        quality = (f"{output.r2_test:.3f}", f"{output.r2_cv:.3f}")
+        add_row(table, name, output.surrogate, *quality, ranked_inputs(ranked))
     results.print(table)
     results.print()
-    lost = sum(count["lost"] for count in document["blocks"].values())
-    results.print(f"{document['seconds']:.0f} s, {lost} blocks lost", highlight=False)
-    results.print(f"report: {document['report']}", highlight=False)
+    lost = sum(count.lost for count in found.blocks.values())
+    results.print(f"{found.seconds:.0f} s, {lost} blocks lost", highlight=False)
+    results.print(f"report: {found.report}", highlight=False)

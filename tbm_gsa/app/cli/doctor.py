@@ -17,6 +17,7 @@ import typer
 from tbm_gsa.app.cli.output import JSON_OPTION, print_json, results
 from tbm_gsa.app.cli.processes import NodeCommand, NodeProcesses, settle_ros_environment
 from tbm_gsa.app.cli.shipped import shipped_bag
+from tbm_gsa.reading import Part
 from tbm_msgs_py.base.errors import RunError
 from tbm_msgs_py.nodes.transport import DISCOVERY_RANGE
 from tbm_msgs_py.topics import absolute
@@ -38,6 +39,21 @@ _PACKAGES = (
 )
 
 
+class Check(Part):
+    """One check: whether it is passed, and what was found or is wrong."""
+
+    ok: bool
+    detail: str
+
+
+class Diagnosis(Part):
+    """What `doctor --json` prints; `ok` when all checks are."""
+
+    ok: bool
+    checks: dict[str, Check]
+    versions: dict[str, str]
+
+
 def doctor(json: Annotated[bool, JSON_OPTION] = False) -> None:
     """Check the installation; exit code 2 when something that the commands need is missing."""
     checks = {}
@@ -45,25 +61,25 @@ def doctor(json: Annotated[bool, JSON_OPTION] = False) -> None:
         checks[name] = _attempt(check)
         if not json:  # each as it is known: the first compiles for a while
             _print_check(name, checks[name])
-    ok, versions = all(check["ok"] for check in checks.values()), _versions()
+    found = Diagnosis(ok=all(check.ok for check in checks.values()), checks=checks, versions=_versions())
     if json:
-        print_json({"ok": ok, "checks": checks, "versions": versions})
+        print_json(found)
     else:
-        listed = ", ".join(f"{name} {found}" for name, found in versions.items())
+        listed = ", ".join(f"{name} {number}" for name, number in found.versions.items())
         results.print(f"versions: {listed}", highlight=False)
-    if not ok:
+    if not found.ok:
         raise typer.Exit(2)
 
 
-def _print_check(name: str, check: dict[str, object]) -> None:
-    results.print(f"{'ok  ' if check['ok'] else 'FAIL'} {name}: {check['detail']}", highlight=False)
+def _print_check(name: str, check: Check) -> None:
+    results.print(f"{'ok  ' if check.ok else 'FAIL'} {name}: {check.detail}", highlight=False)
 
 
-def _attempt(check: Callable[[], str]) -> dict[str, object]:
+def _attempt(check: Callable[[], str]) -> Check:
     try:
-        return {"ok": True, "detail": check()}
+        return Check(ok=True, detail=check())
     except Exception as error:  # noqa: BLE001 - whatever is wrong is the answer
-        return {"ok": False, "detail": " ".join(f"{type(error).__name__}: {error}".split())}
+        return Check(ok=False, detail=" ".join(f"{type(error).__name__}: {error}".split()))
 
 
 def _versions() -> dict[str, str]:

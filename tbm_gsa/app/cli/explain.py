@@ -61,7 +61,7 @@ def explain(
     page = out / "explanation.html"
     write_explanation_page(found, page)
     if json:
-        print_json(found.model_dump())
+        print_json(found)
     else:
         _print(found)
     notes.print(f"page: {page}", highlight=False)

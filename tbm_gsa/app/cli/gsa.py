@@ -74,7 +74,7 @@ def run(
     from tbm_gsa.sensitivity.study.run import run_study  # noqa: PLC0415 - what analyses and draws takes a second to import
 
     definition = Definition(PAPER_INPUTS) if inputs is None else read_definition(inputs)
-    names = split_names(outputs) or definition.outputs or INDICATORS
+    names = split_names("--outputs", [] if outputs is None else [outputs]) or definition.outputs or INDICATORS
     load_machine(machine).assemble()  # a bad machine is refused before a folder is made
     evaluate = MachineEvaluation.of(machine, duration, seed, names, high_hz)
     evaluate.check({item.code: (item.lower, item.upper) for item in definition.inputs.inputs})

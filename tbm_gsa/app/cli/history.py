@@ -29,6 +29,7 @@ from tbm_gsa.history.summary import BaselineList, BaselineSummary, HistorySummar
 from tbm_gsa.provenance import machine_sha256
 from tbm_msgs_py.base.errors import InputError
 from tbm_msgs_py.base.files import check_result, write_whole
+from tbm_msgs_py.base.units import NANOSECONDS
 
 HISTORY_HELP = "History file; default: $TBM_HISTORY, else tbm_monitor/history.sqlite in the user's data folder."
 MOST_PLOTTED = 5_000_000  # windows, which are held in memory: a week of five points every 2 s
@@ -99,7 +100,9 @@ def show(
     until: Until = None,
     source: Origin = None,
     machine: Of = None,
-    limit: Annotated[int, typer.Option(min=0, help="Newest entries to list in the JSON document.")] = 1000,
+    limit: Annotated[
+        int, typer.Option(min=0, max=MOST_PLOTTED, help="Newest entries to list in the JSON document.")
+    ] = 1000,
     html: Annotated[Path | None, typer.Option(help="Write a page with trends to this file.", dir_okay=False)] = None,
     png: Annotated[Path | None, typer.Option(help="Write a picture of the trends.", dir_okay=False)] = None,
     json: Json = False,
@@ -110,6 +113,8 @@ def show(
         return
     check_result(html, "page")
     check_result(png, "PNG picture")
+    if html is not None and png is not None and html.resolve() == png.resolve():
+        raise InputError(f"--html {html} --png {png}: one file, allowed: a file each")
     chosen = _selection(point, since, until, source, machine)
     plotted = html is not None or png is not None
     with HistoryReader(history or default_history()) as opened:
@@ -119,7 +124,7 @@ def show(
     if plotted:
         _plot(found, windows, html, png)
     if json:
-        print_json(found.model_dump())
+        print_json(found)
     else:
         _print(found)
     for file in filter(None, (html, png)):
@@ -132,7 +137,7 @@ def list_baselines(history: File = None, json: Json = False) -> None:
     with HistoryReader(history or default_history()) as opened:
         found = BaselineList.of(opened)
     if json:
-        print_json(found.model_dump())
+        print_json(found)
         return
     count = len(found.baselines)
     headings = ("baseline", "source", "machine", ">from", ">to", ">points")
@@ -211,13 +216,19 @@ def _stamp(option: str, text: str | None) -> int | None:
     if text is None:
         return None
     ago = re.fullmatch(r"(\d{1,6})([smhd])", text)
-    if ago:
-        return time.time_ns() - int(ago[1]) * _UNITS[ago[2]] * 1_000_000_000
     try:
-        moment = datetime.fromisoformat(text)
-        return round((moment if moment.tzinfo else moment.replace(tzinfo=UTC)).timestamp() * 1e9)
+        if ago:
+            stamp = time.time_ns() - int(ago[1]) * _UNITS[ago[2]] * NANOSECONDS
+        else:
+            moment = datetime.fromisoformat(text)
+            stamp = round((moment if moment.tzinfo else moment.replace(tzinfo=UTC)).timestamp() * NANOSECONDS)
+        if abs(stamp) >= 1 << 63:  # of a history, as of ROS
+            raise ValueError
     except (ValueError, OverflowError):
-        raise InputError(f"{option} {text}: allowed: ISO 8601 such as 2026-01-31T12:00, or 30m, 12h, 7d") from None
+        raise InputError(
+            f"{option} {text}: allowed: ISO 8601 such as 2026-01-31T12:00, 1678 to 2262, or 30m, 12h, 7d"
+        ) from None
+    return stamp
 
 
 def _to_plot(history: HistoryReader, selection: Selection, count: int) -> list[StoredEntry]:
@@ -228,7 +239,7 @@ def _to_plot(history: HistoryReader, selection: Selection, count: int) -> list[S
 
 
 def _plot(found: HistorySummary, windows: list[StoredEntry], html: Path | None, png: Path | None) -> None:
-    from tbm_gsa.app.report.history_page import history_page, history_picture  # noqa: PLC0415 - matplotlib takes its time
+    from tbm_gsa.app.report.history_page import history_page, history_picture  # noqa: PLC0415 - matplotlib loads slowly
 
     if html is not None:
         write_whole(html, history_page(found, windows).encode())
@@ -252,7 +263,7 @@ def _print(found: HistorySummary) -> None:
 def _print_baseline(baseline: Baseline, json: bool) -> None:
     found = BaselineSummary.of(baseline)
     if json:
-        print_json(found.model_dump())
+        print_json(found)
     else:
         results.print(_baseline_table(found))
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -27,6 +26,26 @@ from tbm_gsa.app.cli.output import (
 )
 from tbm_gsa.paper.load_summary import load_run
 from tbm_gsa.provenance import machine_sha256
+from tbm_gsa.reading import Part
+
+
+class MachineList(Part):
+    """What `machine list --json` prints."""
+
+    machines: tuple[str, ...]
+
+
+class CheckedMachine(Part):
+    """What `machine check --json` prints; forces in N."""
+
+    machine: str
+    sha256: str
+    nodes: int
+    degrees_of_freedom: int
+    meshes: int
+    mesh_frequency_hz: float
+    natural_frequencies_hz: tuple[float, ...]
+    static_mesh_force: tuple[float, ...]
 
 
 class _MachineCommands(TyperGroup):
@@ -49,7 +68,7 @@ def list_machines(json: Annotated[bool, JSON_OPTION] = False) -> None:
     """List the shipped machines: names that every command takes for a machine."""
     names = shipped_machines()
     if json:
-        print_json({"machines": names})
+        print_json(MachineList(machines=tuple(names)))
         return
     for name in names:
         results.print(name, highlight=False)
@@ -65,7 +84,7 @@ def show(
     json: Annotated[bool, JSON_OPTION] = False,
 ) -> None:
     """Show what a machine file describes: nodes, parts, connections, drives, masses, natural frequencies, sources."""
-    from tbm_gsa.app.report.machine_drawing import draw_machine  # noqa: PLC0415 - matplotlib takes its time
+    from tbm_gsa.app.report.machine_drawing import draw_machine  # noqa: PLC0415 - matplotlib loads slowly
     from tbm_gsa.app.report.picture import check_path, write_picture  # noqa: PLC0415
 
     if out is not None:
@@ -75,7 +94,7 @@ def show(
     if out is not None:
         write_picture(lambda: draw_machine(described), out)
     if json:
-        print_json(summary.document())
+        print_json(summary)
     else:
         print_tables(summary)
     if out is not None:
@@ -88,26 +107,28 @@ def check(machine: MachineOption = DEFAULT_MACHINE, json: Annotated[bool, JSON_O
     described = load_machine(machine)
     system = described.assemble()
     meshes = system.couplings.drives
-    force = system.equilibrium().force[:meshes]
-    frequencies = [float(value) for value in system.natural_frequencies(_SHOWN_MODES)]
-    document = {
-        "machine": described.name,
-        "sha256": machine_sha256(described),
-        "nodes": len(system.nodes),
-        "degrees_of_freedom": system.size,
-        "meshes": meshes,
-        "mesh_frequency_hz": described.mesh_frequency,
-        "natural_frequencies_hz": frequencies,
-        "static_mesh_force": [float(value) for value in force],
-    }
+    found = CheckedMachine(
+        machine=described.name,
+        sha256=machine_sha256(described),
+        nodes=len(system.nodes),
+        degrees_of_freedom=system.size,
+        meshes=meshes,
+        mesh_frequency_hz=described.mesh_frequency,
+        natural_frequencies_hz=tuple(system.natural_frequencies(_SHOWN_MODES).tolist()),
+        static_mesh_force=tuple(system.equilibrium().force[:meshes].tolist()),
+    )
     if json:
-        print_json(document)
+        print_json(found)
         return
-    results.print(f"{described.name}: {len(system.nodes)} nodes, {system.size} degrees of freedom, {meshes} meshes")
-    results.print(f"SHA-256 {document['sha256']}", highlight=False)
-    mean = force.mean() / 1e3
-    results.print(f"mesh frequency {described.mesh_frequency:.2f} Hz, static mesh force {mean:.1f} kN each")
-    print_sentence("lowest natural frequencies (Hz): " + ", ".join(f"{value:.1f}" for value in frequencies))
+    results.print(
+        f"{found.machine}: {found.nodes} nodes, {found.degrees_of_freedom} degrees of freedom, {meshes} meshes"
+    )
+    results.print(f"SHA-256 {found.sha256}", highlight=False)
+    mean = sum(found.static_mesh_force) / meshes / 1e3
+    results.print(f"mesh frequency {found.mesh_frequency_hz:.2f} Hz, static mesh force {mean:.4g} kN each")
+    print_sentence(
+        "lowest natural frequencies (Hz): " + ", ".join(f"{value:.4g}" for value in found.natural_frequencies_hz)
+    )
 
 
 @app.command()
@@ -122,7 +143,7 @@ def loads(
     json: Annotated[bool, JSON_OPTION] = False,
 ) -> None:
     """Compare the cutterhead loads of a machine with the paper's Table 1, and draw its Figure 4."""
-    from tbm_gsa.app.report.load_figure import load_figure  # noqa: PLC0415 - matplotlib takes its time
+    from tbm_gsa.app.report.load_figure import load_figure  # noqa: PLC0415 - matplotlib loads slowly
     from tbm_gsa.app.report.picture import check_path, write_picture  # noqa: PLC0415
 
     if out is not None:
@@ -131,7 +152,7 @@ def loads(
     if out is not None:
         write_picture(lambda: load_figure(run), out)
     if json:
-        print_json(asdict(run.summary))
+        print_json(run.summary)
     else:
         print_loads(run.summary)
     if out is not None:

@@ -5,23 +5,19 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Sequence
 
-import numpy as np
 from rich.table import Table
 
-from tbm_dynamics.loads.cutters.description import CutterDescription
-from tbm_dynamics.machine.description import Connection, Subsystem
-from tbm_dynamics.machine.drive import DriveConnection, DriveTemplate, Gear
+from tbm_dynamics.machine.description import Connection
+from tbm_dynamics.machine.drive import DriveBody, DriveConnection, DriveShaft, Gear
 from tbm_dynamics.machine.summary import (
     BETWEEN,
-    DRIVE_CONNECTIONS,
     DRIVE_NODES,
-    DRIVE_PARTS,
     CuttingSummary,
+    DriveSummary,
+    GearboxSummary,
     MachineSummary,
-    structures_of,
+    StageSummary,
 )
-from tbm_dynamics.mesh.planetary import PlanetaryStage
-from tbm_dynamics.structure.drive import drive_angles, drive_nodes, gear_pair
 from tbm_gsa.app.cli.output import add_row, narrow_table, print_sentence, results
 from tbm_gsa.paper.load_summary import LoadSummary
 
@@ -31,9 +27,8 @@ _DRIVE_AXES = (">x", ">r", ">t", ">rx", ">rr", ">rt")
 
 def print_tables(summary: MachineSummary) -> None:
     """Print a summary as tables; every value with its unit and its source."""
-    description = summary.machine.description
-    point, limits = description.operating_point, description.operating_limits
-    print_sentence(f"{summary.machine.name}: {description.title}")
+    point, limits = summary.operating_point, summary.operating_limits
+    print_sentence(f"{summary.machine}: {summary.title}")
     print_sentence(
         f"operating point {point.speed_r_min:g} r/min, {point.torque_kn_m:g} kN·m, {point.thrust_kn:g} kN "
         f"({point.source}); {summary.degrees_of_freedom} degrees of freedom"
@@ -43,21 +38,21 @@ def print_tables(summary: MachineSummary) -> None:
             f"limits {limits.speed_r_min:g} r/min, {limits.torque_kn_m:g} kN·m, {limits.thrust_kn:g} kN, "
             f"{limits.power_kw:g} kW ({limits.source})"
         )
-    structures = structures_of(description)
-    for name, part in structures:
+    for name, source in summary.places.items():
         own = [node for node in summary.nodes if node.subsystem == name]
         rows = ((node.node, *(f"{value:g}" for value in node.place), ", ".join(node.roles)) for node in own)
-        _print_table(f"nodes: {name} (places {part.source})", (">node", ">x, m", ">y, m", ">z, m", ""), rows)
-    _print_parts([part for _, part in structures])
-    for where, group in (*((name, part.connections) for name, part in structures), (BETWEEN, description.connections)):
+        _print_table(f"nodes: {name} (places {source})", (">node", ">x, m", ">y, m", ">z, m", ""), rows)
+    _print_parts(summary)
+    for where in (*summary.places, BETWEEN):
+        group = [item for item in summary.connections if item.where == where]
         named = ((item.name, "–".join(map(str, item.between)), item) for item in group)
         _print_connections(f"connections: {where}; N/m along and N·m/rad about", _AXES, named)
-    _print_drives(description.driveshaft)
-    _print_gears(summary)
-    _print_gearbox(summary)
-    if description.cutters and summary.cutting:
-        _print_cutters(description.cutters, summary.cutting)
-    masses = ((name, f"{mass / 1e3:.1f}") for name, mass in summary.masses.items())
+    _print_drives(summary.drives)
+    _print_gears(summary.drives)
+    _print_gearbox(summary.drives.gearbox)
+    if summary.cutters:
+        _print_cutters(summary.cutters)
+    masses = ((name, f"{mass / 1e3:.4g}") for name, mass in summary.masses.items())
     _print_table("masses", ("subsystem", ">t"), masses)
     _print_modes(summary)
     _print_table("numbers of the file by source", ("source", ">numbers"), summary.sources.items())
@@ -83,14 +78,13 @@ def _general(*values: float) -> list[str]:
     return [f"{value:g}" for value in values]
 
 
-def _print_parts(structures: Sequence[Subsystem]) -> None:
+def _print_parts(summary: MachineSummary) -> None:
     shafts = (
         ("–".join(map(str, s.nodes)), *_general(s.outer_diameter, s.inner_diameter, s.mass), s.source)
-        for part in structures
-        for s in part.shafts
+        for s in summary.shafts
     )
     _print_table("shafts", ("nodes", ">outer, m", ">inner, m", ">mass, kg", "source"), shafts)
-    bodies = ((b.node, *_general(b.mass, *b.inertia), b.source) for part in structures for b in part.bodies)
+    bodies = ((b.node, *_general(b.mass, *b.inertia), b.source) for b in summary.bodies)
     _print_table("bodies", ("node", ">mass, kg", ">about x, kg·m²", ">about y", ">about z", "source"), bodies)
 
 
@@ -101,42 +95,42 @@ def _print_connections(
     _print_table(title, ("name", "between", "type", *axes, "source"), rows)
 
 
-def _print_drives(drive: DriveTemplate) -> None:
-    at, mount = drive.placement, drive.mount_node
-    rows = [(i + 1, f"{angle:g}", *drive_nodes(drive, i)) for i, angle in enumerate(np.degrees(drive_angles(drive)))]
+def _print_drives(drives: DriveSummary) -> None:
+    at, mount = drives.placement, drives.mount_node
+    rows = [(member.drive, f"{member.angle_deg:g}", *member.nodes) for member in drives.members]
     places = ("x, m", "", *_general(at.front_seat, at.mesh, at.rear_seat, at.gearbox, at.rotor))
     headings = ("drive", ">angle, °", *(f">{node}" for node in DRIVE_NODES))
-    _print_table(f"drives: {drive.count} ({drive.source})", headings, [*rows, places])
+    _print_table(f"drives: {drives.count} ({drives.source})", headings, [*rows, places])
     print_sentence(
-        f"{gear_pair(drive).centre_distance:.4g} m off the axis (places {at.source}), "
-        f"mounted on node {mount}, driving the ring gear at node {drive.ring_node}"
+        f"{drives.radius:.4g} m off the axis (places {at.source}), "
+        f"mounted on node {mount}, driving the ring gear at node {drives.ring_node}"
     )
-    front, _, rear, output, rotor = drive_nodes(drive, 0)
+    front, _, rear, output, rotor = drives.members[0].nodes
     between = (f"{front}, {rear}–{mount}", f"{rear}–{output}", f"{output}, {rotor}–{mount}")
-    named = ((name, ends, getattr(drive, name)) for name, ends in zip(DRIVE_CONNECTIONS, between, strict=True))
+    named = ((item.name, ends, item) for item, ends in zip(drives.connections, between, strict=True))
     title = "connections of drive 1; N/m along and N·m/rad about x, radial r, tangential t"
     _print_connections(title, _DRIVE_AXES, named)
-    shaft = drive.pinion_shaft
-    numbers = _general(shaft.outer_diameter, shaft.inner_diameter, shaft.mass)
-    bodies = [(name, getattr(drive, name)) for name in DRIVE_PARTS[1:]]
     _print_table(
         "parts of a drive",
         ("part", ">outer, m", ">inner, m", ">mass, kg", ">about x, kg·m²", ">across", "source"),
-        [
-            (DRIVE_PARTS[0], *numbers, "", "", shaft.source),
-            *((name, "", "", *_general(body.mass, *body.inertia[:2]), body.source) for name, body in bodies),
-        ],
+        ((name, *_part_numbers(part), part.source) for name, part in drives.parts.items()),
     )
 
 
-def _print_gears(summary: MachineSummary) -> None:
-    drive = summary.machine.description.driveshaft
-    pairs: list[tuple[str, Gear | PlanetaryStage, str, float, float]] = [
-        ("", drive.gear, "ring/pinion", gear_pair(drive).contact_ratio, summary.machine.mesh_frequency)
+def _part_numbers(part: DriveShaft | DriveBody) -> list[str]:
+    if isinstance(part, DriveShaft):
+        return [*_general(part.outer_diameter, part.inner_diameter, part.mass), "", ""]
+    return ["", "", *_general(part.mass, *part.inertia[:2])]
+
+
+def _print_gears(drives: DriveSummary) -> None:
+    gear = drives.gear
+    pairs: list[tuple[str, Gear | StageSummary, str, float, float]] = [
+        ("", gear, "ring/pinion", gear.contact_ratio, gear.mesh_frequency_hz)
     ]
-    for number, (gears, stage) in enumerate(zip(drive.gearbox.stages, summary.stages, strict=True), start=1):
+    for number, stage in enumerate(drives.gearbox.stages, start=1):
         for pair, ratio in (("ring/planet", stage.ring_contact_ratio), ("planet/sun", stage.sun_contact_ratio)):
-            pairs.append((f"stage {number} ", gears, pair, ratio, stage.mesh_frequency_hz))
+            pairs.append((f"stage {number} ", stage, pair, ratio, stage.mesh_frequency_hz))
     rows = (
         (
             where + pair,
@@ -148,28 +142,27 @@ def _print_gears(summary: MachineSummary) -> None:
     )
     headings = ("pair", "teeth", ">m, mm", ">α, °", ">b, mm", ">ε", ">mesh, Hz", "source")
     _print_table("gear pairs, from the ring to the motor", headings, rows)
-    mesh = drive.mesh
+    mesh = drives.mesh
     print_sentence(
         f"mesh of ring and pinion ({mesh.source}): {_short(mesh.mean_stiffness)} N/m, "
         f"backlash {mesh.backlash * 1e6:g} µm, damping ratio {mesh.damping_ratio:g}"
     )
 
 
-def _print_gearbox(summary: MachineSummary) -> None:
-    gearbox = summary.machine.description.driveshaft.gearbox
+def _print_gearbox(gearbox: GearboxSummary) -> None:
     rows = [
-        (f"stage {number}", gears.planets, f"{stage.ratio:.4g}", _short(stage.stiffness), gears.source)
-        for number, (gears, stage) in enumerate(zip(gearbox.stages, summary.stages, strict=True), start=1)
+        (f"stage {number}", stage.planets, f"{stage.ratio:.4g}", _short(stage.stiffness), stage.source)
+        for number, stage in enumerate(gearbox.stages, start=1)
     ]
     shafts = ("shafts", "", "", _short(gearbox.shaft_stiffness), gearbox.source)
-    together = ("together", "", f"{gearbox.ratio:.4g}", _short(summary.gearbox_stiffness), "")
+    together = ("together", "", f"{gearbox.ratio:.4g}", _short(gearbox.stiffness), "")
     headings = ("part", ">planets", ">ratio", ">N·m/rad at the pinion", "source")
     _print_table("gearbox, from the pinion to the motor", headings, [*rows, shafts, together])
-    print_sentence(f"rotor {summary.rotor_speed_r_min:.0f} r/min")
+    print_sentence(f"rotor {gearbox.rotor_speed_r_min:.0f} r/min")
 
 
-def _print_cutters(cutters: CutterDescription, cutting: CuttingSummary) -> None:
-    types = ((name, k.cutters, k.discs, "{:.3f} to {:.3f}".format(*k.radius)) for name, k in cutting.types.items())
+def _print_cutters(cutters: CuttingSummary) -> None:
+    types = ((name, k.cutters, k.discs, "{:.3f} to {:.3f}".format(*k.radius)) for name, k in cutters.types.items())
     _print_table(f"cutters ({cutters.source})", ("type", ">cutters", ">discs", ">radius, m"), types)
     rock, disc = cutters.rock, cutters.disc
     print_sentence(
@@ -177,12 +170,12 @@ def _print_cutters(cutters: CutterDescription, cutting: CuttingSummary) -> None:
         f"rock {rock.ucs_mpa:g} and {rock.bts_mpa:g} MPa ({rock.source})"
     )
     print_sentence(
-        f"at the operating point {cutting.penetration_mm:.1f} mm a turn, a face disc "
-        f"{cutting.normal_force_kn:.0f} and {cutting.rolling_force_kn:.1f} kN"
+        f"at the operating point {cutters.penetration_mm:.1f} mm a turn, a face disc "
+        f"{cutters.normal_force_kn:.0f} and {cutters.rolling_force_kn:.1f} kN"
     )
     print_sentence(
         f"friction {cutters.friction_kn:g} kN, idle torque {cutters.idle_torque_kn_m:g} kN·m; "
-        f"torque of the head {cutting.torque_kn_m:.0f} kN·m"
+        f"torque of the head {cutters.torque_kn_m:.0f} kN·m"
     )
 
 

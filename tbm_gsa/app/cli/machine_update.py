@@ -15,8 +15,17 @@ from tbm_gsa.app.cli.output import DEFAULT_MACHINE, JSON_OPTION, MachineOption, 
 from tbm_gsa.explanation.ranges import explaining_inputs
 from tbm_gsa.explanation.result import Explanation, InputCause, NoChange, read_explanation
 from tbm_gsa.provenance import machine_sha256
+from tbm_gsa.reading import Part
 from tbm_gsa.sensitivity.study.errors import StudyError
 from tbm_msgs_py.base.files import write_whole
+
+
+class UpdateResult(Part):
+    """What `machine update --json` prints: values taken over, by the code of their input."""
+
+    machine: str
+    out: str
+    inputs: dict[str, float]
 
 
 def update(
@@ -50,7 +59,7 @@ def update(
         raise MachineError(f"{out}: exists already, allowed: a new file")
     write_whole(out, text.encode())
     if json:
-        print_json({"machine": machine, "out": str(out), "inputs": values})
+        print_json(UpdateResult(machine=machine, out=str(out), inputs=values))
     else:
         results.print(f"{out}: " + ", ".join(map(str, accepted)), highlight=False)
 

@@ -6,6 +6,8 @@ import os
 import signal
 import sqlite3
 import sys
+from contextlib import suppress
+from pathlib import Path
 from types import FrameType
 from typing import Annotated
 
@@ -71,20 +73,34 @@ def main() -> None:
     After Ctrl-C 130, but 0 for a command that goes on until a signal ends it.
     """
     handle_signals(_Interruption.handle)  # what was started is ended in order, whichever comes
+    _open_streams()
     code = _run()
     if _Interruption.received and code != 0:
         code = INTERRUPTED  # a library may have turned the interruption into an error of its own
-    # Before the clean-up of the exit prints a complaint about a reader that has gone.
-    try:
-        sys.stdout.flush()
-    except BrokenPipeError:
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+    # Before the clean-up of the exit prints a complaint about a reader that has gone, or a full disk.
+    for stream in (sys.stdout, sys.stderr):
+        try:
+            stream.flush()
+        except OSError as error:
+            os.dup2(os.open(os.devnull, os.O_WRONLY), stream.fileno())
+            if stream is sys.stdout and code == 0 and not isinstance(error, BrokenPipeError):
+                _print_line(_line(error))
+                code = BAD_INPUT
     sys.exit(code)
+
+
+def _open_streams() -> None:
+    """Lead streams that are closed nowhere: the next file that is opened would be taken for one of them."""
+    for number, name in enumerate(("stdin", "stdout", "stderr")):
+        if getattr(sys, name) is None:
+            os.open(os.devnull, os.O_RDWR)  # takes the lowest number that is free
+            setattr(sys, name, os.fdopen(number, "r" if name == "stdin" else "w", closefd=False))
 
 
 def _run() -> int:
     """Exit code of the command, every error in one line."""
     try:
+        _check_working_folder()
         # -c and -m runs have no useful argv[0]; the name users type stands in messages.
         code = app(prog_name="tbm-monitor", standalone_mode=False)
     except typer.Exit as leave:
@@ -102,10 +118,18 @@ def _run() -> int:
     return code if isinstance(code, int) else 0
 
 
+def _check_working_folder() -> None:
+    """Refuse a folder that was deleted: paths are looked up from there."""
+    try:
+        Path.cwd()
+    except OSError as error:
+        raise InputError(f"the working folder: {error.strerror}, allowed: a folder that is there") from None
+
+
 def _line(error: Exception) -> str:
     """Line of an error that the user can do something about."""
-    if isinstance(error, OSError) and error.filename and error.strerror:
-        return f"{error.filename}: {error.strerror}"
+    if isinstance(error, OSError) and error.strerror:
+        return f"{error.filename}: {error.strerror}" if error.filename else f"a file or stream: {error.strerror}"
     if isinstance(error, MemoryError):
         return f"not enough memory: {error}"
     if type(error).__name__ == "NoArgsIsHelpError":  # a bare `tbm-monitor` has shown its help already
@@ -118,7 +142,8 @@ def _line(error: Exception) -> str:
 
 
 def _print_line(message: str) -> None:
-    notes.print(f"tbm-monitor: {shortened(' '.join(message.split()))}", highlight=False)
+    with suppress(OSError):  # where nothing can be written the exit code is left
+        notes.print(f"tbm-monitor: {shortened(' '.join(message.split()))}", highlight=False)
 
 
 if __name__ == "__main__":

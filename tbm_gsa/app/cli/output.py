@@ -1,11 +1,11 @@
-"""How the commands speak: results on stdout, everything else on stderr, JSON as one document."""
+"""Output of the commands: results on stdout, everything else on stderr, JSON as one document."""
 
 from __future__ import annotations
 
 import sys
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
-from typing import Annotated, Any, Literal
+from typing import IO, TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 from rich import box
@@ -15,8 +15,23 @@ from rich.segment import Segment
 from rich.table import Table
 from rich.text import Text
 
+from tbm_msgs_py.base.errors import InputError
 from tbm_msgs_py.base.files import json_text
 from tbm_msgs_py.base.texts import printable
+
+if TYPE_CHECKING:
+    from pydantic import BaseModel
+
+
+@contextmanager
+def _named(stream: IO[str]) -> Iterator[None]:
+    """Let an error of a stream say which it is; a reader that has gone is another matter."""
+    try:
+        yield
+    except BrokenPipeError:
+        raise
+    except OSError as error:
+        raise OSError(error.errno, error.strerror, getattr(stream, "name", "a stream")) from None
 
 
 class _Printable(Console):
@@ -26,7 +41,8 @@ class _Printable(Console):
         """Print as rich does; columns of tables are as wide as what is shown in them."""
         for column in (column for table in objects if isinstance(table, Table) for column in table.columns):
             column._cells = [printable(str(cell), "\n") for cell in column.cells]
-        super().print(*objects, **options)
+        with _named(self.file):
+            super().print(*objects, **options)
 
     def render(self, renderable: RenderableType, options: ConsoleOptions | None = None) -> Iterable[Segment]:
         """Segments of what is printed."""
@@ -58,6 +74,10 @@ MachineOption = Annotated[
     typer.Option("--machine", metavar="<name|file>", help="Name of `machine list`, or path of a machine file."),
 ]
 DEFAULT_MACHINE = "dz101"
+LONGEST_S = 1e9
+"""Of a time that an option may state, s: thirty years."""
+LARGEST_MB = 1e9
+"""Of an amount that an option may state, MB."""
 OUTPUTS_OPTION = typer.Option(
     "--outputs",
     help="Names, separated by commas: indicators, or rms_POINT_AXIS, peak_…, kurtosis_…, rms_LOW-HIGH_hz_…; "
@@ -70,9 +90,13 @@ def named(context: typer.Context, parameter: str) -> bool:
     return getattr(context.get_parameter_source(parameter), "name", "") == "COMMANDLINE"
 
 
-def split_names(given: str | None) -> tuple[str, ...]:
-    """Names separated by commas."""
-    return tuple(name.strip() for name in (given or "").split(",") if name.strip())
+def split_names(option: str, given: Iterable[str]) -> tuple[str, ...]:
+    """Names of an option that may be repeated or hold several, separated by commas; none is bad input."""
+    texts = list(given)
+    names = tuple(name.strip() for text in texts for name in text.split(",") if name.strip())
+    if texts and not names:
+        raise InputError(f"{option}: no name, allowed: names, separated by commas")
+    return names
 
 
 def narrow_table(title: str, *headings: str) -> Table:
@@ -105,9 +129,12 @@ def print_sentence(text: str) -> None:
     results.print(Text(text), soft_wrap=False)
 
 
-def print_json(document: object) -> None:
+def print_json(document: BaseModel | dict[str, object]) -> None:
     """Write one JSON document to stdout; numbers that are not finite become null."""
-    sys.stdout.write(json_text(document, indent=2) + "\n")
+    content = document if isinstance(document, dict) else document.model_dump()
+    text = json_text(content, indent=2)
+    with _named(sys.stdout):
+        sys.stdout.write(text + "\n")
 
 
 @contextmanager

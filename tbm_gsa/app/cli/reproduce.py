@@ -60,10 +60,9 @@ def reproduce(
         )
         bar.update(task, description="page", total=None)
         write_page(found, out / PAGE_NAME)
-    document = found.result.model_dump()
-    write_json(out / DOCUMENT_NAME, document)
+    write_json(out / DOCUMENT_NAME, found.result.model_dump())
     if json:
-        print_json(document)
+        print_json(found.result)
     else:
         _print(found.result)
     notes.print(f"page: {out / PAGE_NAME}", highlight=False)

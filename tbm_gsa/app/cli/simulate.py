@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
 import numpy as np
 import typer
@@ -29,8 +29,44 @@ from tbm_gsa.app.cli.output import (
     progress_bar,
     results,
 )
+from tbm_gsa.reading import Maybe, Part
 from tbm_msgs_py.base.errors import InputError
 from tbm_msgs_py.base.units import STANDARD_GRAVITY
+
+
+class MeshForceSummary(Part):
+    """Mean, standard deviation and maximum over all meshes, N."""
+
+    mean: Maybe
+    std: Maybe
+    max: Maybe
+
+
+class SimulationResult(Part):
+    """What `simulate --json` prints.
+
+    Attributes
+    ----------
+    indicators : dict of str to float
+        ``RDef_A …``, SI units.
+    rms_g, peak_g : dict of str to (dict of str to float)
+        By test point and axis, of the accelerations without their mean (g).
+    real_time_factor : float
+    schedule : str or None
+        File of the operating points.
+    """
+
+    machine: str
+    seed: int
+    duration: float
+    indicators: dict[str, Maybe]
+    rms_g: dict[str, dict[str, Maybe]]
+    peak_g: dict[str, dict[str, Maybe]]
+    mesh_force: MeshForceSummary
+    states: int
+    real_time_factor: float
+    loads: LoadModel
+    schedule: str | None
 
 
 def simulate(
@@ -60,15 +96,25 @@ def simulate(
             progress=lambda share: bar.update(task, completed=share),
         )
     seconds = time.perf_counter() - start
-    document = {
-        **simulation_document(described, response, seed, duration / seconds),
-        "loads": loads,
-        "schedule": None if schedule is None else str(schedule),
-    }
+    rms, peak = _accelerations_g(described, response)
+    force = response.mesh_force
+    found = SimulationResult(
+        machine=described.name,
+        seed=seed,
+        duration=float(len(response.time) * (response.time[1] - response.time[0])) if len(response.time) > 1 else 0.0,
+        indicators=response.indicators(),
+        rms_g=rms,
+        peak_g=peak,
+        mesh_force=MeshForceSummary(mean=float(force.mean()), std=float(force.std()), max=float(force.max())),
+        states=response.states,
+        real_time_factor=duration / seconds,
+        loads=loads,
+        schedule=None if schedule is None else str(schedule),
+    )
     if json:
-        print_json(document)
+        print_json(found)
     else:
-        _print_tables(document)
+        _print_tables(found)
 
 
 def schedule_of(file: Path | None, columns: list[str] | None, where: list[str] | None) -> Schedule | None:
@@ -80,48 +126,29 @@ def schedule_of(file: Path | None, columns: list[str] | None, where: list[str] |
     return read_schedule(file, pairs("--schedule-column", columns or ()), pairs("--schedule-where", where or ()))
 
 
-def simulation_document(machine: Machine, response: Response, seed: int, real_time_factor: float) -> dict[str, Any]:
-    """Gather what `simulate --json` prints.
-
-    Returns
-    -------
-    dict
-        ``indicators{RDef_A …}`` in SI units, ``rms_g`` and ``peak_g`` {point: {x, y, z}} of the accelerations without
-        their mean (g), ``mesh_force{mean, std, max}`` (N), ``real_time_factor``, ``machine``, ``seed``, ``duration``.
-    """
-    rms: dict[str, dict[str, float]] = {}
-    peak: dict[str, dict[str, float]] = {}
+def _accelerations_g(
+    machine: Machine, response: Response
+) -> tuple[dict[str, dict[str, float]], dict[str, dict[str, float]]]:
+    """RMS and peak of the accelerations without their mean, g, by test point and axis."""
+    rms, peak = {}, {}
     for point, node in machine.description.test_points.items():
         values = response.acceleration(node)[:, :3] / STANDARD_GRAVITY
         values = values - values.mean(axis=0)
         rms[point] = dict(zip("xyz", np.sqrt(np.mean(values**2, axis=0)).tolist(), strict=True))
         peak[point] = dict(zip("xyz", np.abs(values).max(axis=0).tolist(), strict=True))
-    force = response.mesh_force
-    return {
-        "machine": machine.name,
-        "seed": seed,
-        "duration": float(len(response.time) * (response.time[1] - response.time[0]))
-        if len(response.time) > 1
-        else 0.0,
-        "indicators": response.indicators(),
-        "rms_g": rms,
-        "peak_g": peak,
-        "mesh_force": {"mean": float(force.mean()), "std": float(force.std()), "max": float(force.max())},
-        "states": response.states,
-        "real_time_factor": real_time_factor,
-    }
+    return rms, peak
 
 
-def _print_tables(document: dict[str, Any]) -> None:
-    title = f"{document['machine']}: indicators over {document['duration']:.3g} s, seed {document['seed']}"
+def _print_tables(found: SimulationResult) -> None:
+    title = f"{found.machine}: indicators over {found.duration:.3g} s, seed {found.seed}"
     table = narrow_table(title, "indicator", ">value", "unit")
-    for name, value in document["indicators"].items():
+    for name, value in found.indicators.items():
         add_row(table, name, f"{value:.4g}", UNITS[name])
     results.print(table)
     table = narrow_table("\nacceleration, RMS (peak), g", "test point", ">x", ">y", ">z")
-    for point, rms in document["rms_g"].items():
-        cells = (f"{rms[axis]:.3f} ({document['peak_g'][point][axis]:.2f})" for axis in "xyz")
-        add_row(table, point, *cells)
+    for point, rms in found.rms_g.items():
+        peak = found.peak_g[point]
+        add_row(table, point, *(f"{rms[axis]:.3g} ({peak[axis]:.3g})" for axis in rms))
     results.print(table)
     results.print()
-    results.print(f"real-time factor {document['real_time_factor']:.1f}, {document['states']} states")
+    results.print(f"real-time factor {found.real_time_factor:.1f}, {found.states} states")

@@ -99,20 +99,16 @@ def reproduce(
     described = load_machine(machine)
     described.assemble()
     both = readings(described)
-    points = (chosen.train, chosen.other_train)
     campaigns = [
         Campaign(reading, machine, train, chosen.test, chosen.simulation_s, seed)
-        for reading, train in zip(both, points, strict=True)
+        for reading, train in zip(both, (chosen.train, chosen.other_train), strict=True)
     ]
     campaigns[0].check()
     studies = []
     for campaign in campaigns:
         with clock.measure(f"campaign and surrogates, {campaign.reading.name}"):
-            place, report_done = folder / campaign.reading.name, _simulations(campaign.reading.name, progress)
-            if campaign.reading.own and chosen.whole_study:
-                studies.append(whole_study(campaign, place, workers, report_done, report))
-            else:
-                studies.append(fitted_study(campaign, place, workers, report_done))
+            whole = report if campaign.reading.own and chosen.whole_study else None
+            studies.append(_study(campaign, folder, workers, progress, whole))
     progress("loads", None)
     with clock.measure("loads"):
         mesh, loads = mesh_curves(described), gather_loads(described, seed, chosen.loads_s)
@@ -153,9 +149,18 @@ def _result(
     )
 
 
-def _simulations(name: str, progress: Progress) -> Progress:
-    """Progress of the campaign of a reading."""
-    return lambda message, fraction: progress(f"{message}, {name}", fraction)
+def _study(
+    campaign: Campaign, folder: Path, workers: int, progress: Progress, report: Callable[[FinishedStudy], None] | None
+) -> Study:
+    """Study of a reading in its folder; with a report the whole one, else as much as the rows need."""
+    name = campaign.reading.name
+
+    def done(message: str, fraction: float | None) -> None:
+        progress(f"{message}, {name}", fraction)
+
+    if report is None:
+        return fitted_study(campaign, folder / name, workers, done)
+    return whole_study(campaign, folder / name, workers, done, report)
 
 
 def _rows(

@@ -3,22 +3,113 @@
 from __future__ import annotations
 
 from collections import Counter
-from dataclasses import asdict
 from itertools import islice
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, TypeVar
 
 import typer
+from pydantic import ConfigDict
 from rich.text import Text
 
 from tbm_gsa.app.cli.output import JSON_OPTION, add_row, narrow_table, print_json, progress_bar, results
 from tbm_gsa.app.cli.shipped import RECORDING_ARGUMENT, recording_path
+from tbm_gsa.reading import Maybe, Part
 from tbm_msgs_py.bags.bag import Bag, BagInfo
-from tbm_msgs_py.base.errors import RecordingError
+from tbm_msgs_py.base.errors import InputError, RecordingError
 from tbm_msgs_py.recordings.recording_health import COUNTS, PointHealth, check_recording
 
 _SHOWN = 200  # topics and test points: a terminal takes a quarter of a minute for 60 000
 APART_S = 1.0  # clocks that differ by more get a line of their own
+_Row = TypeVar("_Row")
+
+
+class TopicCount(Part):
+    """Messages of one topic, also by type; `type` is that of most of them."""
+
+    type: str
+    types: dict[str, int]
+    messages: int
+
+
+class BagContents(Part):
+    """What `bag info --json` prints; the duration is in s."""
+
+    path: str
+    messages: int
+    lost: int
+    truncated: bool
+    damaged: int
+    notes: tuple[str, ...]
+    start_ns: int
+    duration: float
+    topics: dict[str, TopicCount]
+
+    @classmethod
+    def of(cls, path: Path, found: BagInfo) -> BagContents:
+        """Contents of the recording at a path."""
+        types: dict[str, Counter[str]] = {}
+        for topic, count in found.topics.items():
+            types.setdefault(topic.name, Counter())[topic.type] += count
+        topics = {
+            name: TopicCount(type=max(sorted(by), key=by.__getitem__), types=dict(by), messages=by.total())
+            for name, by in sorted(types.items())
+        }
+        return cls(
+            path=str(path),
+            messages=found.messages,
+            lost=found.lost,
+            truncated=found.truncated,
+            damaged=found.damaged,
+            notes=found.notes,
+            start_ns=found.start_ns,
+            duration=found.duration,
+            topics=topics,
+        )
+
+
+class SensorHealth(Part):
+    """Sums of the samples and faults of one test point; times in s, the drift of the clock in parts per million."""
+
+    model_config = ConfigDict(extra="forbid")  # a fault that is counted has its key here
+
+    topic: str
+    samples: int
+    rate_hz: float
+    gaps: int
+    missing_s: float
+    clipped: int
+    stuck_s: dict[str, float]
+    clock_offset: Maybe
+    clock_drift: Maybe
+    undecodable: int
+    astray: int
+    invalid: int
+    duplicates: int
+    late: int
+    disordered: int
+    clock_steps: int
+
+    @classmethod
+    def of(cls, health: PointHealth) -> SensorHealth:
+        """Health of a test point, as it is printed."""
+        return cls(
+            topic=health.topic,
+            samples=health.samples,
+            rate_hz=health.rate_hz,
+            gaps=len(health.gaps),
+            missing_s=health.missing_s,
+            stuck_s=health.stuck_s,
+            clock_offset=health.clock_offset,
+            clock_drift=health.clock_drift,
+            **health.counts(),
+        )
+
+
+class ScannedBag(BagContents):
+    """What `bag info --scan --json` prints: the contents, the sensors by test point, and why others have no samples."""
+
+    points: dict[str, SensorHealth]
+    problems: dict[str, str]
 
 
 def info(
@@ -30,136 +121,79 @@ def info(
     json: Annotated[bool, JSON_OPTION] = False,
 ) -> None:
     """List the topics of a recording, its length, and what is missing."""
+    if mapping is not None and not scan:
+        raise InputError("--mapping: allowed only with --scan, which reads the sensors")
     bag = recording_path(bag)
     recording = Bag(bag)
     with progress_bar("reading") as progress:
         if scan:
             progress.add_task("", total=None)
-        document = info_document(bag, recording.info(scan=scan))
+        found = BagContents.of(bag, recording.info(scan=scan))
         if scan:
-            document |= _scanned(bag, mapping)
+            found = _scanned(found, bag, mapping)
     if json:
-        print_json(document)
+        print_json(found)
     else:
-        _print_tables(document)
+        _print_tables(found)
 
 
-def info_document(path: Path, found: BagInfo) -> dict[str, Any]:
-    """Gather what `bag info --json` prints.
-
-    Returns
-    -------
-    dict
-        ``path``, ``messages``, ``lost``, ``truncated``, ``damaged``, ``notes``, ``start_ns``, ``duration`` (s) and
-        ``topics{name: {type, types{type: messages}, messages}}``, ``type`` that of most messages; with ``--scan``
-        ``points{point: {…}}``, the sums of `PointHealth`, and ``problems{point: reason}`` for those without samples.
-    """
-    types: dict[str, Counter[str]] = {}
-    for topic, count in found.topics.items():
-        types.setdefault(topic.name, Counter())[topic.type] += count
-    return {
-        "path": str(path),
-        "messages": found.messages,
-        "lost": found.lost,
-        "truncated": found.truncated,
-        "damaged": found.damaged,
-        "notes": list(found.notes),
-        "start_ns": found.start_ns,
-        "duration": found.duration,
-        "topics": {
-            name: {
-                "type": max(sorted(counts), key=counts.__getitem__),
-                "types": dict(counts),
-                "messages": counts.total(),
-            }
-            for name, counts in sorted(types.items())
-        },
-    }
-
-
-def _scanned(bag: Path, mapping: Path | None) -> dict[str, Any]:
+def _scanned(contents: BagContents, bag: Path, mapping: Path | None) -> ScannedBag:
+    points, problems = {}, {}
     try:
-        found = check_recording(bag, mapping)
+        health = check_recording(bag, mapping)
+        points = {point: SensorHealth.of(one) for point, one in health.points.items()}
+        problems = health.problems
     except RecordingError as error:
         if mapping is not None:
             raise
-        return {"points": {}, "problems": {"": str(error)}}
-    return {
-        "points": {point: _health(health) for point, health in found.points.items()},
-        "problems": found.problems,
-    }
+        problems = {"": str(error)}
+    return ScannedBag(**dict(contents), points=points, problems=problems)
 
 
-def _health(health: PointHealth) -> dict[str, Any]:
-    return {
-        "topic": health.topic,
-        "samples": health.samples,
-        "rate_hz": health.rate_hz,
-        "gaps": len(health.gaps),
-        "missing_s": health.missing_s,
-        "clipped": health.clipped,
-        "stuck_s": health.stuck_s,
-        "clock_offset": health.clock_offset,
-        "clock_drift": health.clock_drift,
-        **asdict(health.faults),
-    }
-
-
-def _print_tables(document: dict[str, Any]) -> None:
-    truncated = ", truncated" if document["truncated"] else ""
-    damaged = f", {document['damaged']} damaged places" if document["damaged"] else ""
-    results.print(Text(document["path"]))
+def _print_tables(found: BagContents) -> None:
+    truncated = ", truncated" if found.truncated else ""
+    damaged = f", {found.damaged} damaged places" if found.damaged else ""
+    results.print(Text(found.path))
     results.print(
-        f"{document['messages']} messages over {document['duration']:.3f} s, "
-        f"{document['lost']} lost{damaged}{truncated}",
-        highlight=False,
+        f"{found.messages} messages over {found.duration:.3f} s, {found.lost} lost{damaged}{truncated}", highlight=False
     )
-    for note in document["notes"]:
+    for note in found.notes:
         results.print(Text(note))
     table = narrow_table("", "topic", "type", ">messages")
-    for name, topic in _first(document["topics"]):
-        for kind, count in topic["types"].items():
+    for name, topic in _first(found.topics):
+        for kind, count in topic.types.items():
             add_row(table, name, kind, count)
     results.print(table)
-    _print_rest("topics", len(document["topics"]))
-    for name, topic in _first(document["topics"]):
-        if len(topic["types"]) > 1:
-            results.print(Text(f"{name}: {len(topic['types'])} types, where ROS has one a topic; each is shown"))
-    if "points" in document:
-        _print_points(document)
+    _print_rest("topics", len(found.topics))
+    for name, topic in _first(found.topics):
+        if len(topic.types) > 1:
+            results.print(Text(f"{name}: {len(topic.types)} types, where ROS has one a topic; each is shown"))
+    if isinstance(found, ScannedBag):
+        _print_points(found)
 
 
-def _print_points(document: dict[str, Any]) -> None:
-    points = document["points"]
+def _print_points(found: ScannedBag) -> None:
     columns = (">samples", ">rate (Hz)", ">gaps", ">(s)", ">clock (s)", ">(ppm)")
     table = narrow_table("\nsensors", "test point", *columns)
-    for name, point in _first(points):
-        add_row(
-            table,
-            name,
-            point["samples"],
-            f"{point['rate_hz']:.3f}",
-            point["gaps"],
-            f"{point['missing_s']:.3f}",
-            f"{point['clock_offset']:+.3f}",
-            f"{point['clock_drift']:+.0f}",
-        )
+    for name, point in _first(found.points):
+        clock = (f"{point.clock_offset:+.3f}", f"{point.clock_drift:+.0f}")
+        add_row(table, name, point.samples, f"{point.rate_hz:.3f}", point.gaps, f"{point.missing_s:.3f}", *clock)
     results.print(table)
-    _print_rest("test points", len(points))
-    for name, point in _first(points):
-        faults = [f"{point[key]} {key}" for key in COUNTS if point[key]]
-        faults += [f"{axis} stuck for {seconds:.1f} s" for axis, seconds in point["stuck_s"].items()]
+    _print_rest("test points", len(found.points))
+    for name, point in _first(found.points):
+        faults = [f"{getattr(point, key)} {key}" for key in COUNTS if getattr(point, key)]
+        faults += [f"{axis} stuck for {seconds:.1f} s" for axis, seconds in point.stuck_s.items()]
         if faults:
             results.print(Text(f"{name}: {', '.join(faults)}"))
-    offsets = {name: point["clock_offset"] for name, point in points.items()}
+    offsets = {name: point.clock_offset for name, point in found.points.items()}
     if offsets and max(offsets.values()) - min(offsets.values()) > APART_S:
         early, late = min(offsets, key=offsets.__getitem__), max(offsets, key=offsets.__getitem__)
         results.print(Text(f"the clocks of {early} and {late} are {offsets[late] - offsets[early]:.3f} s apart"))
-    for name, problem in _first(document["problems"]):
+    for name, problem in _first(found.problems):
         results.print(Text(f"{name}: {problem}" if name else problem))
 
 
-def _first(rows: dict[str, Any]) -> list[tuple[str, Any]]:
+def _first(rows: dict[str, _Row]) -> list[tuple[str, _Row]]:
     """Rows that a table shows."""
     return list(islice(rows.items(), _SHOWN))
 

@@ -2,32 +2,34 @@
 
 from __future__ import annotations
 
-import json
 import re
 import tempfile
 import time
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import TypeVar
 
 from tbm_gsa.app.cli.output import notes
 from tbm_gsa.app.cli.processes import NodeCommand, NodeProcesses, settle_ros_environment
+from tbm_gsa.reading import Part, read_document
 from tbm_msgs_py.base.errors import RunError
 from tbm_msgs_py.nodes.processes import record_signals
 
 _LOOK_S = 0.1
+_Summary = TypeVar("_Summary", bound=Part)
 _LOG_HEAD = re.compile(r"\[\w+\] \[[\d.]+\] \[[\w.]+\]: ")  # level, time and node of a line
 _FAULTS = ("[ERROR]", "[FATAL]")  # printed once, by the error that ends the command
 
 
-def run_to_end(command: NodeCommand) -> dict[str, Any] | None:
+def run_to_end(command: NodeCommand, form: type[_Summary]) -> _Summary | None:
     """Run a node to its end, or until Ctrl-C or SIGTERM ends it in order.
 
     Returns
     -------
-    dict, optional
-        What the node writes to the file of its parameter `summary`; None when it ended before it had begun.
+    Part, optional
+        What the node writes, in the given form, to the file of its parameter `summary`; None when it ended before it
+        had begun.
 
     Raises
     ------
@@ -44,7 +46,7 @@ def run_to_end(command: NodeCommand) -> dict[str, Any] | None:
         except RunError as error:
             raise RunError(_LOG_HEAD.sub("", str(error))) from error
         if summary.exists():
-            return dict(json.loads(summary.read_text(encoding="utf-8")))
+            return read_document(summary, form, "the summary of a node")
     notes.print("stopped before it had begun", highlight=False)
     return None
 

@@ -9,12 +9,31 @@ import typer
 from rich.text import Text
 
 from tbm_gsa.app.cli.bag.node import run_to_end
-from tbm_gsa.app.cli.output import JSON_OPTION, print_json, results
+from tbm_gsa.app.cli.output import JSON_OPTION, LONGEST_S, print_json, results, split_names
 from tbm_gsa.app.cli.processes import NodeCommand
 from tbm_gsa.app.cli.shipped import RECORDING_ARGUMENT, recording_path
+from tbm_gsa.reading import Part
 from tbm_msgs_py.bags.bag import Bag
 from tbm_msgs_py.base.errors import InputError
 from tbm_msgs_py.base.texts import listed
+
+
+class PlayedMessages(Part):
+    """What the player has done: messages played, lost, late and left out, rounds, and whether it came to the end."""
+
+    played: int
+    lost: int
+    late: int
+    left_out: dict[str, int]
+    loops: int
+    ended: bool
+
+
+class PlayResult(PlayedMessages):
+    """What `bag play --json` prints."""
+
+    path: str
+    rate: float
 
 
 def play(
@@ -22,8 +41,10 @@ def play(
     rate: Annotated[float, typer.Option(min=0.1, max=10.0, help="Speed, times real time.")] = 1.0,
     loop: Annotated[bool, typer.Option("--loop", help="Start again at the end, until Ctrl-C.")] = False,
     clock: Annotated[bool, typer.Option(help="Publish the recorded time on /clock.")] = True,
-    start: Annotated[float, typer.Option(min=0.0, help="Recorded time left out at the beginning (s).")] = 0.0,
-    duration: Annotated[float, typer.Option(min=0.0, help="Recorded time played (s); 0: all.")] = 0.0,
+    start: Annotated[
+        float, typer.Option(min=0.0, max=LONGEST_S, help="Recorded time left out at the beginning (s).")
+    ] = 0.0,
+    duration: Annotated[float, typer.Option(min=0.0, max=LONGEST_S, help="Recorded time played (s); 0: all.")] = 0.0,
     topics: Annotated[
         list[str] | None, typer.Option(help="Absolute topics: repeated, or with commas; else all.")
     ] = None,
@@ -34,22 +55,21 @@ def play(
 ) -> None:
     """Play a recording as it was recorded: raw messages, their topics, their quality of service, and its clock."""
     bag = recording_path(bag)
-    names = [name.strip() for given in topics or [] for name in given.split(",") if name.strip()]
+    names = split_names("--topics", topics or ())
     recorded = {topic.name for topic in Bag(bag).info().topics}  # no recording is an error before a node starts
     for name in names:
         if name not in recorded:
             raise InputError(f"--topics {name}: not in {bag}, allowed: {listed(sorted(recorded))}")
     given: dict[str, object] = {"bag": str(bag), "rate": rate, "loop": loop, "clock": clock, "start": start}
-    given |= {"duration": duration, "topics": names or [""], "wait_for_subscribers": subscribers}
-    summary = run_to_end(NodeCommand("bag_player", given))
-    if summary is None:
+    given |= {"duration": duration, "topics": list(names) or [""], "wait_for_subscribers": subscribers}
+    played = run_to_end(NodeCommand("bag_player", given), PlayedMessages)
+    if played is None:
         return
-    document = {"path": str(bag), "rate": rate, **summary}
     if json:
-        print_json(document)
+        print_json(PlayResult(path=str(bag), rate=rate, **dict(played)))
     else:
-        parts = [f"{bag}: {document['played']} messages played"]
-        parts += [f"{document[key]} {key}" for key in ("lost", "late") if document[key]]
-        parts += [f"{count} of {topic} left out" for topic, count in document["left_out"].items()]
-        parts += [] if document["ended"] else ["stopped before its end"]
+        parts = [f"{bag}: {played.played} messages played"]
+        parts += [f"{count} {what}" for count, what in ((played.lost, "lost"), (played.late, "late")) if count]
+        parts += [f"{count} of {topic} left out" for topic, count in played.left_out.items()]
+        parts += [] if played.ended else ["stopped before its end"]
         results.print(Text(", ".join(parts)))

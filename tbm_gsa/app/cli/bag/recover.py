@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict
 from pathlib import Path
 from typing import Annotated
 
@@ -10,9 +9,24 @@ import typer
 from rich.text import Text
 
 from tbm_gsa.app.cli.output import JSON_OPTION, print_json, progress_bar, results
+from tbm_gsa.reading import Part
 from tbm_msgs_py.bags.recovery import Recovery
 from tbm_msgs_py.bags.recovery import recover as recover_recording
 from tbm_msgs_py.base.texts import quoted
+
+
+class RecoveryResult(Part):
+    """What `bag recover --json` prints; `left_out` counts messages that are not CDR, by topic."""
+
+    path: str
+    out: str
+    recovered: int
+    lost: int
+    damaged: int
+    truncated: bool
+    left_out: dict[str, int]
+    encodings: dict[str, str]
+    notes: tuple[str, ...]
 
 
 def recover(
@@ -25,7 +39,7 @@ def recover(
         progress.add_task("", total=None)
         found = recover_recording(bag, out)
     if json:
-        print_json({"path": str(bag), "out": str(out), **asdict(found)})
+        print_json(RecoveryResult(path=str(bag), out=str(out), **vars(found)))
     else:
         results.print(Text(_sentence(out, found)))
 
