@@ -265,6 +265,7 @@ def _describe(opcode: int, body: bytes, schemas: dict[int, Schema], channels: di
             channel.metadata.get("offered_qos_profiles", ""),
             schema_there.data.decode("utf-8", "replace") if schema_there else "",
             channel.metadata.get("topic_type_hash", ""),
+            schema_there.encoding if schema_there else "",
         )
         channels.setdefault(channel.id, topic)
 

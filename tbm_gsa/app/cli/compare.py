@@ -8,6 +8,7 @@ from typing import Annotated
 
 import typer
 from rich.table import Table
+from rich.text import Text
 
 from tbm_gsa.app.cli.history import HISTORY_HELP
 from tbm_gsa.app.cli.output import (
@@ -91,7 +92,9 @@ def compare(
     else:
         print_tables(result)
     for point, reason in result.skipped.items():
-        notes.print(f"test point {point!r} not compared: {reason}", highlight=False)
+        notes.print(Text(f"test point {point!r} not compared: {reason}"))
+    for line in (*map(str, result.left_out), *result.doubts):
+        notes.print(Text(line))
     if html is not None:
         notes.print(f"page: {html}", highlight=False)
 
@@ -125,6 +128,16 @@ def print_tables(result: ComparisonResult) -> None:
         f"model {result.model_duration:g} s a level, seed {result.seed}",
         highlight=False,
     )
+    for line in _sources(result):
+        results.print(Text(line))
+
+
+def _sources(result: ComparisonResult) -> list[str]:
+    """Files, topics and clocks that the numbers come from."""
+    machine = f"machine: {result.machine} ({result.machine_file.origin}), SHA-256 {result.machine_file.sha256[:12]}"
+    own = result.operating_point.source == "machine"
+    found = [f"{line}: the machine's own" if own and "operating" in line else line for line in result.sources.lines()]
+    return [*found, machine]
 
 
 def _axial_table(result: ComparisonResult) -> Table:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
+from collections.abc import Iterator
 from dataclasses import asdict
 from itertools import islice
 from pathlib import Path
@@ -14,8 +15,12 @@ from rich.text import Text
 from tbm_gsa.app.cli.output import JSON_OPTION, add_row, narrow_table, notes, print_json, progress_bar, results
 from tbm_gsa.app.cli.shipped import RECORDING_ARGUMENT, recording_path
 from tbm_msgs_py.bags.bag import Bag, BagInfo
+from tbm_msgs_py.bags.definitions import JOINT_STATE_TYPE, definition_hash
 from tbm_msgs_py.base.errors import RecordingError
+from tbm_msgs_py.recordings.channels import LeftOut
+from tbm_msgs_py.recordings.decoding import ACCELERATION_TYPES
 from tbm_msgs_py.recordings.recording_health import COUNTS, PointHealth, check_recording
+from tbm_msgs_py.recordings.used import UsedSources
 
 _SHOWN = 200  # topics and test points: a terminal takes a quarter of a minute for 60 000
 APART_S = 1.0  # clocks that differ by more get a line of their own
@@ -35,11 +40,13 @@ def info(
     with progress_bar("reading") as progress:
         if scan:
             progress.add_task("", total=None)
-        document = info_document(bag, recording.info(scan=scan))
+        found = recording.info(scan=scan)
+        document = info_document(bag, found) | {"doubts": [*_doubts(found)]}
         if recording.problem:
             notes.print(Text(recording.problem))
         if scan:
-            document |= _scanned(bag, mapping)
+            scanned = _scanned(bag, mapping)
+            document |= scanned | {"doubts": [*document["doubts"], *scanned["doubts"]]}
     if json:
         print_json(document)
     else:
@@ -78,16 +85,35 @@ def info_document(path: Path, found: BagInfo) -> dict[str, Any]:
     }
 
 
+def _doubts(found: BagInfo) -> Iterator[str]:
+    """Name topics of types that are read here whose messages cannot be decoded, or have several definitions."""
+    definitions: dict[tuple[str, str], Counter[str]] = {}
+    for topic, count in found.topics.items():
+        if topic.type in (*ACCELERATION_TYPES, JOINT_STATE_TYPE):
+            try:
+                definitions.setdefault((topic.name, topic.type), Counter())[definition_hash(topic)] += count
+            except RecordingError as error:
+                yield f"topic {topic.name}: {count} messages cannot be read: {error}"
+    for (name, kind), hashes in definitions.items():
+        if len(hashes) > 1:
+            counts = ", ".join(f"{count} of {found.removeprefix('RIHS01_')[:8]}" for found, count in hashes.items())
+            yield f"topic {name}: {len(hashes)} definitions of {kind}: messages {counts}"
+
+
 def _scanned(bag: Path, mapping: Path | None) -> dict[str, Any]:
     try:
         found = check_recording(bag, mapping)
     except RecordingError as error:
         if mapping is not None:
             raise
-        return {"points": {}, "problems": {"": str(error)}}
+        return {"points": {}, "problems": {"": str(error)}, "doubts": []}
+    reader = found.reader
     return {
         "points": {point: _health(health) for point, health in found.points.items()},
         "problems": found.problems,
+        "sources": asdict(reader.sources),
+        "left_out": [asdict(one) for one in reader.left_out],
+        "doubts": reader.doubts,
     }
 
 
@@ -124,6 +150,9 @@ def _print_tables(document: dict[str, Any]) -> None:
     for name, topic in _first(document["topics"]):
         if len(topic["types"]) > 1:
             results.print(Text(f"{name}: {len(topic['types'])} types, where ROS has one a topic; each is shown"))
+    for doubt in document["doubts"][:_SHOWN]:
+        results.print(Text(doubt))
+    _print_rest("doubts", len(document["doubts"]))
     if "points" in document:
         _print_points(document)
 
@@ -150,6 +179,10 @@ def _print_points(document: dict[str, Any]) -> None:
         faults += [f"{axis} stuck for {seconds:.1f} s" for axis, seconds in point["stuck_s"].items()]
         if faults:
             results.print(Text(f"{name}: {', '.join(faults)}"))
+    for one in document.get("left_out", []):
+        results.print(Text(str(LeftOut(**one))))
+    for line in UsedSources(**document["sources"]).lines() if "sources" in document else []:
+        results.print(Text(line))
     offsets = {name: point["clock_offset"] for name, point in points.items()}
     if offsets and max(offsets.values()) - min(offsets.values()) > APART_S:
         early, late = min(offsets, key=offsets.__getitem__), max(offsets, key=offsets.__getitem__)
