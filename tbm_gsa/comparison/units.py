@@ -1,5 +1,6 @@
 """Whether a field is off by a factor of units, live and afterwards alike."""
 
+import math
 from typing import Final
 
 import numpy as np
@@ -13,8 +14,10 @@ FACTORS: Final = {
     1e3: "values in mm/s²",
     1e-3: "values in 1000 m/s²",
 }
-DOUBT: Final = 0.4
-"""Of the logarithm: the model itself errs by up to 50 %."""
+ON_AVERAGE: Final = 0.6
+"""Greatest distance of the mean logarithm of the axes from that of a factor: the model itself errs by up to 1.8."""
+EACH: Final = math.log(STANDARD_GRAVITY) / 2.0
+"""Greatest distance of a single axis: nearer to the factor than to 1."""
 
 
 def unit_doubt(field_rms: ArrayLike, model_rms: ArrayLike) -> str:
@@ -26,6 +29,7 @@ def unit_doubt(field_rms: ArrayLike, model_rms: ArrayLike) -> str:
     known = (field > 0.0) & (model > 0.0)
     ratio = np.log(field[known] / model[known])
     for factor, text in FACTORS.items():
-        if ratio.size and np.all(np.abs(ratio - np.log(factor)) < DOUBT):
+        away = ratio - math.log(factor)
+        if ratio.size and abs(away.mean()) < ON_AVERAGE and (np.abs(away) < EACH).all():
             return f"field is about {factor:.3g} times the model on all axes: {text}?"
     return ""

@@ -1,4 +1,4 @@
-"""Standard headers of CDR messages, read in bulk: stamps and frame names of messages of any type that begins with one."""
+"""Standard headers of CDR messages, read in bulk: stamps and frame names of all types that begin with one."""
 
 from __future__ import annotations
 
