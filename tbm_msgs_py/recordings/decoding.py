@@ -23,6 +23,7 @@ from tbm_msgs_py.base.units import NANOSECONDS
 from tbm_msgs_py.blocks import ACCELERATION, LONGEST_S, BlockError, StampError, no_ros_time, stamp_to_ns
 from tbm_msgs_py.recordings.faults import FaultCounts
 from tbm_msgs_py.recordings.headers import ENCAPSULATION, Headers, first_bad_stamp, frame_names, headers_of
+from tbm_msgs_py.recordings.marks import UNMEASURED, UNMEASURED_TEXT
 
 _VECTOR = 3 * 8  # bytes of three float64
 
@@ -53,11 +54,6 @@ _VECTORS = {
     "sensor_msgs/msg/Imu": _Form(("linear_acceleration",), (4 + 9 + 3 + 9) * 8, _VECTOR + 9 * 8, marked=True),
 }
 ACCELERATION_TYPES = (*_VECTORS, BLOCK_TYPE)
-# sensor_msgs/Imu and REP 145: element 0 of the covariance of what a driver does not measure.
-UNMEASURED = -1.0
-UNMEASURED_TEXT = (
-    "linear_acceleration_covariance[0] is -1, the driver's word for not measured, allowed: measured samples"
-)
 
 
 class DecodedSamples(NamedTuple):

@@ -14,7 +14,7 @@ from sample_bag import START_NS
 from tbm_msgs_py import ACCELERATION, BagWriter, RecordingError, SensorMapping, TopicMapping, read_recording
 from tbm_msgs_py.bags.batch import Topic
 from tbm_msgs_py.bags.definitions import recorded_types, typestore
-from tbm_msgs_py.recordings.decoding import UNMEASURED_TEXT
+from tbm_msgs_py.recordings.marks import UNMEASURED_TEXT
 
 IMU, VECTOR, ACCEL = "sensor_msgs/msg/Imu", "geometry_msgs/msg/Vector3Stamped", "geometry_msgs/msg/AccelStamped"
 TOPIC = "/tbm/field/shield/accel"
