@@ -8,6 +8,7 @@ import pytest
 from compare_bags import RATE, START_NS, G, model_values, noise, write_bag
 
 from tbm_dynamics.machine.loading import machine_text
+from tbm_gsa.app.cli.bag.info import info
 from tbm_gsa.app.cli.compare import print_tables
 from tbm_gsa.app.report.compare_page import compare_page
 from tbm_gsa.comparison.units import unit_doubt
@@ -142,3 +143,24 @@ def test_units_are_told_from_what_measures():
     assert unit_doubt([9.8, 0.0, np.nan], [1.0, 1.0, 1.0]).startswith("field is about 9.81 times")
     assert unit_doubt([9.8, 1.0, 9.8], [1.0, 1.0, 1.0]) == unit_doubt([3.0, 3.0, 3.0], [1.0, 1.0, 1.0]) == ""
     assert unit_doubt([0.0, 0.0, 0.0], [1.0, 1.0, 1.0]) == unit_doubt([np.nan], [np.nan]) == ""
+
+
+def test_figures_carry_enough_digits(tmp_path, capsys):
+    """A rate just beside the stated one, a level of microns of g, and a hole of one sample in thousands."""
+    stated, true = 25_600.0, 25_599.7
+    values = 1e-4 * G * np.random.default_rng(1).standard_normal((100_000, 3))
+    with BagWriter(tmp_path / "bag") as writer:
+        for first in range(0, len(values), 10_000):
+            stamp = START_NS + round(first / true * 1e9)
+            block = np.arange(10_000) / true
+            writer.write_block("/tbm/field/shield/block", stamp, ACCELERATION, block, values[first : first + 10_000])
+    compared = compare_recording(tmp_path / "bag", **SHORT)
+    assert compared.result.recording.points["shield"].rate_hz == pytest.approx(true, abs=0.01)
+    assert f"{true:.3f}" in compare_page(compared)
+    info(tmp_path / "bag", scan=True, mapping=None, json=False)
+    print_tables(compared.result)
+    out = capsys.readouterr().out
+    assert f"{true:.3f}" in out
+    assert str(stated) not in out
+    (measured,) = (row.measured_g for row in compared.result.axial_rows)
+    assert f" {measured:.3g} " in out

@@ -66,7 +66,7 @@ def test_operating_points_off_the_clock_hold_from_now(compare, stamp, named):
     comparison = compare(operating=())
     for k in range(10, 30):
         comparison.add(field_sensors("", ["girder"])[0]["field/girder/block"], "field", k * SECOND, OFFSETS, SINE)
-    comparison.add_operating_point(topics.OPERATING_POINT, 0, (1.0, 1.0, 1.0), 0)
+    comparison.add_operating_point(topics.OPERATING_POINT, SECOND, (1.0, 1.0, 1.0), 0)
     said = comparison.add_operating_point(topics.OPERATING_POINT, stamp, (0.0, 0.0, 0.0), 0)
     assert named in said
     operation = comparison._operation[topics.OPERATING_POINT]

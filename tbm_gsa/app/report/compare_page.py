@@ -62,7 +62,7 @@ def _fault_names(result: ComparisonResult) -> dict[str, str]:
 
 def _provenance(result: ComparisonResult) -> dict[str, object]:
     """Where the numbers come from, as rows of a table."""
-    bands = {f"{band.low_hz:g} to {band.high_hz:.0f} Hz" for band in result.bands.values()}
+    bands = {f"{band.low_hz:g} to {band.high_hz:g} Hz" for band in result.bands.values()}
     return {
         "recording": result.recording.path,
         "SHA-256 of the recording": result.recording.sha256,

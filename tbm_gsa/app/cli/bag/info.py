@@ -170,7 +170,7 @@ def _print_points(document: dict[str, Any]) -> None:
             point["gaps"],
             f"{point['missing_s']:.3f}",
             f"{point['clock_offset']:+.3f}",
-            f"{point['clock_drift']:+.0f}",
+            f"{point['clock_drift']:+.2f}",
         )
     results.print(table)
     _print_rest("test points", len(points))
