@@ -236,7 +236,7 @@ class RecordedPoint(Part):
         seconds: dict[str, float] = {}
         for axis, begin, end in self.stuck:
             seconds[axis] = seconds.get(axis, 0.0) + end - begin
-        return [f"{axis} for {time:.6g} s" for axis, time in seconds.items()]
+        return [f"{axis} for {time:.3f} s" for axis, time in seconds.items()]
 
 
 class RecordingResult(Part):

@@ -176,7 +176,7 @@ def _fault_table(result: ComparisonResult) -> Table:
     """Points whose data have a fault, and which."""
     table = narrow_table("\nfaults of the data", "test point", "faults")
     for name, point in result.recording.points.items():
-        texts = [f"gaps: {len(point.gaps)}, longest {point.longest_gap:.6g} s"] if point.gaps else []
+        texts = [f"gaps: {len(point.gaps)}, longest {point.longest_gap:.3f} s"] if point.gaps else []
         texts += [f"stuck along {text}" for text in point.stuck_texts]
         counts = {fault.replace("_", " "): getattr(point, fault) for fault in COUNTS}
         texts += [f"{count} {fault}" for fault, count in counts.items() if count]
