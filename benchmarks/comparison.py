@@ -20,8 +20,10 @@ from tbm_gsa.comparison.workflow import compare_recording
 from tbm_gsa.signals.estimates import estimate
 from tbm_gsa.signals.settings import Settings
 from tbm_msgs_py import ACCELERATION, BagWriter
+from tbm_msgs_py.recordings.acceleration import AccelerationRecord
+from tbm_msgs_py.recordings.clocks import ClockTrack
 from tbm_msgs_py.recordings.faults import FaultCounts
-from tbm_msgs_py.recordings.recording import AccelerationRecord, RecordingReader, open_recording
+from tbm_msgs_py.recordings.recording import RecordingReader, open_recording
 
 POINTS = ("cutterhead", "shield", "walkway", "girder", "gripper")
 RATE, BLOCK, START_NS = 1000, 250, 1_700_000_000_000_000_000
@@ -52,6 +54,11 @@ class InPieces:
     def faults(self) -> Mapping[str, FaultCounts]:
         """What the reader has counted."""
         return self._reader.faults
+
+    @property
+    def clocks(self) -> Mapping[str, ClockTrack]:
+        """Those of the reader."""
+        return self._reader.clocks
 
     def pieces(self) -> Iterator[Mapping[str, AccelerationRecord]]:
         """Consecutive pieces."""

@@ -9,9 +9,9 @@ if TYPE_CHECKING:
     from tbm_msgs_py.base.errors import RecordingError
     from tbm_msgs_py.base.operating_point import OperatingPoint
     from tbm_msgs_py.blocks import ACCELERATION, LOADS, Block, BlockError, BlockLayout, mesh_forces
+    from tbm_msgs_py.recordings.acceleration import AccelerationRecord
     from tbm_msgs_py.recordings.mapping import SensorMapping, TopicMapping, load_mapping
     from tbm_msgs_py.recordings.recording import (
-        AccelerationRecord,
         Recording,
         RecordingReader,
         open_recording,
@@ -46,7 +46,7 @@ __all__ = [
 _HOME = {
     "ACCELERATION": "tbm_msgs_py.blocks",
     "LOADS": "tbm_msgs_py.blocks",
-    "AccelerationRecord": "tbm_msgs_py.recordings.recording",
+    "AccelerationRecord": "tbm_msgs_py.recordings.acceleration",
     "Bag": "tbm_msgs_py.bags.bag",
     "BagInfo": "tbm_msgs_py.bags.bag",
     "BagWriter": "tbm_msgs_py.bags.writing",

@@ -14,8 +14,9 @@ import numpy as np
 from tbm_dynamics.loads.cutters.description import CutterError
 from tbm_dynamics.machine.description import MachineDescription
 from tbm_dynamics.machine.inputs import apply_inputs
-from tbm_dynamics.machine.loading import read_description
+from tbm_dynamics.machine.loading import read_description, shipped_machines
 from tbm_msgs_py.base.errors import MachineError
+from tbm_msgs_py.base.files import real_path
 from tbm_msgs_py.base.operating_point import OperatingPoint
 from tbm_msgs_py.base.units import R_MIN
 
@@ -181,4 +182,5 @@ def load_machine(machine: str | Path) -> Machine:
     >>> load_machine("dz101").name
     'dz101'
     """
-    return Machine(read_description(machine), origin=str(machine))
+    shipped = str(machine) in shipped_machines()
+    return Machine(read_description(machine), origin=str(machine if shipped else real_path(machine)))

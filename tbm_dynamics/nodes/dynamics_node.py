@@ -126,7 +126,7 @@ class DynamicsNode(ManagedNode):
             point = operating_point.from_joint_state(message)
             reached = OperatingPoint(point.speed, point.torque, point.thrust)
             self._stream.set_operating_point(reached, messages.stamp_to_ns(message.header.stamp))
-        except (OperatingPointError, MachineError) as error:
+        except (OperatingPointError, MachineError, BlockError) as error:
             self._faults.report(topics.LOADS_OPERATING_POINT, f"{topics.LOADS_OPERATING_POINT}: {error}; not used")
         else:
             self._faults.clear(topics.LOADS_OPERATING_POINT)

@@ -15,7 +15,9 @@ from tbm_gsa.signals.reduction import ReducedSignal, SignalReducer
 from tbm_gsa.signals.settings import Settings
 from tbm_msgs_py.base.arrays import Array
 from tbm_msgs_py.base.errors import InputError
-from tbm_msgs_py.recordings.recording import AccelerationRecord, RecordingReader
+from tbm_msgs_py.recordings.acceleration import AccelerationRecord
+from tbm_msgs_py.recordings.clocks import clock_shifts
+from tbm_msgs_py.recordings.recording import RecordingReader
 from tbm_msgs_py.recordings.recording_health import PointHealth, RecordingHealth
 
 LEAST_SAMPLES = 1000  # that a sampling rate is taken from, if there are as many
@@ -33,21 +35,25 @@ class FieldSide:
         Of every recorded point.
     failed : mapping of str to str
         Points whose signal cannot be conditioned, with the reason.
+    shifts : mapping of str to int
+        How far the clock of a point is ahead of that of the others, ns, where it is another one.
     """
 
     signals: Mapping[str, ReducedSignal]
     health: Mapping[str, PointHealth]
     failed: Mapping[str, str]
+    shifts: Mapping[str, int]
 
     @property
     def begin_ns(self) -> int:
-        """Header time of the first sample of all."""
-        return min(health.start_ns for health in self.health.values())
+        """Time of the first sample of all, on the clock of the others where a point has its own."""
+        return min(health.start_ns - self.shifts.get(point, 0) for point, health in self.health.items())
 
     @property
     def end_ns(self) -> int:
-        """Header time of the last sample of all."""
-        return max(health.start_ns + round(health.duration * 1e9) for health in self.health.values())
+        """Time of the last sample of all, likewise."""
+        ends = {point: health.start_ns + round(health.duration * 1e9) for point, health in self.health.items()}
+        return max(end - self.shifts.get(point, 0) for point, end in ends.items())
 
 
 def reduce_field(
@@ -55,6 +61,7 @@ def reduce_field(
     points: Collection[str],
     settings: Settings,
     history: OperatingHistory | None = None,
+    shifts: Mapping[str, int] | None = None,
     progress: Callable[[float], None] = lambda _: None,
 ) -> FieldSide:
     """Read a recording from beginning to end.
@@ -67,11 +74,14 @@ def reduce_field(
     settings : Settings
     history : OperatingHistory, optional
         Levels of operation, if they are known and several.
+    shifts : mapping of str to int, optional
+        Those of a reading before, without which levels cannot be told.
     progress : callable
         Called with the seconds of the recording that are done.
     """
     recorded = RecordingHealth(reader)
-    intakes = {point: _Intake(reader.sensors[point].frame, settings, history) for point in points}
+    known = shifts or {}
+    intakes = {point: _Intake(reader.sensors[point].frame, settings, history, known.get(point, 0)) for point in points}
     signals: dict[str, ReducedSignal] = {}
     failed: dict[str, str] = {}
     for piece in reader.pieces():
@@ -84,7 +94,7 @@ def reduce_field(
     for point in [point for point in points if point not in failed]:
         with _noted(failed, point):
             signals[point] = intakes[point].finish()
-    return FieldSide(signals, recorded.points, failed)
+    return FieldSide(signals, recorded.points, failed, clock_shifts(reader.clocks))
 
 
 @contextmanager
@@ -99,8 +109,8 @@ def _noted(failed: dict[str, str], point: str) -> Iterator[None]:
 class _Intake:
     """Pieces of one point: the first ones wait until the sampling rate is known."""
 
-    def __init__(self, frame: Frame, settings: Settings, history: OperatingHistory | None) -> None:
-        self._frame, self._settings, self._history = frame, settings, history
+    def __init__(self, frame: Frame, settings: Settings, history: OperatingHistory | None, shift_ns: int) -> None:
+        self._frame, self._settings, self._history, self._shift_ns = frame, settings, history, shift_ns
         self._waiting: list[AccelerationRecord] = []
         self._origin_ns = 0
         self._reducer: SignalReducer | None = None
@@ -128,7 +138,7 @@ class _Intake:
     def _begin(self) -> SignalReducer:
         self._origin_ns = self._waiting[0].start_ns
         rate = sampling_rate(np.concatenate([self._seconds(record) for record in self._waiting]))
-        level_of = self._history.level_of(self._origin_ns) if self._history else None
+        level_of = self._history.level_of(self._origin_ns - self._shift_ns) if self._history else None
         band = compared_band(rate, MODEL_RATE_HZ, self._settings)
         return SignalReducer(rate, band, self._frame, self._settings, level_of)
 

@@ -154,6 +154,11 @@ class WindowedComparison:
                 ahead[point] = model - field
         return {point: ns for point, ns in ahead.items() if abs(ns) > (self._patience + 1) * self._window_ns}
 
+    def latest_ns(self) -> int | None:
+        """Latest stamp of any signal, ns; None before the first sample."""
+        streams = (stream for both in self._points.values() for stream in both.streams.values())
+        return max((stream.queue.latest_ns for stream in streams if stream.queue.latest_ns is not None), default=None)
+
     def restart(self, point: str) -> None:
         """Begin a point anew: its signals come from elsewhere now, at another rate perhaps."""
         self._points.pop(point, None)

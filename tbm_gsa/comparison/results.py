@@ -15,6 +15,8 @@ from pydantic import Field, SerializerFunctionWrapHandler, model_serializer, mod
 
 from tbm_dynamics import Machine
 from tbm_gsa.reading import LARGEST_NUMBER, Interval, Line, MachineFile, Name, Number, Part, PathText, Seed, Size
+from tbm_msgs_py.recordings.channels import LeftOut
+from tbm_msgs_py.recordings.used import UsedSources
 
 BAND = r"^\d+(\.\d+)?-\d+(\.\d+)?_hz$"
 COMPARISON: Final = "what `tbm-monitor compare BAG --json` prints"
@@ -210,6 +212,8 @@ class RecordedPoint(Part):
     stuck: tuple[tuple[str, Number, Number], ...]
     clipped: int
     undecodable: int
+    unstamped: int = 0
+    unmeasured: int = 0
     astray: int
     invalid: int
     duplicates: int
@@ -232,7 +236,7 @@ class RecordedPoint(Part):
         seconds: dict[str, float] = {}
         for axis, begin, end in self.stuck:
             seconds[axis] = seconds.get(axis, 0.0) + end - begin
-        return [f"{axis} for {time:.3g} s" for axis, time in seconds.items()]
+        return [f"{axis} for {time:.3f} s" for axis, time in seconds.items()]
 
 
 class RecordingResult(Part):
@@ -260,7 +264,11 @@ class AxialRow:
 
 
 class ComparisonResult(Part):
-    """A recording held against the model; compared points in their order along the power flow."""
+    """A recording held against the model; compared points in their order along the power flow.
+
+    `skipped` names points that were not compared, `left_out` messages that are not used; `sources` says what is used,
+    and `doubts` what may be wrong with it, a line each.
+    """
 
     window_s: Size
     confidence: Annotated[float, Field(gt=0.0, lt=1.0)]
@@ -269,10 +277,13 @@ class ComparisonResult(Part):
     nodes: dict[Name, int]
     bands: Annotated[dict[Name, PointBand], Field(min_length=1)]
     skipped: dict[str, str]
+    left_out: tuple[LeftOut, ...] = ()
     recording: RecordingResult
     expected_lines: tuple[ExpectedLine, ...]
     machine: Name
     machine_file: MachineFile
+    sources: UsedSources = UsedSources()
+    doubts: tuple[str, ...] = ()
     operating_point: OperatingLevel
     levels: tuple[LevelResult, ...]
     dwells: tuple[DwellResult, ...]

@@ -1,7 +1,7 @@
 """From a recording on disk to a comparison: reduce it, run the model at its levels of operation, compare."""
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
@@ -19,6 +19,7 @@ from tbm_gsa.comparison.results import (
     RecordedPoint,
     RecordingResult,
 )
+from tbm_gsa.comparison.units import unit_doubt
 from tbm_gsa.provenance import machine_sha256, package_versions
 from tbm_gsa.reading import MachineFile
 from tbm_gsa.signals.intervals import CONFIDENCE
@@ -67,8 +68,8 @@ def compare_recording(
 ) -> RecordingComparison:
     """Compare a recording with the model at the recorded levels of operation.
 
-    Test points that the machine does not have, and those whose signal cannot be conditioned, are left out and named
-    with the reason in the result; it is an error only when none is left.
+    Test points that the machine does not have, those whose topic is not in the recording, and those whose signal cannot
+    be conditioned, are left out and named with the reason in the result; it is an error only when none is left.
 
     Parameters
     ----------
@@ -119,10 +120,13 @@ def compare_recording(
         nodes={name: described.description.test_points[name] for name in points},
         bands={name: point.band for name, point in points.items()},
         skipped={**_unknown_points(reader, described), **failed},
+        left_out=tuple(reader.left_out),
         recording=_recording(reader, field),
         expected_lines=lines,
         machine=described.name,
         machine_file=MachineFile(origin=described.origin, sha256=machine_sha256(described)),
+        sources=reader.sources,
+        doubts=(*reader.doubts, *_unit_doubts(points)),
         operating_point=history.levels[0],
         levels=_levels(history, points),
         dwells=_dwells(history, field.begin_ns),
@@ -142,6 +146,13 @@ def _unknown_points(reader: RecordingReader, machine: Machine) -> dict[str, str]
     """Name the recorded points that the machine does not have, with that as the reason."""
     missing = [point for point in reader.sensors if point not in machine.description.test_points]
     return dict.fromkeys(missing, f"machine {machine.name} has no such test point")
+
+
+def _unit_doubts(points: Mapping[str, PointComparison]) -> Iterator[str]:
+    for name, point in points.items():
+        both = [(axis.field_rms or 0.0, axis.model_rms or 0.0) for axis in point.axes.values()]
+        if doubt := unit_doubt(*zip(*both, strict=True)):
+            yield f"test point {name}: {doubt}"
 
 
 def _check(model_duration: float, window_s: float, seed: int) -> None:
@@ -172,7 +183,9 @@ def _read(
     history = _history(reader, machine, field)
     if len(history.segments) > 1:
         # Now that the levels are known, once more: each has a spectrum of its own.
-        field = reduce_field(reader, points, settings, history, lambda done: progress(f"levels, {done:.0f} s", None))
+        field = reduce_field(
+            reader, points, settings, history, field.shifts, lambda done: progress(f"levels, {done:.0f} s", None)
+        )
     return field, history
 
 

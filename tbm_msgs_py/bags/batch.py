@@ -29,6 +29,8 @@ class Topic:
         Offered profiles as rosbag2 writes them (YAML), empty when unknown.
     definition, type_hash : str
         Message definition text, and its hash where the file states it.
+    schema_encoding : str
+        What the text is written in: ``ros2msg`` or ``ros2idl`` for ROS 2, empty when unknown.
     """
 
     name: str
@@ -37,6 +39,7 @@ class Topic:
     qos: str = field(default="", repr=False)
     definition: str = field(default="", repr=False)
     type_hash: str = field(default="", repr=False)
+    schema_encoding: str = field(default="", repr=False)
 
 
 class RawMessage(NamedTuple):

@@ -67,6 +67,7 @@ class ChannelTable:
             channel.metadata.get("offered_qos_profiles", ""),
             schema.data.decode("utf-8", "replace") if schema else "",
             channel.metadata.get("topic_type_hash", ""),
+            schema.encoding if schema else "",
         )
         if schema is None and channel.schema_id:
             self.unfinished.setdefault(channel.id, topic)

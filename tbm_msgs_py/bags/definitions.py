@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import struct
 from functools import lru_cache
 from typing import Any
@@ -14,7 +15,9 @@ from rosbags.typesys.store import Typestore
 
 from tbm_msgs_py import blocks
 from tbm_msgs_py.bags.batch import Topic
+from tbm_msgs_py.base.errors import RecordingError
 from tbm_msgs_py.base.operating_point import OperatingPoint
+from tbm_msgs_py.base.texts import LONGEST_NAME, shortened
 from tbm_msgs_py.blocks import BlockLayout
 
 BLOCK_TYPE = "sensor_msgs/msg/PointCloud2"
@@ -23,6 +26,10 @@ UNKNOWN_HASH = "RIHS01_" + 64 * "0"  # of a definition that the library cannot p
 # What the message library raises at bytes that are no message.
 UNDECODABLE = (SerdeError, struct.error, ValueError, IndexError, AssertionError, MemoryError, OverflowError)
 _IDL = "=" * 80 + "\nIDL: "  # how a definition in IDL begins
+_NO_IDL = re.compile(
+    r"^(={80}|IDL: .*|\s*#.*)$", re.MULTILINE
+)  # between and before its parts; the parser has no word for it
+_DEFINITIONS = ("ros2msg", "ros2idl", "omgidl", "", "unknown")  # the last two: the text says it
 
 
 # By half the second byte of a message, whose last bit is the byte order: DDS-XTypes 1.3, 7.6.3.1.2, and Fast CDR.
@@ -98,13 +105,59 @@ def recorded_definition(topic: Topic) -> tuple[str, str] | None:
     return topic.definition, topic.type_hash or _hash(topic)
 
 
-def _hash(topic: Topic) -> str:
-    store = Typestore()
+@lru_cache(maxsize=256)
+def recorded_types(topic: Topic) -> Typestore:
+    """Definitions by which the messages of a topic are decoded: those of the recording.
+
+    That is `typestore()` itself where the recording defines the type as ROS 2 Jazzy does, comments and layout aside,
+    or defines nothing and states the hash of that definition.
+
+    Raises
+    ------
+    RecordingError
+        What the messages or the definition are written in, or that there is none to decode by.
+    """
+    if topic.encoding != "cdr":
+        raise RecordingError(f"messages encoded as {topic.encoding or 'nothing stated'}, allowed: cdr")
+    standard = typestore().hash_rihs01(topic.type) if topic.type in typestore().types else UNKNOWN_HASH
+    if not topic.definition.strip():
+        if topic.type_hash == standard != UNKNOWN_HASH:
+            return typestore()
+        raise RecordingError(
+            f"{topic.type or 'no type'}: its definition is missing in the recording, allowed: one in it, "
+            "as `ros2 bag convert` writes it"
+        )
+    if topic.schema_encoding not in _DEFINITIONS:
+        raise RecordingError(f"{topic.type} defined in {topic.schema_encoding}, allowed: {', '.join(_DEFINITIONS[:2])}")
     try:
-        if encoding_of(topic.definition) == "ros2idl":
-            store.register(get_types_from_idl(topic.definition))
-        else:
-            store.register(get_types_from_msg(topic.definition, topic.type))
-        return str(store.hash_rihs01(topic.type))
-    except Exception:  # noqa: BLE001  the parser and the hash fail in many ways at a definition that is damaged
+        found = _parsed(topic)
+        same = str(found.hash_rihs01(topic.type)) == standard
+    except Exception as error:  # noqa: BLE001  the parser and the hash fail in many ways at a definition that is damaged
+        reason = shortened(" ".join(str(error).split()) or type(error).__name__, LONGEST_NAME)
+        raise RecordingError(f"{topic.type}: its definition cannot be read ({reason}), allowed: a whole one") from None
+    return typestore() if same else found
+
+
+def definition_hash(topic: Topic) -> str:
+    """RIHS01 hash of the definition by which messages are decoded: topics of one name agree where it is the same."""
+    return str(recorded_types(topic).hash_rihs01(topic.type))
+
+
+def _hash(topic: Topic) -> str:
+    try:
+        return str(_parsed(topic).hash_rihs01(topic.type))
+    except Exception:  # noqa: BLE001  as above
         return UNKNOWN_HASH
+
+
+def _parsed(topic: Topic) -> Typestore:
+    """Types that the definition of a topic holds."""
+    written_in = topic.schema_encoding if "ros2" in topic.schema_encoding else encoding_of(topic.definition)
+    return _parsed_text(topic.type, topic.definition, "idl" in written_in or topic.schema_encoding == "omgidl")
+
+
+@lru_cache(maxsize=256)
+def _parsed_text(name: str, definition: str, idl: bool) -> Typestore:
+    store = Typestore()
+    store.register(get_types_from_idl(_NO_IDL.sub("", definition)) if idl else get_types_from_msg(definition, name))
+    return store

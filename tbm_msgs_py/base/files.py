@@ -22,6 +22,11 @@ BEGINNINGS: Final = {"page": b"<!DOCTYPE html>", "PNG picture": b"\x89PNG\r\n", 
 """First bytes of each kind of result."""
 
 
+def real_path(path: str | Path) -> Path:
+    """Absolute path, links followed: the same whatever way leads to a file, and whether it is there or not."""
+    return Path(os.path.realpath(path))
+
+
 def data_folder() -> Path:
     """``tbm_monitor`` in the user's data folder (``$XDG_DATA_HOME``); a RuntimeError where the user has none."""
     data = os.environ.get("XDG_DATA_HOME")

@@ -15,6 +15,7 @@ GAP_FACTOR = 1.5
 STUCK_S = 1.0  # an axis that holds one value for so long, and for
 STUCK_SAMPLES = 100  # so many samples, is stuck
 CLOCK_JUMP_NS = 10_000_000_000  # stamps that differ from the log times by more are of another clock
+FAR_NS = 86_400_000_000_000  # a stamp that leaves the log times by more, and its clock did not before, is nonsense
 PERSISTENT = 5  # messages after which another clock counts as the clock from then on
 
 
@@ -26,6 +27,8 @@ class FaultCounts:
     ----------
     undecodable, astray : int
         Messages that could not be decoded; messages of another clock than that of the topic. Dropped.
+    unstamped, unmeasured : int
+        Messages whose stamp is no ROS time, or is 0 in all; messages that say that they measured nothing. Dropped.
     invalid, duplicates, late : int
         Samples that are not finite; at the time of another; at a time that had passed for good. Dropped.
     disordered : int
@@ -35,6 +38,8 @@ class FaultCounts:
     """
 
     undecodable: int = 0
+    unstamped: int = 0
+    unmeasured: int = 0
     astray: int = 0
     invalid: int = 0
     duplicates: int = 0
@@ -75,41 +80,54 @@ def clock_of(stamps_ns: Integers, log_ns: Integers) -> Clock:
     return Clock((base + float(np.median(relative))) * 1e-9, 1e6 * change / span if span > 0 else 0.0)
 
 
-def other_clocks(stamps_ns: Integers, log_ns: Integers, offset_ns: int | None) -> tuple[Flags, list[int], int | None]:
+def other_clocks(
+    stamps_ns: Integers, log_ns: Integers, before: tuple[int, int] | None
+) -> tuple[Flags, list[int], tuple[int, int] | None]:
     """Find the messages (m,) whose stamps come from another clock than that of the messages before.
 
     A stamp that leaves its predecessor by more than `CLOCK_JUMP_NS`, and the log times do not, is of another clock. At
-    least `PERSISTENT` such messages in a row are a clock that was set: it counts from then on.
+    least `PERSISTENT` such messages in a row are a clock that was set: it counts from then on, unless it leaves log
+    times that were within `FAR_NS` before.
 
     Parameters
     ----------
     stamps_ns, log_ns : ndarray (m,)
         In file order.
-    offset_ns : int or None
-        Stamp minus log time of the last message before that was not astray.
+    before : tuple of int or None
+        Stamp and log time of the last message before that was not astray.
 
     Returns
     -------
     tuple
-        Which messages are astray; where the clock was set; the offset of the last message that is not.
+        Which messages are astray; where the clock was set; stamp and log time of the last message that is not.
     """
-    astray = np.zeros(len(stamps_ns), np.bool_)
+    known = int(before is not None)
+    if before is not None:
+        stamps_ns, log_ns = np.append(before[0], stamps_ns), np.append(before[1], log_ns)
     offsets = stamps_ns - log_ns
     jumped = (np.abs(np.diff(stamps_ns)) > CLOCK_JUMP_NS) & (np.abs(np.diff(offsets)) > CLOCK_JUMP_NS)
-    bounds = [0, *(np.flatnonzero(jumped) + 1).tolist(), len(stamps_ns)]
-    runs = list(pairwise(bounds))
+    runs = list(pairwise([0, *(np.flatnonzero(jumped) + 1).tolist(), len(stamps_ns)]))
+    current = int(offsets[0 if known else _first_clock(runs, offsets)]) if len(offsets) else 0
+    astray = np.zeros(len(stamps_ns), np.bool_)
     steps: list[int] = []
-    if len(runs) > 1 and offset_ns is None:
-        # The first stamps may be the astray ones.
-        offset_ns = int(offsets[next((first for first, end in runs if end - first >= PERSISTENT), 0)])
-    for first, end in runs if len(runs) > 1 else ():
-        if offset_ns is not None and abs(int(offsets[first]) - offset_ns) > CLOCK_JUMP_NS:
-            if end - first < PERSISTENT:
+    for first, end in runs:
+        if abs(int(offsets[first]) - current) > CLOCK_JUMP_NS:
+            leaves = abs(current) <= FAR_NS < abs(int(offsets[first]))
+            if leaves or end - first < PERSISTENT:
                 astray[first:end] = True
                 continue
-            steps.append(first)
-        offset_ns = int(offsets[end - 1])
-    return astray, steps, int(offsets[-1]) if len(runs) == 1 and len(offsets) else offset_ns
+            steps.append(first - known)
+        current = int(offsets[end - 1])
+    good = np.flatnonzero(~astray)
+    last = (int(stamps_ns[good[-1]]), int(log_ns[good[-1]])) if len(good) else before
+    return astray[known:], steps, last
+
+
+def _first_clock(runs: list[tuple[int, int]], offsets: Integers) -> int:
+    """Begin of the first run that is a clock, for the first stamps may be astray: best one that fits the log times."""
+    lasting = [first for first, end in runs if end - first >= PERSISTENT]
+    fitting = [first for first in lasting if abs(int(offsets[first])) <= FAR_NS]
+    return next(iter([*fitting, *lasting]), 0)
 
 
 def find_gaps(time: Array, before: float | None = None) -> tuple[list[tuple[float, float]], float]:

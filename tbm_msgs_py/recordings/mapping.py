@@ -14,7 +14,9 @@ from pydantic import BaseModel, ConfigDict, Field, field_validator, model_valida
 from tbm_msgs_py.base.arrays import Array
 from tbm_msgs_py.base.errors import RecordingError
 from tbm_msgs_py.base.fields import Name
+from tbm_msgs_py.base.files import real_path
 from tbm_msgs_py.base.strict_yaml import read_yaml
+from tbm_msgs_py.base.texts import LONGEST_NAME
 from tbm_msgs_py.base.units import STANDARD_GRAVITY
 from tbm_msgs_py.base.validation import validated
 from tbm_msgs_py.topics import OPERATING_POINT, absolute
@@ -42,6 +44,8 @@ class SensorMapping(BaseModel):
         Roll, pitch and yaw of the sensor in the machine, degrees, applied after `axes`.
     range : float or None
         Measuring range in `units`; samples at it count as clipped.
+    frame_id : str or None
+        Of the messages that are meant, where several sensors share the topic.
     """
 
     model_config = ConfigDict(frozen=True, extra="forbid")
@@ -53,6 +57,7 @@ class SensorMapping(BaseModel):
     axes: tuple[Axis, Axis, Axis] = ("x", "y", "z")
     rotation: tuple[float, float, float] = (0.0, 0.0, 0.0)
     range: Annotated[float, Field(gt=0, allow_inf_nan=False)] | None = None
+    frame_id: Annotated[str, Field(max_length=LONGEST_NAME)] | None = None
 
     @field_validator("axes")
     @classmethod
@@ -124,7 +129,8 @@ def load_mapping(path: str | Path) -> TopicMapping:
 
 
 def default_mapping_file(recording: Path) -> Path | None:
-    """``mapping.yaml`` in the folder of a recording, else beside it."""
+    """``mapping.yaml`` in the folder of a recording, else beside it; of a link, where it leads to."""
+    recording = real_path(recording)
     candidates = (recording / FILE_NAME, recording.parent / FILE_NAME)
     return next((file for file in candidates if file.is_file()), None)
 

@@ -3,59 +3,119 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
+from rosbags.typesys.store import Typestore
 
 from tbm_msgs_py.bags.batch import MessageBatch
-from tbm_msgs_py.bags.definitions import JOINT_STATE_TYPE, UNDECODABLE, other_encoding, typestore
-from tbm_msgs_py.base.arrays import Array
+from tbm_msgs_py.bags.definitions import JOINT_STATE_TYPE, UNDECODABLE, other_encoding
+from tbm_msgs_py.base.arrays import Array, Integers
 from tbm_msgs_py.base.operating_point import OperatingPoint, from_joint_state
-from tbm_msgs_py.blocks import stamp_to_ns
+from tbm_msgs_py.blocks import StampError, stamp_to_ns
+from tbm_msgs_py.recordings.clocks import ClockTrack
+
+ClockName = Literal["header stamps", "log times"]
 
 
 @dataclass(frozen=True)
 class OperatingRecord:
-    """Operating point over time.
+    """Operating point over time, on the clock of the sensors.
 
     Attributes
     ----------
     start_ns : int
-        Header time of the first entry, ns.
+        Time of the first entry, ns.
     time : ndarray (n,)
-        Header time after `start_ns`, s.
+        Time after `start_ns`, s.
     points : tuple of OperatingPoint
         One each time.
+    clock : {"header stamps", "log times"}
+        Where the times come from.
+    doubt : str
+        Why the header stamps are not used; empty when they are.
     """
 
     start_ns: int
     time: Array
     points: tuple[OperatingPoint, ...]
+    clock: ClockName = "header stamps"
+    doubt: str = ""
 
 
 class OperatingPoints:
-    """Collects operating points while a recording is read; `undecodable` messages are counted."""
+    """Collects operating points while a recording is read.
+
+    Attributes
+    ----------
+    undecodable : int
+        Messages that are no operating point.
+    problem : str
+        What was wrong with the first of those.
+    """
 
     def __init__(self) -> None:
-        self.undecodable = 0
-        self._entries: list[tuple[int, OperatingPoint]] = []
+        self.undecodable, self.problem = 0, ""
+        self._entries: list[tuple[int | None, int, OperatingPoint]] = []  # stamp, log time
+        self._no_time = ""
 
-    def add(self, messages: MessageBatch) -> None:
-        """Add the joint states of a batch."""
+    def add(self, messages: MessageBatch, store: Typestore) -> None:
+        """Add the joint states of a batch, decoded by the definitions of a store."""
         for message in messages.raw():
             try:
                 if other := other_encoding(message.data):
                     raise ValueError(other)
-                state = typestore().deserialize_cdr(message.data, JOINT_STATE_TYPE)
-                entry = stamp_to_ns(state.header.stamp), from_joint_state(state)  # type: ignore[arg-type, attr-defined]
-            except UNDECODABLE:
+                state = store.deserialize_cdr(message.data, JOINT_STATE_TYPE)
+                point = from_joint_state(state)  # type: ignore[arg-type]
+                stamp = self._stamp(state)
+            except (*UNDECODABLE, AttributeError, TypeError) as error:
                 self.undecodable += 1
+                self.problem = self.problem or str(error) or type(error).__name__
                 continue
-            self._entries.append(entry)
+            self._entries.append((stamp, message.log_ns, point))
 
-    def record(self) -> OperatingRecord | None:
-        """All so far in order of time; None without any."""
+    def _stamp(self, state: object) -> int | None:
+        try:
+            return stamp_to_ns(state.header.stamp)  # type: ignore[attr-defined]
+        except StampError as error:
+            self._no_time = self._no_time or str(error)
+            return None
+
+    def record(self, clock: ClockTrack | None = None) -> OperatingRecord | None:
+        """All so far in order of time, on the clock of the sensors; None without any.
+
+        Header stamps are used if they fit that clock. If one does not, log times are used for all. The first entry is
+        often older than the recording, for the topic is latched: that is no fault, and it holds from the begin on.
+        """
         if not self._entries:
             return None
-        entries = sorted(self._entries, key=lambda entry: entry[0])
-        times = np.array([stamp for stamp, _ in entries], np.int64)
-        return OperatingRecord(entries[0][0], (times - times[0]) * 1e-9, tuple(point for _, point in entries))
+        log = np.array([entry[1] for entry in self._entries], np.int64)
+        stamps = np.array([-1 if stamp is None else stamp for stamp, *_ in self._entries], np.int64)
+        times, doubt = self._times(stamps, log, clock) if clock else (stamps, self._no_time)
+        if doubt and len(log) > 1 and clock and not clock.dated:
+            self.problem = f"{doubt}, which are all the same"
+            return None
+        order = np.argsort(times, kind="stable")
+        points = tuple(self._entries[k][2] for k in order)
+        times = times[order]
+        name: ClockName = "log times" if doubt else "header stamps"
+        return OperatingRecord(int(times[0]), (times - times[0]) * 1e-9, points, name, doubt)
+
+    def _times(self, stamps: Integers, log: Integers, clock: ClockTrack) -> tuple[Integers, str]:
+        """Find the times of the entries, and why they are not the header stamps."""
+        fits = clock.fits(stamps, log)
+        first = int(np.argmin(log))
+        if 0 < stamps[first] < clock.stamps_at(log)[first]:
+            fits[first] = True
+        if fits.all():
+            return stamps, ""
+        worst = int(np.flatnonzero(~fits)[0])
+        if stamps[worst] < 0:
+            reason = self._no_time
+        elif stamps[worst] == 0:
+            reason = "the stamp is 0"
+        else:
+            away = (stamps[worst] - clock.stamps_at(log)[worst]) * 1e-9
+            reason = f"{abs(away):.3f} s {'ahead of' if away > 0 else 'behind'} the sensors'"
+        count = f"{np.count_nonzero(~fits)} of {len(fits)} header stamps do not fit the clock of the sensors ({reason})"
+        return clock.stamps_at(log), f"{count}: placed by the log times"

@@ -4,85 +4,52 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 
-import numpy as np
-
 from tbm_msgs_py.bags.bag import Bag
 from tbm_msgs_py.bags.batch import MessageBatch, Topic
-from tbm_msgs_py.bags.definitions import JOINT_STATE_TYPE
-from tbm_msgs_py.base.arrays import Array
 from tbm_msgs_py.base.errors import RecordingError
-from tbm_msgs_py.base.texts import listed, quoted
-from tbm_msgs_py.recordings.decoding import ACCELERATION_TYPES, decode_samples
-from tbm_msgs_py.recordings.faults import Clock, FaultCounts, find_gaps, stuck_axes
+from tbm_msgs_py.base.files import real_path
+from tbm_msgs_py.base.texts import listed
+from tbm_msgs_py.recordings.acceleration import AccelerationRecord, acceleration_record
+from tbm_msgs_py.recordings.channels import LeftOut
+from tbm_msgs_py.recordings.clocks import ClockTrack, clock_doubts, clock_shifts, reference_clock
+from tbm_msgs_py.recordings.faults import FaultCounts
 from tbm_msgs_py.recordings.mapping import (
-    SensorMapping,
     TopicMapping,
     contract_mapping,
     contract_sensor,
     default_mapping_file,
     load_mapping,
 )
-from tbm_msgs_py.recordings.operating import OperatingPoints, OperatingRecord
+from tbm_msgs_py.recordings.operating import OperatingRecord
 from tbm_msgs_py.recordings.reading_order import follows_log
+from tbm_msgs_py.recordings.sources import OperatingTopic, SensorTopic
 from tbm_msgs_py.recordings.splitting import RecordSplitter
-from tbm_msgs_py.recordings.timeline import DecodedStream, Timeline
+from tbm_msgs_py.recordings.timeline import DecodedStream
+from tbm_msgs_py.recordings.used import BY_PROGRAM, UsedSources
 
 PIECE_S = 60.0
 
 
 @dataclass(frozen=True)
-class AccelerationRecord:
-    """Acceleration of one test point, or a piece of it. What the faults mean is in docs/recordings.md.
+class UsedMapping:
+    """A mapping, and the file that it was read from, if it was.
 
     Attributes
     ----------
-    topic, point : str
-        Where it comes from.
-    start_ns : int
-        Header time of the first sample, ns since the epoch.
-    time : ndarray (n,)
-        Header time after `start_ns`, s, strictly increasing.
-    values : ndarray (n, 3)
-        Machine axes x, y, z, m/s².
-    gaps : list of (float, float)
-        Times of the last sample before and the first after each hole, s; in a piece the first hole may begin before
-        `start_ns`, at a negative time.
-    rate_hz : float
-        Mean sample rate outside the gaps; 0 for fewer than two samples.
-    clipped : int
-        Samples at the stated range.
-    gravity, frame : str
-        As the mapping states: ``included`` or ``removed``, ``fixed`` or ``rotating``.
-    stuck : tuple of (str, float, float)
-        Sensor axis and times, s, of each interval in which it holds one value.
-    faults : FaultCounts
-        What was dropped or put right.
-    clock : Clock
-        Header stamps against log times.
+    mapping : TopicMapping
+    file : Path or None
+        Absolute, links followed.
+    stated : bool
+        It was given or found, and is not the contract's.
     """
 
-    topic: str
-    point: str
-    start_ns: int
-    time: Array
-    values: Array
-    gaps: list[tuple[float, float]]
-    rate_hz: float
-    clipped: int = 0
-    gravity: str = "removed"
-    frame: str = "fixed"
-    stuck: tuple[tuple[str, float, float], ...] = ()
-    faults: FaultCounts = field(default_factory=FaultCounts)
-    clock: Clock = field(default_factory=Clock)
-
-    @property
-    def duration(self) -> float:
-        """Seconds from the first to the last sample."""
-        return float(self.time[-1])
+    mapping: TopicMapping
+    file: Path | None = None
+    stated: bool = True
 
 
 class RecordingReader:
@@ -91,19 +58,21 @@ class RecordingReader:
     Attributes
     ----------
     path : Path
-        Of the recording.
+        Of the recording, absolute, links followed.
     sensors : dict
         Sensor of each mapped test point that is in the recording.
+    mapping : UsedMapping
+        What says so.
     """
 
-    def __init__(self, bag: Bag, topics: Mapping[str, Topic], mapping: TopicMapping) -> None:
-        self.path = bag.path
-        self.sensors = {mapping.topics[name].point: mapping.topics[name] for name in topics}
+    def __init__(self, bag: Bag, mapping: UsedMapping) -> None:
+        self.path, self.mapping = bag.path, mapping
         self._bag = bag
-        self._topics = {mapping.topics[name].point: topic for name, topic in topics.items()}
-        self._points = {(topic.name, topic.type): point for point, topic in self._topics.items()}
-        self._mapping = mapping
+        self._channels = _channels(bag)
         self._restart()
+        self.sensors = {point: topic.sensor for point, topic in self._sensors.items()}
+        if not self.sensors:
+            raise RecordingError(f"{bag.path}: {self._no_sensor()}")
 
     @property
     def messages(self) -> int:
@@ -112,9 +81,10 @@ class RecordingReader:
 
     @property
     def lost(self) -> int:
-        """Messages known to be missing or undecodable; complete when all pieces were read, like the two below."""
-        undecodable = sum(line.total.undecodable for line in self._lines.values())
-        return self._bag.lost + undecodable + self._operating.undecodable
+        """Messages known to be missing or undecodable; complete when all pieces were read, like all below."""
+        found = (topic.line.total for topic in self._sensors.values())
+        undecodable = sum(faults.undecodable + faults.unstamped for faults in found)
+        return self._bag.lost + undecodable + (self._operating.points.undecodable if self._operating else 0)
 
     @property
     def truncated(self) -> bool:
@@ -128,24 +98,58 @@ class RecordingReader:
 
     @property
     def operating_point(self) -> OperatingRecord | None:
-        """Operating points read so far, None without any."""
-        return self._operating.record()
+        """Operating points read so far, on the reference clock of the sensors; None without any."""
+        if self._operating is None:
+            return None
+        clocks = self.clocks
+        reference = reference_clock(clocks)
+        return self._operating.points.record(None if reference is None else clocks[reference])
+
+    @property
+    def clocks(self) -> dict[str, ClockTrack]:
+        """Clock of each test point."""
+        return {point: topic.clock for point, topic in self._sensors.items()}
 
     @property
     def faults(self) -> Mapping[str, FaultCounts]:
         """What was found so far, by test point."""
-        return {point: line.total for point, line in self._lines.items()}
+        return {point: topic.line.total for point, topic in self._sensors.items()}
+
+    @property
+    def left_out(self) -> list[LeftOut]:
+        """Messages of mapped topics that are not used, so far."""
+        chosen = [topic.channel for topic in self._sensors.values()]
+        chosen += [self._operating.channel] if self._operating else []
+        return [*self._beside, *(one for channel in chosen for one in channel.left_out)]
 
     @property
     def problems(self) -> Mapping[str, str]:
-        """Why a test point has no samples so far."""
+        """Why a test point that the mapping names has no samples so far."""
         unread = next(iter(self._bag.notes), "") if self._bag.lost or self._bag.damaged else ""
-        other = unread or "no finite sample, allowed: at least one"
-        return {
-            point: f"topic {self._topics[point].name}: {line.problem or other}"
-            for point, line in self._lines.items()
-            if point not in self._sampled
-        }
+        silent = {point: topic.problem(unread) for point, topic in self._sensors.items() if point not in self._sampled}
+        return {**self._missing, **silent}
+
+    @property
+    def sources(self) -> UsedSources:
+        """Files, topics and clocks that are used, so far."""
+        record, file = self.operating_point, self.mapping.file
+        mapping = str(file) if file else BY_PROGRAM if self.mapping.stated else None
+        placed = tuple(point for point, shift in clock_shifts(self.clocks).items() if shift)
+        if self._operating is None or record is None:
+            return UsedSources(mapping, placed=placed)
+        return UsedSources(mapping, self._operating.name, len(record.points), record.clock, placed)
+
+    @property
+    def doubts(self) -> list[str]:
+        """What of the operating point and of the clocks is not as the mapping or the stamps say, a line each."""
+        found = [self._no_operating] if self._no_operating else []
+        if self._operating is not None:
+            points, record, name = self._operating.points, self.operating_point, self._operating.name
+            if record is not None and record.doubt:
+                found.append(f"operating point {name}: {record.doubt}")
+            if points.undecodable or (record is None and points.problem):
+                found.append(f"operating point {name}: {points.undecodable} messages cannot be used: {points.problem}")
+        return [*found, *clock_doubts(self.clocks)]
 
     @cached_property
     def sha256(self) -> str:
@@ -171,8 +175,9 @@ class RecordingReader:
         if not length_s >= 1e-3:
             raise ValueError(f"pieces of {length_s:g} s, allowed: 0.001 s or more")
         self._restart()
-        splitter = RecordSplitter(self._lines, length_s)
-        by_log = self._bag.is_disordered() and follows_log(self._bag.batches(), self._points)
+        splitter = RecordSplitter({point: topic.line for point, topic in self._sensors.items()}, length_s)
+        sampled = {(topic.name, topic.channel.used.type) for topic in self._sensors.values()}
+        by_log = self._bag.is_disordered() and follows_log(self._bag.batches(), sampled)
         for batch in self._bag.batches_in_order() if by_log else self._bag.batches():
             self._add(batch)
             yield from map(self._records, splitter.due())
@@ -181,20 +186,51 @@ class RecordingReader:
             raise RecordingError(f"{self.path}: {listed(self.problems.values(), separator='; ')}")
 
     def _restart(self) -> None:
-        self._lines = {point: Timeline() for point in self.sensors}
-        self._operating = OperatingPoints()
+        """Forget what was read, and find the topics of the mapping."""
+        self._sensors: dict[str, SensorTopic] = {}
+        self._missing: dict[str, str] = {}
         self._sampled: set[str] = set()
+        for name, sensor in self.mapping.mapping.topics.items():
+            try:
+                self._sensors[sensor.point] = SensorTopic(name, self._found(name), sensor)
+            except RecordingError as error:
+                self._missing[sensor.point] = str(error)
+        self._beside = [] if self.mapping.stated else _beside_blocks(self._channels, self.mapping.mapping)
+        self._operating: OperatingTopic | None = None
+        self._no_operating = ""
+        named = self.mapping.mapping.operating_point
+        try:
+            self._operating = OperatingTopic(named, self._found(named))
+        except RecordingError as error:
+            if named in self._channels or "operating_point" in self.mapping.mapping.model_fields_set:
+                self._no_operating = f"operating point: {error}: none of the recording is used"
+        self._topics = {topic.name: topic for topic in self._sensors.values()}
+
+    def _found(self, name: str) -> Mapping[Topic, int]:
+        """Channels of a topic that the mapping names."""
+        if name not in self._channels:
+            raise RecordingError(f"topic {name} is not in the recording, {_listing(self._channels)}")
+        return self._channels[name]
+
+    def _no_sensor(self) -> str:
+        named = [name for name in self.mapping.mapping.topics if name in self._channels]
+        if not named:
+            return f"no topic of the mapping is in the recording, {_listing(self._channels)}"
+        return listed(self._missing.values(), separator="; ")
 
     def _add(self, batch: MessageBatch) -> None:
         for topic, messages in batch.by_topic():
-            if point := self._points.get((topic.name, topic.type)):
-                self._lines[point].add(decode_samples(topic.type, messages))
-            elif topic.name == self._mapping.operating_point and topic.type == JOINT_STATE_TYPE:
-                self._operating.add(messages)
+            if topic.name in self._topics:
+                self._topics[topic.name].add(topic, messages)
+            if self._operating is not None and topic.name == self._operating.name:
+                self._operating.add(topic, messages)
 
     def _records(self, piece: Mapping[str, DecodedStream]) -> dict[str, AccelerationRecord]:
         self._sampled |= piece.keys()
-        return {point: _record(self._topics[point].name, self.sensors[point], data) for point, data in piece.items()}
+        return {
+            point: acceleration_record(self._sensors[point].name, self.sensors[point], data)
+            for point, data in piece.items()
+        }
 
 
 class Recording(RecordingReader):
@@ -206,8 +242,8 @@ class Recording(RecordingReader):
         Record of each mapped test point that has samples.
     """
 
-    def __init__(self, bag: Bag, topics: Mapping[str, Topic], mapping: TopicMapping) -> None:
-        super().__init__(bag, topics, mapping)
+    def __init__(self, bag: Bag, mapping: UsedMapping) -> None:
+        super().__init__(bag, mapping)
         found = {point: record for piece in self.pieces(math.inf) for point, record in piece.items()}
         self.points = {point: found[point] for point in self.sensors if point in found}
 
@@ -225,7 +261,8 @@ def open_recording(path: str | Path, mapping: TopicMapping | str | Path | None =
     Raises
     ------
     RecordingError
-        Not readable, nothing in it, no mapped topic in it, or one of a type that is no acceleration.
+        Not readable, nothing in it, or no mapped topic in it that can be decoded as acceleration; one of several that
+        cannot is a problem of its test point.
     """
     return RecordingReader(*_opened(path, mapping))
 
@@ -252,84 +289,47 @@ def read_acceleration(
     mapping : TopicMapping, str or Path, optional
         As in `open_recording`.
     """
-    bag = Bag(path)
-    found = _topics(bag)
-    stated = _stated_mapping(bag, mapping)
-    sensor = stated.topics.get(topic) if stated else None
-    chosen = TopicMapping(topics={topic: sensor or contract_sensor(_point_of(topic))})
-    mapped = _mapped(bag, found, chosen)
-    if not mapped:
+    bag = Bag(real_path(path))
+    if topic not in (found := _channels(bag)):
         raise RecordingError(f"{bag.path}: topic {topic} is not in the recording, {_listing(found)}")
-    (record,) = Recording(bag, mapped, chosen).points.values()
+    stated = _stated_mapping(bag, mapping)
+    sensor = stated.mapping.topics.get(topic) if stated else None
+    chosen = TopicMapping(topics={topic: sensor or contract_sensor(_point_of(topic))})
+    (record,) = Recording(bag, UsedMapping(chosen, stated.file if stated else None)).points.values()
     return record
 
 
-def _opened(path: str | Path, mapping: TopicMapping | str | Path | None) -> tuple[Bag, dict[str, Topic], TopicMapping]:
-    bag = Bag(path)
-    found = _topics(bag)
-    chosen = _stated_mapping(bag, mapping) or contract_mapping(dict.fromkeys(topic.name for topic in found))
-    mapped = _mapped(bag, found, chosen)
-    if not mapped:
-        raise RecordingError(f"{bag.path}: no topic of the mapping is in the recording, {_listing(found)}")
-    return bag, mapped, chosen
+def _opened(path: str | Path, mapping: TopicMapping | str | Path | None) -> tuple[Bag, UsedMapping]:
+    bag = Bag(real_path(path))
+    return bag, _stated_mapping(bag, mapping) or UsedMapping(contract_mapping(_channels(bag)), stated=False)
 
 
-def _stated_mapping(bag: Bag, mapping: TopicMapping | str | Path | None) -> TopicMapping | None:
+def _stated_mapping(bag: Bag, mapping: TopicMapping | str | Path | None) -> UsedMapping | None:
     if isinstance(mapping, TopicMapping):
-        return mapping
-    file = default_mapping_file(bag.path) if mapping is None else mapping
-    return None if file is None else load_mapping(file)
+        return UsedMapping(mapping)
+    file = default_mapping_file(bag.path) if mapping is None else Path(mapping)
+    return None if file is None else UsedMapping(load_mapping(file), real_path(file))
 
 
-def _topics(bag: Bag) -> list[Topic]:
-    found = [topic for topic, count in bag.info().topics.items() if count]
+def _channels(bag: Bag) -> dict[str, dict[Topic, int]]:
+    """Channels with messages, and how many, by topic name."""
+    found: dict[str, dict[Topic, int]] = {}
+    for topic, count in bag.info().topics.items():
+        if count:
+            found.setdefault(topic.name, {})[topic] = count
     if not found:
         raise bag.nothing_read()
     return found
 
 
-def _mapped(bag: Bag, found: list[Topic], mapping: TopicMapping) -> dict[str, Topic]:
-    """Topic of each mapped name that is in the recording."""
-    mapped: dict[str, Topic] = {}
-    by_name: dict[str, list[Topic]] = {}
-    for topic in found:
-        by_name.setdefault(topic.name, []).append(topic)
-    for name in mapping.topics:
-        there = by_name.get(name, [])
-        usable = [topic for topic in there if topic.type in ACCELERATION_TYPES and topic.encoding == "cdr"]
-        if there and not usable and (other := there[0].encoding) != "cdr":
-            raise RecordingError(f"{bag.path}: topic {name}: message encoding {quoted(other)}, allowed: cdr")
-        if there and not usable:
-            raise RecordingError(
-                f"{bag.path}: topic {name}: type {there[0].type or 'unknown'}, allowed: {', '.join(ACCELERATION_TYPES)}"
-            )
-        if usable:
-            mapped[name] = usable[0]
-    return mapped
-
-
-def _record(topic: str, sensor: SensorMapping, stream: DecodedStream) -> AccelerationRecord:
-    start, values = int(stream.times_ns[0]), stream.values
-    time = np.asarray((stream.times_ns - start) * 1e-9, np.float64)
-    gaps, rate = find_gaps(time, None if stream.before_ns is None else (stream.before_ns - start) * 1e-9)
-    clipped = 0
-    if sensor.range is not None:
-        clipped = int(np.count_nonzero((np.abs(values) >= sensor.range * (1 - 1e-6)).any(axis=1)))
-    return AccelerationRecord(
-        topic=topic,
-        point=sensor.point,
-        start_ns=start,
-        time=time,
-        values=values @ sensor.matrix().T,
-        gaps=gaps,
-        rate_hz=rate,
-        clipped=clipped,
-        gravity=sensor.gravity,
-        frame=sensor.frame,
-        stuck=tuple(("xyz"[axis], first, last) for axis, first, last in stuck_axes(time, values, rate)),
-        faults=stream.faults,
-        clock=stream.clock,
-    )
+def _beside_blocks(channels: Mapping[str, Mapping[Topic, int]], mapping: TopicMapping) -> list[LeftOut]:
+    """Single samples of test points whose blocks are used."""
+    blocks = {name: name.removesuffix("block") + "accel" for name in mapping.topics if name.endswith("/block")}
+    return [
+        LeftOut(single, "single samples", sum(channels[single].values()), f"the blocks of {name} are used")
+        for name, single in blocks.items()
+        if single in channels
+    ]
 
 
 def _point_of(topic: str) -> str:
@@ -337,5 +337,5 @@ def _point_of(topic: str) -> str:
     return parts[-2] if len(parts) > 1 else parts[0]
 
 
-def _listing(found: list[Topic]) -> str:
-    return "allowed: " + listed(f"{topic.name} ({topic.type})" for topic in sorted(found, key=lambda t: t.name))
+def _listing(channels: Mapping[str, Mapping[Topic, int]]) -> str:
+    return "allowed: " + listed(f"{topic.name} ({topic.type})" for name in sorted(channels) for topic in channels[name])

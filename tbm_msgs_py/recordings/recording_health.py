@@ -7,9 +7,10 @@ from dataclasses import asdict, dataclass, field
 from pathlib import Path
 
 from tbm_msgs_py.base.units import NANOSECONDS
+from tbm_msgs_py.recordings.acceleration import AccelerationRecord
 from tbm_msgs_py.recordings.faults import CLOCK_JUMP_NS, FaultCounts
 from tbm_msgs_py.recordings.mapping import TopicMapping
-from tbm_msgs_py.recordings.recording import AccelerationRecord, RecordingReader, open_recording
+from tbm_msgs_py.recordings.recording import RecordingReader, open_recording
 
 COUNTS = ("clipped", *FaultCounts.__dataclass_fields__)
 """Every fault that is counted."""
@@ -145,23 +146,29 @@ class PointHealth:
 
 
 class RecordingHealth:
-    """Health of the test points of a recording, added up while it is read."""
+    """Health of the test points of a recording, added up while it is read.
+
+    Attributes
+    ----------
+    reader : RecordingReader
+        What reads it, and says what it left out.
+    """
 
     def __init__(self, reader: RecordingReader) -> None:
-        self._reader = reader
+        self.reader = reader
         self._points: dict[str, PointHealth] = {}
 
     @property
     def points(self) -> dict[str, PointHealth]:
         """Test points with samples so far, in the order of the mapping, with the faults behind their last samples."""
         for point, health in self._points.items():
-            health.faults = self._reader.faults[point]
-        return {point: self._points[point] for point in self._reader.sensors if point in self._points}
+            health.faults = self.reader.faults[point]
+        return {point: self._points[point] for point in self.reader.sensors if point in self._points}
 
     @property
     def problems(self) -> dict[str, str]:
         """Why a test point has no samples so far."""
-        return dict(self._reader.problems)
+        return dict(self.reader.problems)
 
     def add(self, piece: Mapping[str, AccelerationRecord]) -> None:
         """Add the next piece."""

@@ -60,7 +60,7 @@ class Timeline:
         self._values: Array = np.empty((0, 3))
         self._popped_ns: int | None = None
         self._newest_ns = np.iinfo(np.int64).min  # of all samples so far
-        self._offset_ns: int | None = None
+        self._last: tuple[int, int] | None = None  # stamp and log time of the last message that was not astray
         self._faults = FaultCounts()
         self._messages = self._times, self._times  # stamps and log times of the messages that wait
         self._clock = Clock()
@@ -68,7 +68,7 @@ class Timeline:
     def add(self, samples: DecodedSamples) -> None:
         """Add the samples of the next messages."""
         self.problem = self.problem or samples.problem
-        self._count(FaultCounts(undecodable=samples.undecodable))
+        self._count(samples.faults)
         if len(samples.stamps_ns):
             self._pending.append(samples)
             middle = len(samples.stamps_ns) // 2
@@ -114,7 +114,7 @@ class Timeline:
         self._pending = []
         stamps, log, counts, times, values = columns
         if not stamps.any():
-            self._count(FaultCounts(undecodable=len(stamps)))
+            self._count(FaultCounts(unstamped=len(stamps)))
             self.problem = self.problem or NO_STAMPS
             return
         times, values, stamps, log = self._one_clock(stamps, log, counts, times, values)
@@ -125,7 +125,7 @@ class Timeline:
         self, stamps: Integers, log: Integers, counts: Integers, times: Integers, values: Array
     ) -> tuple[Integers, Array, Integers, Integers]:
         """Drop the messages of another clock, and what a clock that was set back states a second time."""
-        astray, steps, self._offset_ns = other_clocks(stamps, log, self._offset_ns)
+        astray, steps, self._last = other_clocks(stamps, log, self._last)
         if not astray.any() and not steps:
             return times, values, stamps, log
         sample_of = np.repeat(np.arange(len(stamps)), counts)

@@ -10,8 +10,8 @@ from hypothesis import strategies as st
 from tbm_gsa.comparison.field_side import reduce_field
 from tbm_gsa.signals.estimates import estimate
 from tbm_gsa.signals.settings import Settings
+from tbm_msgs_py.recordings.acceleration import AccelerationRecord
 from tbm_msgs_py.recordings.faults import Clock, FaultCounts, find_gaps, stuck_axes
-from tbm_msgs_py.recordings.recording import AccelerationRecord
 
 RATE, START_NS = 1000.0, 1_700_000_000_000_000_000
 CHOSEN = Settings()
@@ -26,7 +26,7 @@ class Reader:
 
     def __init__(self, cuts):
         self.sensors = {"shield": SimpleNamespace(frame="fixed")}
-        self.faults = {"shield": FaultCounts()}
+        self.faults, self.clocks = {"shield": FaultCounts()}, {}
         self._cuts = cuts
 
     def pieces(self):

@@ -7,6 +7,7 @@ import pytest
 
 from tbm_gsa.app.nodes import gsa_process
 from tbm_gsa.app.nodes.error_alarm import ErrorAlarm
+from tbm_gsa.app.nodes.frame_choice import FrameChoice
 from tbm_gsa.app.nodes.gsa_process import GsaOptions, GsaProcess
 from tbm_gsa.app.nodes.live_comparison import LiveComparison, field_sensors
 from tbm_msgs_py import topics
@@ -22,10 +23,10 @@ def compare():
     """Windows of half a second of sines of known amplitudes, the first ones left out while filters settle."""
 
     def run(point="girder", operating=((1.0, 1.0, 1.0),)):
-        sensors = field_sensors("", ["girder"])
+        sensors, _ = field_sensors("", ["girder"])
         comparison = LiveComparison(["girder"], sensors.values(), 0.5, lambda _: None)
         for k, driven in enumerate(operating):
-            comparison.add_operating_point(topics.OPERATING_POINT, k * SECOND, driven)
+            comparison.add_operating_point(topics.OPERATING_POINT, k * SECOND, driven, 0)
         sensor = sensors["field/girder/block"].model_copy(update={"point": point})
         for k in range(10):
             comparison.add(sensor, "model", k * SECOND, OFFSETS, 3.0 * SINE)
@@ -49,6 +50,53 @@ def test_a_machine_that_stands_still_has_no_error(compare):
 
 def test_points_that_the_machine_has_not_are_left_out(compare):
     assert compare("nowhere").latest == {}
+
+
+@pytest.mark.parametrize(
+    ("stamp", "named"),
+    [
+        (None, "no ROS time"),
+        (0, "the stamp is 0"),
+        (25_230 * SECOND, "25200.001 s ahead of the signals"),
+        (30 * SECOND, ""),
+    ],
+)
+def test_operating_points_off_the_clock_hold_from_now(compare, stamp, named):
+    """One comes 30 s after the begin of the signals, and the machine stands still from then on."""
+    comparison = compare(operating=())
+    for k in range(10, 30):
+        comparison.add(field_sensors("", ["girder"])[0]["field/girder/block"], "field", k * SECOND, OFFSETS, SINE)
+    comparison.add_operating_point(topics.OPERATING_POINT, SECOND, (1.0, 1.0, 1.0), 0)
+    said = comparison.add_operating_point(topics.OPERATING_POINT, stamp, (0.0, 0.0, 0.0), 0)
+    assert named in said
+    operation = comparison._operation[topics.OPERATING_POINT]
+    assert [operation.kind(k * SECOND, (k + 1) * SECOND) for k in (28, 40)] == ["steady", "standstill"]
+
+
+def test_what_of_a_mapping_is_not_used_live_is_said(tmp_path):
+    file = tmp_path / "mapping.yaml"
+    sensor = "{point: belt, units: g, gravity: removed, frame: fixed}"
+    file.write_text(f"topics:\n  /a: {sensor}\noperating_point: /plc\n")
+    sensors, unused = field_sensors(str(file), ["girder"])
+    assert set(sensors) == {"/a"}
+    assert [line.removeprefix(f"{file}: ") for line in unused] == [
+        "topic /a: test point 'belt' is none of the machine's: not compared, allowed: girder",
+        "operating_point /plc: live the nodes follow /tbm/operating_point; not used",
+    ]
+
+
+def test_one_frame_of_a_topic_is_used_until_it_is_silent():
+    now = [0.0]
+    choice = FrameChoice(None, lambda: now[0])
+    assert [choice.takes(frame) for frame in "abab"] == [True, False, True, False]
+    assert choice.problem().startswith("frame_id 'b' beside 'a', which alone is used")
+    now[0] = 2.5
+    assert [choice.takes(frame) for frame in "bab"] == [True, False, True]
+    now[0] = 9.0
+    assert (choice.takes("b"), choice.problem()) == (True, "")
+    stated = FrameChoice("b", lambda: now[0])
+    assert [stated.takes(frame) for frame in ("a", "b", *map(str, range(1000)))].count(True) == 1
+    assert len(stated._seen) <= 20
 
 
 def test_the_alarm_says_what_raised_it(compare):

@@ -13,6 +13,7 @@ from sample_bag import BLOCKS, SAMPLES, START_NS
 
 from tbm_msgs_py import Bag, BagWriter, RecordingError, read_recording
 from tbm_msgs_py.bags import metadata, records
+from tbm_msgs_py.bags.definitions import typestore
 from tbm_msgs_py.bags.mcap_file import MAGIC
 
 MESSAGES = BLOCKS * 6 + 1
@@ -163,7 +164,8 @@ def test_half_a_message_is_undecodable_and_counted(tmp_path):
     with path.open("wb") as file:
         writer = McapWriter(file)
         writer.start("ros2", "test")
-        schema = writer.register_schema("geometry_msgs/msg/AccelStamped", "ros2msg", b"")
+        definition, _ = typestore().generate_msgdef("geometry_msgs/msg/AccelStamped", ros_version=2)
+        schema = writer.register_schema("geometry_msgs/msg/AccelStamped", "ros2msg", definition.encode())
         whole = struct.pack("<4xiII3d3d", 1, 2, 0, *range(6))
         whole = b"\0\1\0\0" + struct.pack("<iII4x6d", 1, 2, 0, *range(6))
         for data in (whole, whole[:30], b"", whole[:3]):

@@ -35,10 +35,10 @@ def single(kind, stamp, frame, xyz, other):
 @given(
     st.lists(
         st.tuples(
-            st.tuples(st.integers(-(2**31), 2**31 - 1), st.integers(0, 10**9 - 1)),
+            st.tuples(st.integers(0, 2**31 - 1), st.integers(0, 10**9 - 1)),
             FRAME,
             st.tuples(NUMBER, NUMBER, NUMBER),
-            NUMBER,
+            NUMBER | st.just(-1.0),
             st.booleans(),
         ),
         max_size=12,
@@ -51,7 +51,10 @@ def test_single_samples_with_frames_of_any_length(kind, wanted):
         for stamp, frame, xyz, other, little in wanted
     ]
     samples = decode_samples(kind, batch_of(data))
-    assert samples.undecodable == 0
+    marked = [kind.endswith("Imu") and other == -1.0 for *_, other, _ in wanted]
+    assert (samples.faults.undecodable, samples.faults.unmeasured) == (0, sum(marked))
+    wanted = [one for one, left in zip(wanted, marked, strict=True) if not left]
+    assert [samples.frame_ids[k] for k in samples.frames] == [frame for _, frame, *_ in wanted]
     assert samples.times_ns.tolist() == [stamp[0] * 10**9 + stamp[1] for stamp, *_ in wanted]
     np.testing.assert_array_equal(samples.values, np.array([xyz for _, _, xyz, *_ in wanted]).reshape(-1, 3))
 
@@ -103,7 +106,7 @@ def test_blocks_are_those_of_the_library(wanted):
         except blocks.BlockError:
             wrong += 1
     samples = decode_samples(BLOCK_TYPE, batch_of(messages))
-    assert samples.undecodable == wrong
+    assert samples.faults.undecodable == wrong
     assert samples.times_ns.tolist() == [t for block in expected for t in block.times_ns().tolist()]
     np.testing.assert_array_equal(samples.values, np.concatenate([np.empty((0, 3)), *(b.values for b in expected)]))
     assert samples.counts.tolist() == [len(block.offsets) for block in expected]
@@ -118,12 +121,12 @@ def test_times_of_no_sense_make_a_block_undecodable(offsets, named):
     samples = decode_samples(
         BLOCK_TYPE, batch_of([bytes(STORE.serialize_cdr(m, BLOCK_TYPE)) for m in (good, bad, good)])
     )
-    assert (samples.undecodable, samples.times_ns.tolist()) == (1, [10**9, 11 * 10**8] * 2)
+    assert (samples.faults.undecodable, samples.times_ns.tolist()) == (1, [10**9, 11 * 10**8] * 2)
     assert named in samples.problem
 
 
 def test_blocks_of_other_channels_are_named():
     loads = cloud(LOADS, (1, 0), "", [0.0], np.ones((1, 6)))
     samples = decode_samples(BLOCK_TYPE, batch_of([bytes(STORE.serialize_cdr(loads, BLOCK_TYPE)), b"", b"\0\1"]))
-    assert (samples.undecodable, len(samples.times_ns)) == (3, 0)
+    assert (samples.faults.undecodable, len(samples.times_ns)) == (3, 0)
     assert "fx fy fz" in samples.problem

@@ -98,7 +98,7 @@ def test_two_clocks_in_turn_on_one_topic_leave_one(tmp_path):
     assert record.rate_hz == pytest.approx(500.0)
 
 
-@pytest.mark.parametrize("step", [60_000.0, HOUR / MS, 1e12])
+@pytest.mark.parametrize("step", [60_000.0, HOUR / MS, 1e10])
 def test_a_clock_that_is_set_forward_is_a_gap(tmp_path, step):
     stamps, logs = np.arange(1000.0) - 1e12, np.arange(1000.0)
     stamps[400:] += step

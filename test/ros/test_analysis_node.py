@@ -342,6 +342,35 @@ def test_stamps_of_another_time_are_called_that(host_node, peer):
     assert all("shield" in line for line in node.output.splitlines())
 
 
+def test_frames_marks_and_stamps_that_are_none_are_said(host_node, peer, tmp_path):
+    """Two sensors on one topic, a driver that measures nothing, stamps that are no time; a point of another machine."""
+    mapping = tmp_path / "mapping.yaml"
+    points = {"/two": "girder", "/mark": "shield", "/stamp": "gripper", "/belt": "belt"}
+    sensor = "units: m/s2, gravity: removed, frame: fixed"
+    mapping.write_text("topics:\n" + "".join(f"  {topic}: {{point: {p}, {sensor}}}\n" for topic, p in points.items()))
+    node = host_node(AnalysisNode, mapping=mapping, history="none")
+    publishers = {topic: peer.node.create_publisher(Imu, topic, qos.LIVE) for topic in points}
+    peer.wait_for(lambda: all(publisher.get_subscription_count() for publisher in publishers.values()))
+
+    def publish():
+        for topic, publisher in publishers.items():
+            for frame in ("left", "right") if topic == "/two" else ("",):
+                message = Imu(header=messages.header(START_NS, frame))
+                message.linear_acceleration_covariance[0] = -1.0 if topic == "/mark" else 0.0
+                message.header.stamp.nanosec = 10**9 if topic == "/stamp" else 0
+                publisher.publish(message)
+                peer.settle()
+        node.report()
+
+    said = {
+        "comparison girder": "frame_id 'right' beside 'left', which alone is used",
+        "comparison shield": "linear_acceleration_covariance[0] is -1, the driver's word for not measured",
+        "comparison gripper": "and 1000000000 ns is no ROS time",
+        "inputs": "test point 'belt' is none of the machine's",
+    }
+    peer.wait_for(lambda: all(text in peer.text(f"tbm: {name}") for name, text in said.items()), step=publish)
+
+
 def test_a_standstill_is_no_alarm_and_blocks_go_before_samples(host_node, peer):
     """The PLC says that the machine stands; beside the blocks a driver sends single samples of the same sensor."""
     windows = listen_to(peer, "shield")

@@ -8,6 +8,7 @@ from typing import Annotated
 
 import typer
 from rich.table import Table
+from rich.text import Text
 
 from tbm_gsa.app.cli.history import HISTORY_HELP
 from tbm_gsa.app.cli.output import (
@@ -91,7 +92,9 @@ def compare(
     else:
         print_tables(result)
     for point, reason in result.skipped.items():
-        notes.print(f"test point {point!r} not compared: {reason}", highlight=False)
+        notes.print(Text(f"test point {point!r} not compared: {reason}"))
+    for line in (*map(str, result.left_out), *result.doubts):
+        notes.print(Text(line))
     if html is not None:
         notes.print(f"page: {html}", highlight=False)
 
@@ -121,10 +124,20 @@ def print_tables(result: ComparisonResult) -> None:
     recording = result.recording
     truncated = ", truncated" if recording.truncated else ""
     results.print(
-        f"{recording.messages} messages over {recording.duration:.1f} s, {recording.lost} lost{truncated}; "
+        f"{recording.messages} messages over {recording.duration:.3f} s, {recording.lost} lost{truncated}; "
         f"model {result.model_duration:g} s a level, seed {result.seed}",
         highlight=False,
     )
+    for line in _sources(result):
+        results.print(Text(line))
+
+
+def _sources(result: ComparisonResult) -> list[str]:
+    """Files, topics and clocks that the numbers come from."""
+    machine = f"machine: {result.machine} ({result.machine_file.origin}), SHA-256 {result.machine_file.sha256[:12]}"
+    own = result.operating_point.source == "machine"
+    found = [f"{line}: the machine's own" if own and "operating" in line else line for line in result.sources.lines()]
+    return [*found, machine]
 
 
 def _axial_table(result: ComparisonResult) -> Table:
@@ -136,24 +149,26 @@ def _axial_table(result: ComparisonResult) -> Table:
         axis = result.points[row.point]["x"]
         interval = axis.intervals.relative_error
         reach = "–" if interval is None else f"{interval[0]:.0%}–{interval[1]:.0%}"
-        levels = (_text(row.predicted_g, ".3f"), _text(row.measured_g, ".3f"))
-        cells = (str(row.node), *levels, _text(row.relative_error, ".0%"), reach, f"{axis.coverage:.1%}")
+        levels = (_level(row.predicted_g), _level(row.measured_g))
+        error = "–" if row.relative_error is None else f"{row.relative_error:.0%}"
+        cells = (str(row.node), *levels, error, reach, f"{axis.coverage:.3%}")
         add_row(table, row.point, *cells)
     return table
 
 
-def _text(value: float | None, form: str) -> str:
-    return "–" if value is None else format(value, form)
+def _level(value: float | None) -> str:
+    """Three digits of a level, however low."""
+    return "–" if value is None else format(value, ".3f" if value >= 0.1 else ".3g")
 
 
 def _level_table(result: ComparisonResult) -> Table:
     table = narrow_table("\nlevels of operation", ">level", ">r/min", ">kN·m", ">kN", ">held, s", "found")
     for number, level in enumerate(result.levels, start=1):
         values = (level.speed_r_min, level.torque_kn_m, level.thrust_kn, level.seconds)
-        add_row(table, number, *(f"{value:.5g}" for value in values), level.note)
+        add_row(table, number, *(f"{value:.6g}" for value in values), level.note)
     left_out = [dwell.end - dwell.begin for dwell in result.dwells if dwell.level is None]
     if left_out:
-        add_row(table, "–", "", "", "", f"{sum(left_out):.5g}", "between levels or at a standstill: left out")
+        add_row(table, "–", "", "", "", f"{sum(left_out):.6g}", "between levels or at a standstill: left out")
     return table
 
 
@@ -161,7 +176,7 @@ def _fault_table(result: ComparisonResult) -> Table:
     """Points whose data have a fault, and which."""
     table = narrow_table("\nfaults of the data", "test point", "faults")
     for name, point in result.recording.points.items():
-        texts = [f"gaps: {len(point.gaps)}, longest {point.longest_gap:.3g} s"] if point.gaps else []
+        texts = [f"gaps: {len(point.gaps)}, longest {point.longest_gap:.3f} s"] if point.gaps else []
         texts += [f"stuck along {text}" for text in point.stuck_texts]
         counts = {fault.replace("_", " "): getattr(point, fault) for fault in COUNTS}
         texts += [f"{count} {fault}" for fault, count in counts.items() if count]

@@ -9,6 +9,7 @@ from pathlib import Path
 import typer
 
 import tbm_gsa
+from tbm_msgs_py.base.files import real_path
 
 RECORDING = "field_dz101"
 RECORDING_ARGUMENT = typer.Argument(
@@ -33,8 +34,8 @@ def shipped_bag(name: str = RECORDING) -> Path:
 
 
 def recording_path(given: Path) -> Path:
-    """Path of a recording: the one given, or where the shipped one is when its name is given and nothing is there."""
-    return shipped_bag() if str(given) == RECORDING and not given.exists() else given
+    """Absolute path, links followed, of the recording given, or the shipped one if that name is given and not there."""
+    return shipped_bag() if str(given) == RECORDING and not given.exists() else real_path(given)
 
 
 def _prefixes() -> list[str]:

@@ -36,6 +36,7 @@ from tbm_msgs_py.base import operating_point
 from tbm_msgs_py.base.operating_point import OperatingPointError
 from tbm_msgs_py.blocks import BlockError
 from tbm_msgs_py.nodes import messages
+from tbm_msgs_py.nodes.fault_log import FaultLog
 from tbm_msgs_py.nodes.managed import ManagedNode
 from tbm_msgs_py.nodes.parameters import MACHINE, ROOT, Parameter, live_parameter
 from tbm_msgs_py.recordings.mapping import SensorMapping, contract_sensor
@@ -79,7 +80,10 @@ class AnalysisNode(ManagedNode):
         """Read machine and mapping, create publishers, subscriptions and services."""
         machine = load_machine(self.value("machine"))
         self._points = tuple(machine.description.test_points)
-        sensors = field_sensors(self.value("mapping"), self._points)
+        sensors, unused = field_sensors(self.value("mapping"), self._points)
+        self._inputs: FaultLog[str] = FaultLog(lambda text: self.get_logger().warning(text))
+        for line in unused:
+            self._inputs.report(line, line)
         self._history = self._open_history(machine)
         self._baselines = {self.value("baseline"): self._history.usual_errors(self.value("baseline"))}
         self._alarm = self._new_alarm()
@@ -168,8 +172,12 @@ class AnalysisNode(ManagedNode):
             point = operating_point.from_joint_state(message)
         except OperatingPointError:  # the load node reports it
             return
-        stamp = messages.stamp_to_ns(message.header.stamp) or self.get_clock().now().nanoseconds
-        self._comparison.add_operating_point(topic, stamp, (point.speed, point.torque, point.thrust))
+        try:
+            stamp: int | None = messages.stamp_to_ns(message.header.stamp)
+        except BlockError:
+            stamp = None
+        values, now = (point.speed, point.torque, point.thrust), self.get_clock().now().nanoseconds
+        self._inputs.update(topic, self._comparison.add_operating_point(topic, stamp, values, now))
 
     def _on_samples(
         self, signal: Side, sensor: SensorMapping, stamp: int, offsets: np.ndarray, values: np.ndarray
@@ -228,6 +236,11 @@ class AnalysisNode(ManagedNode):
             )
             for point in self._points
         ]
+        if problems := self._inputs.show():
+            text = "; ".join(problems.values())
+            statuses.append(
+                messages.status(self.status_name("inputs"), "warn", text, hardware_id=self.value("machine"))
+            )
         history = history_status(self.status_name("history"), self.value("machine"), self._history)
         return [*statuses, history, self._gsa_status_now()]
 

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
 
+from tbm_gsa.app.nodes.frame_choice import FrameChoice
 from tbm_gsa.app.nodes.live_comparison import LiveComparison
 from tbm_msgs_py import topics
 from tbm_msgs_py.blocks import BlockError
@@ -15,6 +16,7 @@ from tbm_msgs_py.nodes import messages, qos
 from tbm_msgs_py.nodes.following import TopicFollower
 from tbm_msgs_py.nodes.managed import ManagedNode
 from tbm_msgs_py.recordings.mapping import SensorMapping
+from tbm_msgs_py.recordings.marks import UNMEASURED, UNMEASURED_TEXT
 from tbm_msgs_py.topics import QoS, TopicContract
 
 if TYPE_CHECKING:
@@ -63,6 +65,7 @@ class FieldTopics:
         self._node, self._sensors, self._comparison = node, dict(sensors), comparison
         self._health = comparison.health
         self._points = {sensor.point for sensor in self._sensors.values()}
+        self._frames = {name: FrameChoice(sensor.frame_id) for name, sensor in self._sensors.items()}
         self._on_samples = on_samples
         self._follower = TopicFollower(node, self)
         for name in self._sensors:
@@ -80,6 +83,7 @@ class FieldTopics:
         in_blocks = {self._sensors[name].point for name, offer in offers.items() if offer and offer.type == _BLOCK}
         for name, offer in offers.items():
             point = self._sensors[name].point
+            self._health.note(point, f"frames of {name}", self._frames[name].problem())
             if offer and offer.type != _BLOCK and point in in_blocks:
                 self._leave(name, point)
             else:
@@ -108,9 +112,8 @@ class FieldTopics:
 
     def subscribe(self, topic: str, offer: TopicContract) -> Subscription:
         """Subscribe to blocks or single samples."""
-        sensor = self._sensors[topic]
         block = offer.type == _BLOCK
-        callback = partial(self._block, sensor) if block else partial(self._sample, _SAMPLE[offer.type], sensor)
+        callback = partial(self._block, topic) if block else partial(self._sample, _SAMPLE[offer.type], topic)
         kind = messages.message_class(offer.type)
         return self._node.create_subscription(kind, topic, callback, qos.profile(offer.quality))
 
@@ -122,19 +125,21 @@ class FieldTopics:
         else:
             self._health.settle(point, topic)
 
-    def _unusable(self, sensor: SensorMapping, message: PointCloud2 | _Sample) -> bool:
-        """Whether the node is inactive, or the frame that of another test point."""
+    def _unusable(self, topic: str, message: PointCloud2 | _Sample) -> bool:
+        """Whether the node is inactive, or the frame that of another test point or sensor."""
         if not self._node.active:
             return True
+        sensor = self._sensors[topic]
         frame = message.header.frame_id
         foreign = frame != sensor.point and frame in self._points
         if foreign:
             self._health.refuse(sensor.point, "field", f"frame_id {frame}, allowed: {sensor.point} or the sensor's own")
-        return foreign
+        return foreign or not self._frames[topic].takes(frame)
 
-    def _block(self, sensor: SensorMapping, message: PointCloud2) -> None:
-        if self._unusable(sensor, message):
+    def _block(self, topic: str, message: PointCloud2) -> None:
+        if self._unusable(topic, message):
             return
+        sensor = self._sensors[topic]
         try:
             block = messages.acceleration_block(message)
         except BlockError as error:
@@ -142,11 +147,18 @@ class FieldTopics:
         else:
             self._on_samples(sensor, block.stamp_ns, block.offsets, block.values)
 
-    def _sample(self, linear: Callable[[Any], Vector3], sensor: SensorMapping, message: _Sample) -> None:
-        if self._unusable(sensor, message):
+    def _sample(self, linear: Callable[[Any], Vector3], topic: str, message: _Sample) -> None:
+        if self._unusable(topic, message):
             return
-        vector = linear(message)
-        stamp = messages.stamp_to_ns(message.header.stamp)
+        sensor, vector = self._sensors[topic], linear(message)
+        if getattr(message, "linear_acceleration_covariance", [0.0])[0] == UNMEASURED:
+            self._health.refuse(sensor.point, "field", UNMEASURED_TEXT)
+            return
+        try:
+            stamp = messages.stamp_to_ns(message.header.stamp)
+        except BlockError as error:
+            self._health.refuse(sensor.point, "field", str(error))
+            return
         self._on_samples(sensor, stamp, np.zeros(1), np.array([[vector.x, vector.y, vector.z]]))
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Collection, Iterable, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -13,17 +13,33 @@ from tbm_gsa.comparison import LiveOperation, StreamCounters, WindowedComparison
 from tbm_gsa.comparison.results import OperatingKind
 from tbm_gsa.comparison.streams import Side
 from tbm_msgs_py import topics
+from tbm_msgs_py.base.texts import listed
+from tbm_msgs_py.base.units import NANOSECONDS
+from tbm_msgs_py.recordings.faults import CLOCK_JUMP_NS
 from tbm_msgs_py.recordings.mapping import SensorMapping, contract_sensor, load_mapping
 
 _NOT_STEADY: tuple[OperatingKind, ...] = ("standstill", "transient")  # the first says more
 
 
-def field_sensors(mapping: str, points: Iterable[str]) -> dict[str, SensorMapping]:
-    """Sensors by field topic: those of a mapping file; without one, both topics of the contract of every test point."""
-    if mapping:
-        return dict(load_mapping(mapping).topics)
-    names = (name(point) for point in points for name in (topics.field_block, topics.field_accel))
-    return {name: contract_sensor(name.split("/")[1]) for name in names}
+def field_sensors(mapping: str, points: Collection[str]) -> tuple[dict[str, SensorMapping], list[str]]:
+    """Sensors by field topic, and what of a mapping is not used, a line each.
+
+    Those of a mapping file; without one, both topics of the contract of every test point.
+    """
+    if not mapping:
+        names = (name(point) for point in points for name in (topics.field_block, topics.field_accel))
+        return {name: contract_sensor(name.split("/")[1]) for name in names}, []
+    stated = load_mapping(mapping)
+    unused = [
+        f"{mapping}: topic {name}: test point {sensor.point!r} is none of the machine's: not compared, "
+        f"allowed: {listed(points)}"
+        for name, sensor in stated.topics.items()
+        if sensor.point not in points
+    ]
+    own = topics.absolute(topics.OPERATING_POINT)
+    if stated.operating_point != own:
+        unused.append(f"{mapping}: operating_point {stated.operating_point}: live the nodes follow {own}; not used")
+    return dict(stated.topics), unused
 
 
 class LiveComparison:
@@ -68,9 +84,24 @@ class LiveComparison:
         """Restart at a test point."""
         self._windows.restart(point)
 
-    def add_operating_point(self, topic: str, stamp_ns: int, point: ArrayLike) -> None:
-        """Add speed, torque and thrust (3,) from a stamp on, of one of the two topics."""
-        self._operation[topic].add(stamp_ns, point)
+    def add_operating_point(self, topic: str, stamp_ns: int | None, point: ArrayLike, now_ns: int) -> str:
+        """Add speed, torque and thrust (3,) from a stamp on, of one of the two topics.
+
+        A stamp that is none, is 0 or lies ahead of the signals is not used: the point holds from now on, and the reason
+        is returned. One that lies behind is that of a latched message, or the clock has been set back.
+        """
+        reached = self._windows.latest_ns() or now_ns
+        if stamp_ns is None:
+            reason = "the stamp is no ROS time"
+        elif stamp_ns == 0 and reached > CLOCK_JUMP_NS:
+            reason = "the stamp is 0"
+        elif (ahead := stamp_ns - reached) > CLOCK_JUMP_NS:
+            reason = f"the stamp is {ahead / NANOSECONDS:.3f} s ahead of the signals"
+        else:
+            self._operation[topic].add(stamp_ns, point)
+            return ""
+        self._operation[topic].add(reached, point)
+        return f"{topic}: {reason}: the operating point holds from its arrival on"
 
     def add(
         self, sensor: SensorMapping, source: Side, stamp_ns: int, offsets: np.ndarray, values: np.ndarray

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-import numpy as np
 from diagnostic_msgs.msg import DiagnosticStatus
 
 from tbm_gsa.app.nodes.gsa_process import GsaStatus
@@ -13,25 +12,18 @@ from tbm_gsa.app.nodes.stream_health import Condition
 from tbm_gsa.comparison import StreamCounters, WindowResult, dead_axes
 from tbm_gsa.comparison.results import OperatingKind
 from tbm_gsa.comparison.streams import Side
+from tbm_gsa.comparison.units import unit_doubt
 from tbm_gsa.sensitivity.results import StudyResult
-from tbm_msgs_py.base.units import STANDARD_GRAVITY
 from tbm_msgs_py.nodes import messages
 
 _QUANTITIES = ("model_rms", "field_rms", "relative_error", "field_crest_factor", "field_kurtosis")
 _STRONGEST = 5
 _WHOLE = 0.9  # share of a window below which its holes are named
-_UNIT_FACTORS = {
-    1.0 / STANDARD_GRAVITY: "values in g",
-    STANDARD_GRAVITY: "m/s² taken for g",
-    1e3: "values in mm/s²",
-    1e-3: "values in 1000 m/s²",
-}
 _OPERATION: dict[OperatingKind, str] = {
     "steady": "compared",
     "transient": "not compared: the operating point changes",
     "standstill": "not compared: the machine stands still",
 }
-_UNIT_DOUBT = 0.4  # of the logarithm: the model itself errs by up to 50 %
 
 
 def comparison_status(
@@ -66,7 +58,7 @@ def _judge(latest: WindowResult | None, alarm: bool, health: Condition) -> tuple
     notes = ["relative error over its threshold"] if alarm else []
     notes += [*health.doubts, *_holes(latest)]
     if latest.operation == "steady":
-        notes += [*_dead(latest), *_units(latest)]
+        notes += [*_dead(latest), *filter(None, [unit_doubt(latest.field_rms, latest.model_rms)])]
     return ("warn" if notes else "ok", "; ".join(notes or [_OPERATION[latest.operation]]))
 
 
@@ -88,16 +80,6 @@ def _dead(latest: WindowResult) -> list[str]:
     """Report the axes along which the sensor measures next to nothing."""
     axes = [axis for axis, dead in zip("xyz", dead_axes(latest), strict=True) if dead]
     return [f"field measures next to nothing along {', '.join(axes)}: a dead channel?"] if axes else []
-
-
-def _units(latest: WindowResult) -> list[str]:
-    """Report a field that is off by a factor of units, the same one on every axis."""
-    with np.errstate(invalid="ignore", divide="ignore"):
-        ratio = np.log(np.asarray(latest.field_rms) / latest.model_rms)
-    for factor, text in _UNIT_FACTORS.items():
-        if np.all(np.abs(ratio - np.log(factor)) < _UNIT_DOUBT):
-            return [f"field is about {factor:.3g} times the model on all axes: {text}?"]
-    return []
 
 
 def history_status(name: str, machine: str, history: HistoryWriter) -> DiagnosticStatus:

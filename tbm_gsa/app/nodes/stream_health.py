@@ -83,6 +83,13 @@ class StreamHealth:
         """Report what is used, but is not right, until it is settled."""
         self._faults.report(("doubts", point, key), text, f"{point}: ")
 
+    def note(self, point: str, key: str, text: str) -> None:
+        """Report a doubt, or settle it where the text is empty."""
+        if text:
+            self.doubt(point, key, text)
+        else:
+            self.settle(point, key)
+
     def fail(self, point: str, topic: str, text: str) -> None:
         """Report a topic, or one of its publishers, that cannot be used, until it is settled."""
         self._faults.report(("refused", point, topic), text, f"{point}: ")

@@ -27,7 +27,11 @@ def compare_page(compared: RecordingComparison) -> str:
         "coverage": coverage,
         "low": [name for name, share in coverage.items() if share < LOW_COVERAGE],
         "low_limit": LOW_COVERAGE,
-        "health": {name: result.recording.points[name] for name in (*result.points, *result.skipped)},
+        "health": {
+            name: result.recording.points[name]
+            for name in (*result.points, *result.skipped)
+            if name in result.recording.points  # a dead sensor has no samples, a missing topic no sensor
+        },
         "excerpt": first,
         "left_out": [dwell for dwell in result.dwells if dwell.level is None],
         "fault_names": _fault_names(result),
@@ -58,10 +62,11 @@ def _fault_names(result: ComparisonResult) -> dict[str, str]:
 
 def _provenance(result: ComparisonResult) -> dict[str, object]:
     """Where the numbers come from, as rows of a table."""
-    bands = {f"{band.low_hz:g} to {band.high_hz:.0f} Hz" for band in result.bands.values()}
+    bands = {f"{band.low_hz:g} to {band.high_hz:g} Hz" for band in result.bands.values()}
     return {
         "recording": result.recording.path,
         "SHA-256 of the recording": result.recording.sha256,
+        **dict(line.split(": ", 1) for line in result.sources.lines()),
         "machine": f"{result.machine} ({result.machine_file.origin})",
         "SHA-256 of the machine": result.machine_file.sha256,
         "model run": f"{result.model_duration:g} s a level, seed {result.seed}",

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
+from collections.abc import Iterator
 from itertools import islice
 from pathlib import Path
 from typing import Annotated, TypeVar
@@ -15,8 +16,12 @@ from tbm_gsa.app.cli.output import JSON_OPTION, add_row, narrow_table, print_jso
 from tbm_gsa.app.cli.shipped import RECORDING_ARGUMENT, recording_path
 from tbm_gsa.reading import Maybe, Part
 from tbm_msgs_py.bags.bag import Bag, BagInfo
+from tbm_msgs_py.bags.definitions import JOINT_STATE_TYPE, definition_hash
 from tbm_msgs_py.base.errors import InputError, RecordingError
+from tbm_msgs_py.recordings.channels import LeftOut
+from tbm_msgs_py.recordings.decoding import ACCELERATION_TYPES
 from tbm_msgs_py.recordings.recording_health import COUNTS, PointHealth, check_recording
+from tbm_msgs_py.recordings.used import UsedSources
 
 _SHOWN = 200  # topics and test points: a terminal takes a quarter of a minute for 60 000
 APART_S = 1.0  # clocks that differ by more get a line of their own
@@ -43,6 +48,7 @@ class BagContents(Part):
     start_ns: int
     duration: float
     topics: dict[str, TopicCount]
+    doubts: tuple[str, ...]
 
     @classmethod
     def of(cls, path: Path, found: BagInfo) -> BagContents:
@@ -64,6 +70,7 @@ class BagContents(Part):
             start_ns=found.start_ns,
             duration=found.duration,
             topics=topics,
+            doubts=tuple(_doubts(found)),
         )
 
 
@@ -86,6 +93,8 @@ class SensorHealth(Part):
     invalid: int
     duplicates: int
     late: int
+    unstamped: int
+    unmeasured: int
     disordered: int
     clock_steps: int
 
@@ -106,10 +115,15 @@ class SensorHealth(Part):
 
 
 class ScannedBag(BagContents):
-    """What `bag info --scan --json` prints: the contents, the sensors by test point, and why others have no samples."""
+    """What `bag info --scan --json` prints: also the sensors by test point, and why others have no samples.
+
+    What it was made from is none where nothing could be read.
+    """
 
     points: dict[str, SensorHealth]
     problems: dict[str, str]
+    left_out: tuple[LeftOut, ...]
+    sources: UsedSources | None
 
 
 def info(
@@ -137,17 +151,36 @@ def info(
         _print_tables(found)
 
 
+def _doubts(found: BagInfo) -> Iterator[str]:
+    """Name topics of types that are read here whose messages cannot be decoded, or have several definitions."""
+    definitions: dict[tuple[str, str], Counter[str]] = {}
+    for topic, count in found.topics.items():
+        if topic.type in (*ACCELERATION_TYPES, JOINT_STATE_TYPE):
+            try:
+                definitions.setdefault((topic.name, topic.type), Counter())[definition_hash(topic)] += count
+            except RecordingError as error:
+                yield f"topic {topic.name}: {count} messages cannot be read: {error}"
+    for (name, kind), hashes in definitions.items():
+        if len(hashes) > 1:
+            counts = ", ".join(f"{count} of {found.removeprefix('RIHS01_')[:8]}" for found, count in hashes.items())
+            yield f"topic {name}: {len(hashes)} definitions of {kind}: messages {counts}"
+
+
 def _scanned(contents: BagContents, bag: Path, mapping: Path | None) -> ScannedBag:
-    points, problems = {}, {}
     try:
         health = check_recording(bag, mapping)
-        points = {point: SensorHealth.of(one) for point, one in health.points.items()}
-        problems = health.problems
     except RecordingError as error:
         if mapping is not None:
             raise
-        problems = {"": str(error)}
-    return ScannedBag(**dict(contents), points=points, problems=problems)
+        return ScannedBag(**dict(contents), points={}, problems={"": str(error)}, sources=None, left_out=())
+    reader = health.reader
+    return ScannedBag(
+        **(dict(contents) | {"doubts": (*contents.doubts, *reader.doubts)}),
+        points={point: SensorHealth.of(one) for point, one in health.points.items()},
+        problems=health.problems,
+        sources=reader.sources,
+        left_out=tuple(reader.left_out),
+    )
 
 
 def _print_tables(found: BagContents) -> None:
@@ -168,6 +201,9 @@ def _print_tables(found: BagContents) -> None:
     for name, topic in _first(found.topics):
         if len(topic.types) > 1:
             results.print(Text(f"{name}: {len(topic.types)} types, where ROS has one a topic; each is shown"))
+    for doubt in found.doubts[:_SHOWN]:
+        results.print(Text(doubt))
+    _print_rest("doubts", len(found.doubts))
     if isinstance(found, ScannedBag):
         _print_points(found)
 
@@ -176,7 +212,7 @@ def _print_points(found: ScannedBag) -> None:
     columns = (">samples", ">rate (Hz)", ">gaps", ">(s)", ">clock (s)", ">(ppm)")
     table = narrow_table("\nsensors", "test point", *columns)
     for name, point in _first(found.points):
-        clock = (f"{point.clock_offset:+.3f}", f"{point.clock_drift:+.0f}")
+        clock = (f"{point.clock_offset:+.3f}", f"{point.clock_drift:+.2f}")
         add_row(table, name, point.samples, f"{point.rate_hz:.3f}", point.gaps, f"{point.missing_s:.3f}", *clock)
     results.print(table)
     _print_rest("test points", len(found.points))
@@ -185,6 +221,8 @@ def _print_points(found: ScannedBag) -> None:
         faults += [f"{axis} stuck for {seconds:.1f} s" for axis, seconds in point.stuck_s.items()]
         if faults:
             results.print(Text(f"{name}: {', '.join(faults)}"))
+    for line in (*map(str, found.left_out), *(found.sources.lines() if found.sources else ())):
+        results.print(Text(line))
     offsets = {name: point.clock_offset for name, point in found.points.items()}
     if offsets and max(offsets.values()) - min(offsets.values()) > APART_S:
         early, late = min(offsets, key=offsets.__getitem__), max(offsets, key=offsets.__getitem__)

@@ -1,0 +1,35 @@
+"""Whether a field is off by a factor of units, live and afterwards alike."""
+
+import math
+from typing import Final
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from tbm_msgs_py.base.units import STANDARD_GRAVITY
+
+FACTORS: Final = {
+    1.0 / STANDARD_GRAVITY: "values in g",
+    STANDARD_GRAVITY: "m/s² taken for g",
+    1e3: "values in mm/s²",
+    1e-3: "values in 1000 m/s²",
+}
+ON_AVERAGE: Final = 0.6
+"""Greatest distance of the mean logarithm of the axes from that of a factor: the model itself errs by up to 1.8."""
+EACH: Final = math.log(STANDARD_GRAVITY) / 2.0
+"""Greatest distance of a single axis: nearer to the factor than to 1."""
+
+
+def unit_doubt(field_rms: ArrayLike, model_rms: ArrayLike) -> str:
+    """Say that RMS values of a field, one an axis, are the model's times a factor of units; empty when they are not.
+
+    Axes that measure nothing say nothing: sensors of one axis are often recorded with zeros along the others.
+    """
+    field, model = np.asarray(field_rms, dtype=np.float64), np.asarray(model_rms, dtype=np.float64)
+    known = (field > 0.0) & (model > 0.0)
+    ratio = np.log(field[known] / model[known])
+    for factor, text in FACTORS.items():
+        away = ratio - math.log(factor)
+        if ratio.size and abs(away.mean()) < ON_AVERAGE and (np.abs(away) < EACH).all():
+            return f"field is about {factor:.3g} times the model on all axes: {text}?"
+    return ""

@@ -1,0 +1,100 @@
+"""The two kinds of topics that a recording is read for: those of sensors, and that of the operating point."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from tbm_msgs_py.bags.batch import MessageBatch, Topic
+from tbm_msgs_py.bags.definitions import JOINT_STATE_TYPE
+from tbm_msgs_py.recordings.channels import ChosenChannel
+from tbm_msgs_py.recordings.clocks import ClockTrack
+from tbm_msgs_py.recordings.decoding import ACCELERATION_TYPES, DecodedSamples, decode_samples
+from tbm_msgs_py.recordings.mapping import SensorMapping
+from tbm_msgs_py.recordings.operating import OperatingPoints
+from tbm_msgs_py.recordings.timeline import Timeline
+
+
+class SensorTopic:
+    """One topic of one sensor, while it is read.
+
+    Parameters
+    ----------
+    name : str
+        Of the topic.
+    channels : mapping of Topic to int
+        Every channel of that name, and its messages.
+    sensor : SensorMapping
+
+    Attributes
+    ----------
+    channel : ChosenChannel
+        What of it is used.
+    line : Timeline
+        Its samples.
+    clock : ClockTrack
+        Its stamps against the log times.
+
+    Raises
+    ------
+    RecordingError
+        No channel can be decoded.
+    """
+
+    def __init__(self, name: str, channels: Mapping[Topic, int], sensor: SensorMapping) -> None:
+        self.name, self.sensor = name, sensor
+        self.channel = ChosenChannel(name, channels, ACCELERATION_TYPES)
+        self.line, self.clock = Timeline(), ClockTrack()
+        self._frame = sensor.frame_id
+
+    def problem(self, unread: str) -> str:
+        """Why there are no samples, if there are none; what of the recording is not read may be the reason."""
+        return f"topic {self.name}: {self.line.problem or unread or 'no finite sample, allowed: at least one'}"
+
+    def add(self, topic: Topic, messages: MessageBatch) -> None:
+        """Add the next messages of one channel, in file order."""
+        if not self.channel.takes(topic, len(messages)):
+            return
+        samples = self._of_one_frame(decode_samples(topic.type, messages, self.channel.used.store))
+        self.line.add(samples)
+        self.clock.add(samples.stamps_ns, samples.log_ns)
+
+    def _of_one_frame(self, samples: DecodedSamples) -> DecodedSamples:
+        """Leave out the messages of another frame: two sensors are no sensor of twice the rate."""
+        if not len(samples.frames):
+            return samples
+        counts = np.bincount(samples.frames, minlength=len(samples.frame_ids))
+        if self._frame is None:
+            self._frame = samples.frame_ids[int(np.argmax(counts))]
+        if samples.frame_ids == (self._frame,):
+            return samples
+        for frame, count in zip(samples.frame_ids, counts.tolist(), strict=True):
+            if frame != self._frame and count:
+                reason = f"frame_id {self._frame!r} is used, another may be chosen by the key frame_id of the mapping"
+                self.channel.leave_out(f"frame_id {frame!r}", reason, count)
+        if self._frame not in samples.frame_ids:
+            self.line.problem = (
+                self.line.problem or f"no message of frame_id {self._frame!r}, allowed: one that is there"
+            )
+        return samples.of_frame(self._frame)
+
+
+class OperatingTopic:
+    """The topic of the operating point, while it is read.
+
+    Raises
+    ------
+    RecordingError
+        No channel can be decoded.
+    """
+
+    def __init__(self, name: str, channels: Mapping[Topic, int]) -> None:
+        self.name = name
+        self.channel = ChosenChannel(name, channels, (JOINT_STATE_TYPE,))
+        self.points = OperatingPoints()
+
+    def add(self, topic: Topic, messages: MessageBatch) -> None:
+        """Add the next messages of one channel."""
+        if self.channel.takes(topic, len(messages)):
+            self.points.add(messages, self.channel.used.store)

@@ -1,0 +1,166 @@
+"""A comparison says what it used, what it left out, and what it doubts: in the result, the page and on the terminal."""
+
+import json
+import os
+
+import numpy as np
+import pytest
+from compare_bags import RATE, START_NS, G, model_values, noise, write_bag
+
+from tbm_dynamics.machine.loading import machine_text
+from tbm_gsa.app.cli.bag.info import info
+from tbm_gsa.app.cli.compare import print_tables
+from tbm_gsa.app.report.compare_page import compare_page
+from tbm_gsa.comparison.units import unit_doubt
+from tbm_gsa.comparison.workflow import compare_recording
+from tbm_msgs_py import ACCELERATION, OperatingPoint
+from tbm_msgs_py.bags.definitions import serialised_operating_point
+from tbm_msgs_py.bags.writing import BagWriter
+
+SHORT = {"model_duration": 1.0}
+HOUR = 3600 * 10**9
+SENSOR = "{units: m/s2, gravity: removed, frame: fixed, point: "
+LOW, HIGH = OperatingPoint(0.4, 2e6, 8e6), OperatingPoint(0.6, 4e6, 1.4e7)
+
+
+def mapping_of(path, operating_point=None, **topics):
+    lines = [f"  {topic}: {SENSOR}{point}}}" for point, topic in topics.items()]
+    stated = [] if operating_point is None else [f"operating_point: {operating_point}"]
+    path.write_text("\n".join(["topics:", *lines, *stated]))
+    return path
+
+
+def two_levels(path, stamp_ns=lambda at: at, girder_ns=0):
+    """40 s of two sensors and two levels of 20 s; stamps of the operating points, and the girder's clock, as told."""
+    with BagWriter(path) as writer:
+        for at, level in ((0, LOW), (20, HIGH)):
+            log = START_NS + at * 10**9
+            data = serialised_operating_point(stamp_ns(log), level)
+            writer.write("/tbm/operating_point", "sensor_msgs/msg/JointState", log, data)
+        for k, block in enumerate(np.split(noise(40.0)[::20], 40)):
+            for point, ahead in (("shield", 0), ("girder", girder_ns)):
+                log = START_NS + k * 10**9
+                offsets = np.arange(len(block)) * 20 / RATE
+                topic = f"/tbm/field/{point}/block"
+                writer.write_block(topic, log + ahead, ACCELERATION, offsets, block, log_ns=log)
+    return path
+
+
+@pytest.fixture(scope="module")
+def fitting(tmp_path_factory):
+    return compare_recording(two_levels(tmp_path_factory.mktemp("fit") / "bag"), **SHORT).result
+
+
+def told(result):
+    return [(dwell.begin, dwell.end, dwell.level) for dwell in result.dwells]
+
+
+@pytest.mark.parametrize(
+    ("stamp_ns", "girder_ns"),
+    [(lambda _: 0, 0), (lambda at: at + 7 * HOUR, 0), (lambda at: at - 7 * HOUR, 0), (lambda at: at, 5 * HOUR)],
+)
+def test_stamps_of_another_clock_change_no_level(tmp_path, fitting, stamp_ns, girder_ns):
+    result = compare_recording(two_levels(tmp_path / "bag", stamp_ns, girder_ns), **SHORT).result
+    assert fitting.doubts == ()
+    assert np.array(told(result)) == pytest.approx(np.array(told(fitting)), abs=1e-3)
+    assert result.recording.duration == pytest.approx(fitting.recording.duration, abs=1e-3)
+    for point in ("shield", "girder"):
+        assert result.points[point]["x"].windows.level == fitting.points[point]["x"].windows.level
+        assert result.points[point]["x"].relative_error == pytest.approx(fitting.points[point]["x"].relative_error)
+    assert result.sources.operating_clock == ("header stamps" if girder_ns else "log times")
+    assert result.sources.placed == (("girder",) if girder_ns else ())
+    assert len(result.doubts) == 1
+
+
+def test_what_a_mapping_names_is_used_or_named(tmp_path, capsys):
+    """A misspelt topic of a sensor and one of the operating point, on the terminal, in the document, on the page."""
+    path = write_bag(tmp_path / "bag", {"shield": noise(4.0)}, operating=[(0.0, HIGH)])
+    mapping = mapping_of(tmp_path / "m.yaml", "/tbm/operating", shield="/tbm/field/shield/block", girder="/girder")
+    compared = compare_recording(path, mapping=mapping, **SHORT)
+    result = compared.result
+    assert result.skipped["girder"].startswith(
+        "topic /girder is not in the recording, allowed: /tbm/field/shield/block"
+    )
+    assert "operating point: topic /tbm/operating is not in the recording" in result.doubts[0]
+    assert (result.operating_point.source, result.sources.operating_point) == ("machine", None)
+    assert result.sources.mapping == str(mapping)
+    print_tables(result)
+    terminal = "".join(capsys.readouterr().out.split())
+    page = compare_page(compared)
+    for said in (str(mapping), "dz101", "header stamps"):
+        assert said.replace(" ", "") in terminal
+        assert said in page
+    assert "operatingpoint:noneoftherecording:themachine'sown" in terminal
+    assert "Operating point: topic /tbm/operating is not in the recording" in page
+    assert "Test point girder was not compared: topic /girder" in page
+
+
+def test_a_dead_sensor_does_not_end_the_page(tmp_path):
+    path = write_bag(tmp_path / "bag", {"shield": noise(4.0), "girder": np.nan * noise(4.0)})
+    compared = compare_recording(path, **SHORT)
+    assert "Test point girder was not compared" in compare_page(compared)
+
+
+def test_any_way_to_a_recording_gives_the_same(tmp_path, monkeypatch):
+    """Relative, absolute, by a link, from inside: mapping beside it, machine file and all."""
+    (tmp_path / "site").mkdir()
+    bag = write_bag(tmp_path / "site" / "bag", {"shield": noise(2.0)})
+    mapping_of(tmp_path / "site" / "mapping.yaml", girder="/tbm/field/shield/block")
+    machine = tmp_path / "machine.yaml"
+    machine.write_text(machine_text("dz101"))
+    (tmp_path / "link").symlink_to(bag)
+    (tmp_path / "linked.mcap").symlink_to(bag / "bag.mcap")
+    (tmp_path / "linked.yaml").symlink_to(machine)
+    documents = []
+    for folder, given, driven in (
+        (tmp_path, bag, machine),
+        (tmp_path, "site/bag", "machine.yaml"),
+        (bag, ".", os.path.relpath(machine, bag)),
+        (tmp_path, "link", "linked.yaml"),
+    ):
+        monkeypatch.chdir(folder)
+        documents.append(compare_recording(given, driven, **SHORT).result.model_dump())
+    assert list(documents[0]["points"]) == ["girder"]
+    assert all(document == documents[0] for document in documents[1:])
+    file = compare_recording(bag / "bag.mcap", "dz101", bag.parent / "mapping.yaml", **SHORT).result
+    linked = compare_recording("linked.mcap", "dz101", "site/mapping.yaml", **SHORT).result
+    assert linked == file
+
+
+def test_units_off_by_a_factor_are_said(tmp_path):
+    factors = {"cutterhead": 1.0, "shield": G, "girder": 1.0 / G, "gripper": 1e3}
+    values = {point: factor * model_values(seed=0)[point] for point, factor in factors.items()}
+    result = compare_recording(write_bag(tmp_path / "bag", values, rate=10_000), model_duration=4.0).result
+    assert [doubt.split(" on ")[0] for doubt in result.doubts] == [
+        f"test point {point}: field is about {factor:.3g} times the model"
+        for point, factor in factors.items()
+        if factor != 1.0
+    ]
+    assert json.loads(result.model_dump_json())["doubts"] == list(result.doubts)
+
+
+def test_units_are_told_from_what_measures():
+    assert unit_doubt([9.8, 0.0, np.nan], [1.0, 1.0, 1.0]).startswith("field is about 9.81 times")
+    assert unit_doubt([9.8, 1.0, 9.8], [1.0, 1.0, 1.0]) == unit_doubt([3.0, 3.0, 3.0], [1.0, 1.0, 1.0]) == ""
+    assert unit_doubt([0.0, 0.0, 0.0], [1.0, 1.0, 1.0]) == unit_doubt([np.nan], [np.nan]) == ""
+
+
+def test_figures_carry_enough_digits(tmp_path, capsys):
+    """A rate just beside the stated one, a level of microns of g, and a hole of one sample in thousands."""
+    stated, true = 25_600.0, 25_599.7
+    values = 1e-4 * G * np.random.default_rng(1).standard_normal((100_000, 3))
+    with BagWriter(tmp_path / "bag") as writer:
+        for first in range(0, len(values), 10_000):
+            stamp = START_NS + round(first / true * 1e9)
+            block = np.arange(10_000) / true
+            writer.write_block("/tbm/field/shield/block", stamp, ACCELERATION, block, values[first : first + 10_000])
+    compared = compare_recording(tmp_path / "bag", **SHORT)
+    assert compared.result.recording.points["shield"].rate_hz == pytest.approx(true, abs=0.01)
+    assert f"{true:.3f}" in compare_page(compared)
+    info(tmp_path / "bag", scan=True, mapping=None, json=False)
+    print_tables(compared.result)
+    out = capsys.readouterr().out
+    assert f"{true:.3f}" in out
+    assert str(stated) not in out
+    (measured,) = (row.measured_g for row in compared.result.axial_rows)
+    assert f" {measured:.3g} " in out
