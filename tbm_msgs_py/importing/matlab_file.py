@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import warnings
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import partial
@@ -19,7 +20,8 @@ from tbm_msgs_py.importing.measurement_file import MeasurementFile, Rows, librar
 _PART: Final = re.compile(r"(?P<name>[^()]+)\((?::,\s*(?P<column>[1-9]\d*)|(?P<row>[1-9]\d*),\s*:)\)")
 _HDF5: Final = b"\x89HDF"
 _NUMERIC: Final = {"double", "single", *(f"{sign}int{bits}" for sign in ("", "u") for bits in (8, 16, 32, 64))}
-_KINDS: Final = {"b": "logical", "c": "complex", "U": "char", "S": "char", "O": "cell or struct array"}
+_KINDS: Final = {"b": "logical", "c": "complex", "U": "char", "S": "char", "O": "cell, struct array or text"}
+
 
 _Found: TypeAlias = tuple[str, Callable[[], NDArray[Any]]]
 """Class of a variable, empty for real numbers, and what reads them."""
@@ -83,9 +85,15 @@ class MatlabFile(MeasurementFile):
             twice = [name for name, count in Counter(row[0] for row in io.whosmat(self.path)).items() if count > 1]
             if twice:
                 raise self.error(f"variable {twice[0]} is there twice, allowed: once")
-            # With its class: else logical values come as numbers.
-            content = io.loadmat(self.path, mat_dtype=True, struct_as_record=False)
-        return _flat({name: value for name, value in content.items() if not name.startswith("__")})
+            # Twice: with its classes scipy would drop the imaginary part, without them logical values are numbers.
+            with warnings.catch_warnings(action="ignore", category=np.exceptions.ComplexWarning):
+                classes = {
+                    name: _class_of(value)
+                    for name, value in _flat(io.loadmat(self.path, mat_dtype=True, struct_as_record=False))
+                }
+            content = list(_flat(io.loadmat(self.path, struct_as_record=False)))
+        for name, value in content:
+            yield name, (_class_of(value) or classes[name], partial(np.asarray, value))
 
     def _read_hdf5(self) -> Iterator[tuple[str, _Found]]:
         h5py: Any = library("h5py")
@@ -95,14 +103,14 @@ class MatlabFile(MeasurementFile):
         return iter(found)
 
 
-def _flat(values: Mapping[str, Any], before: str = "") -> Iterator[tuple[str, _Found]]:
+def _flat(values: Mapping[str, Any], before: str = "") -> Iterator[tuple[str, Any]]:
     """Variables of a classic file, and those inside structs."""
-    for name, value in values.items():
+    for name, value in ((name, value) for name, value in values.items() if before or not name.startswith("__")):
         only: Any = value.flat[0] if isinstance(value, np.ndarray) and value.size == 1 else None
         if hasattr(only, "_fieldnames"):
             yield from _flat({key: getattr(only, key) for key in only._fieldnames}, f"{before}{name}.")
         else:
-            yield f"{before}{name}", (_class_of(value), partial(np.asarray, value))
+            yield f"{before}{name}", value
 
 
 def _class_of(value: Any) -> str:

@@ -10,15 +10,16 @@ from typing import Any, Final
 
 import numpy as np
 
-from tbm_msgs_py.base.texts import listed
+from tbm_msgs_py.base.texts import listed, quoted
 from tbm_msgs_py.base.units import NANOSECONDS
 from tbm_msgs_py.importing.description import FileLayout, TimeBase
 from tbm_msgs_py.importing.measurement_file import MeasurementFile, Rows, library
 
-# Of the standard: the start is in local time; all samples of a channel are invalid; a master is of time.
-_LOCAL_TIME: Final = 1
-_ALL_INVALID: Final = 1
-_OF_TIME: Final = 1
+_LOCAL_TIME: Final = 1  # flag of the header
+_ALL_INVALID: Final = 1  # flag of a channel
+_OF_TIME: Final = 1  # kind of a master channel
+_FORMULA: Final = 3  # kind of a conversion
+_PROBE: Final = np.array([0.5, 2.0, -3.0])
 
 
 class MdfFile(MeasurementFile):
@@ -57,9 +58,10 @@ class MdfFile(MeasurementFile):
         signals = [self._signal(column) for column in columns]
         times = signals[0].timestamps
         for column, signal in zip(columns, signals, strict=True):
-            if not np.array_equal(signal.timestamps, times):
+            if not np.array_equal(signal.timestamps, times, equal_nan=True):
                 raise self.error(f"channels {columns[0]} and {column} have different times, allowed: the same")
             self._check_marks(column, signal)
+            self._check_formula(column)
         if time:
             self._check_clock(columns[0])
         ticks = (lambda rows: times[rows] * NANOSECONDS) if time else None
@@ -75,6 +77,23 @@ class MdfFile(MeasurementFile):
         if invalid.any():
             place = f"{self.row(int(np.argmax(invalid)))}, column {column}"
             raise self.error(f"{place}: marked as invalid, allowed: samples that the file calls valid")
+
+    def _check_formula(self, column: str) -> None:
+        """Refuse a formula that asammdf cannot evaluate: it would give the raw counts and say nothing."""
+        group, index = self._place(column)
+        conversions = [self._file.groups[group].channels[index].conversion]
+        for conversion in conversions:  # those that it refers to are added
+            if not hasattr(conversion, "convert"):
+                continue
+            conversions += (conversion.referenced_blocks or {}).values()
+            formula = conversion.formula if conversion.conversion_type == _FORMULA else ""
+            if formula and np.array_equal(conversion.convert(_PROBE.copy()), _PROBE):
+                try:
+                    library("numexpr").evaluate(formula.replace("X1", "X"), {"X": _PROBE})
+                except Exception as error:
+                    raise self.error(
+                        f"channel {column}: its formula {quoted(formula)} cannot be evaluated, allowed: one of X1"
+                    ) from error
 
     def _check_clock(self, column: str) -> None:
         """Refuse a group whose master is none, or an angle or a distance."""

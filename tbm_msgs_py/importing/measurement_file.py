@@ -197,7 +197,8 @@ class MeasurementFile(ABC):
     def _check_numbers(self, name: str, found: NDArray[np.generic], first: int) -> None:
         """Refuse what is no column of real numbers, with its first text where it is one of texts."""
         if found.ndim == 1 and found.dtype.kind in "SUO" and len(found):
-            raise self.error(f"{self.row(first)}, column {name}: {quoted(found[0])}, allowed: a number")
+            text = found[0].decode("latin-1") if isinstance(found[0], bytes) else str(found[0])
+            raise self.error(f"{self.row(first)}, column {name}: {quoted(text)}, allowed: a number")
         if found.ndim != 1 or found.dtype.kind not in "iuf":
             kind = f"{found.ndim} dimensions of {found.dtype}"
             raise self.error(f"column {name}: {kind}, allowed: real numbers, one a row")

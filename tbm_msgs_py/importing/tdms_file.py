@@ -118,9 +118,10 @@ class TdmsFile(MeasurementFile):
                     f"allowed: {', '.join(_APPLIED)}, or values that are scaled"
                 )
         for before, after in (pair for path in holders for pair in pairwise(self._statements.get(path, []))):
-            for key in sorted(before.properties.keys() | after.properties.keys()):
+            keys = sorted(key for key in before.properties.keys() | after.properties.keys() if key.startswith(_UNIT))
+            for key in keys:
                 old, new = before.properties.get(key), after.properties.get(key)
-                if old != new and after.first and key.startswith(_UNIT):
+                if old != new and after.first:
                     raise self.error(
                         f"channel {name}: {key} changes from {quoted(old)} to {quoted(new)} at sample "
                         f"{after.first + 1}, allowed: one for all samples"
@@ -152,7 +153,7 @@ class TdmsFile(MeasurementFile):
 
     def _number(self, name: str, properties: Properties, key: str) -> float:
         value = properties.get(key, 0.0)
-        if isinstance(value, str | bool) or not np.isreal(value):
+        if isinstance(value, str | bool) or not np.isreal(value) or not np.isfinite(value):
             raise self.error(f"channel {name}: {key} is {quoted(value)}, allowed: a number of seconds")
         return float(value)
 

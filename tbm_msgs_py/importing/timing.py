@@ -72,7 +72,7 @@ class RowTimes:
         outside = (times < -self.start_ns) | (times >= LAST_NS - self.start_ns)
         if outside.any():
             at = int(np.argmax(outside))
-            when = "before 1970" if times[at] < 0 else "after January 2038"
+            when = "before 1970" if int(times[at]) + self.start_ns < 0 else "after January 2038"
             raise self.file.error(f"{self.file.row(self.rows + at)}: its time is {when}, allowed: times that ROS has")
 
     def _increasing(self, times: Integers) -> Integers:

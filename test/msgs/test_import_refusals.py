@@ -102,7 +102,10 @@ def test_suffix_and_missing_file(tmp_path):
         ({"time": "file"}, "time or rate"),
         ({"start": "2026-03-01T08:00:00"}, "'2026-03-01T08:00:00': without its zone, allowed: "),
         ({"start": None}, "start: missing, allowed: the moment of time 0"),
-        ({"sensors": 1}, "sensors: unknown key, allowed: time, rate, start, timezone, csv, points, operating_point, files"),
+        (
+            {"sensors": 1},
+            "sensors: unknown key, allowed: time, rate, start, timezone, csv, points, operating_point, files",
+        ),
         ({"points": {"shield": POINT | {"unit": "g"}}}, "points.shield.unit: unknown key, allowed: point, units, "),
         ({"csv": {"decimals": ","}}, "csv.decimals: unknown key, allowed: delimiter, decimal, encoding, header, first"),
         (
