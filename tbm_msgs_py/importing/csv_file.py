@@ -36,7 +36,7 @@ class CsvFile(MeasurementFile):
     clocks = ("column", "datetime")
 
     def __init__(self, path: Path, layout: FileLayout) -> None:
-        super().__init__(path, layout.zone)
+        super().__init__(path, layout)
         self._layout = layout.csv
         self._number = _number(self._layout)
         try:

@@ -35,7 +35,7 @@ class MatlabFile(MeasurementFile):
     clocks = ("column",)
 
     def __init__(self, path: Path, layout: FileLayout) -> None:
-        super().__init__(path, layout.zone)
+        super().__init__(path, layout)
         with path.open("rb") as file:
             head = file.read(516)
         hdf5 = _HDF5 in (head[:4], head[512:516])

@@ -30,7 +30,7 @@ class MdfFile(MeasurementFile):
     clocks = ("file",)
 
     def __init__(self, path: Path, layout: FileLayout) -> None:
-        super().__init__(path, layout.zone)
+        super().__init__(path, layout)
         asammdf: Any = library("asammdf")
         asammdf.console.setLevel(logging.CRITICAL)  # what it says goes into the result; it would print it too
         with self.reading():
@@ -64,6 +64,8 @@ class MdfFile(MeasurementFile):
             self._check_formula(column)
         if time:
             self._check_clock(columns[0])
+        elif len(times) > 1 and (step := float(np.median(np.diff(times)))) > 0.0:
+            self.compare_rate(1.0 / step, columns[0])
         ticks = (lambda rows: times[rows] * NANOSECONDS) if time else None
         return self.in_pieces(columns, [signal.samples for signal in signals], ticks=ticks)
 

@@ -8,7 +8,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable, Collection, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
-from datetime import datetime, tzinfo
+from datetime import datetime
 from importlib import import_module
 from pathlib import Path
 from types import ModuleType
@@ -21,7 +21,7 @@ from tbm_msgs_py.base.arrays import Array, Integers
 from tbm_msgs_py.base.errors import RecordingError
 from tbm_msgs_py.base.texts import listed, quoted
 from tbm_msgs_py.base.units import NANOSECONDS
-from tbm_msgs_py.importing.description import TimeBase, TimeColumn
+from tbm_msgs_py.importing.description import FileLayout, TimeBase, TimeColumn
 from tbm_msgs_py.importing.moments import local_ns
 
 PIECE_ROWS = 50_000  # read at a time; a multiple of the samples of a block
@@ -29,6 +29,7 @@ _EXTRA = "import"
 _IGNORED = (DeprecationWarning, PendingDeprecationWarning, FutureWarning, ResourceWarning, ImportWarning)
 _LIBRARIES = ("nptdms", "asammdf", "canmatrix")
 _FAR_NS = 2**62
+_SAME_RATE = 1e-3  # of the rate: clocks of real systems are better
 _SECONDS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
 
 
@@ -63,6 +64,8 @@ class MeasurementFile(ABC):
     path : Path
     zone : tzinfo or None
         Where the clocks stood that showed times without a zone, as the user states it.
+    rate : float or None
+        Sample rate, Hz, as the user states it.
     kind : str
         Its format with an article, for messages.
     row_name : str
@@ -81,9 +84,10 @@ class MeasurementFile(ABC):
     full_scale: ClassVar[bool] = False
     clocks: ClassVar[Collection[str]]
 
-    def __init__(self, path: Path, zone: tzinfo | None = None) -> None:
+    def __init__(self, path: Path, layout: FileLayout) -> None:
         self.path = path
-        self.zone = zone
+        self.zone = layout.zone
+        self.rate = layout.rate
 
     @property
     def start_ns(self) -> int | None:
@@ -132,6 +136,11 @@ class MeasurementFile(ABC):
     def warn(self, problem: str) -> None:
         """Say what of the file the user should look at."""
         warnings.warn(problem, stacklevel=2)
+
+    def compare_rate(self, own: float, column: str) -> None:
+        """Warn where the file states another rate, Hz, than the user, who is believed."""
+        if self.rate is not None and abs(own / self.rate - 1.0) > _SAME_RATE:
+            self.warn(f"column {column}: the file says {own:g} Hz, the description {self.rate:g}")
 
     def no_column(self, column: str, there: Sequence[str]) -> RecordingError:
         """Error of a column that the file does not have."""

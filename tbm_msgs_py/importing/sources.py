@@ -111,6 +111,10 @@ class Sources:
             if name not in names:
                 raise RecordingError(f"files.{name}: no such file is given, allowed: {listed(names)}")
         self._sources = {path.name: _opened(path, description) for path in paths}
+        if "csv" in description.model_fields_set and not any(
+            isinstance(s.file, CsvFile) for s in self._sources.values()
+        ):
+            raise RecordingError(f"{', '.join(names)}: csv is stated, allowed: for CSV files")
         used = {name for entry in description.streams.values() for name in self._split(entry.columns)}
         for name in names:
             if name not in used:

@@ -49,7 +49,7 @@ class TdmsFile(MeasurementFile):
     clocks = ("file", "column")
 
     def __init__(self, path: Path, layout: FileLayout) -> None:
-        super().__init__(path, layout.zone)
+        super().__init__(path, layout)
         nptdms: Any = library("nptdms")
         # Its warnings go into the result; it would print them too.
         library("nptdms.log").log_manager.console_handler.setLevel(logging.CRITICAL)
@@ -94,6 +94,8 @@ class TdmsFile(MeasurementFile):
                         f"channel {name} has {len(of_channel)} runs with a start of their own, "
                         "allowed: `time: file`, which keeps what is between them"
                     )
+                if of_channel[0].increment > 0.0:
+                    self.compare_rate(1.0 / of_channel[0].increment, name)
             return self.in_pieces(columns, channels)
         for name, of_channel in zip(columns, runs, strict=True):
             if any(run.increment <= 0.0 for run in of_channel):

@@ -68,11 +68,11 @@ class RowTimes:
         return np.flatnonzero(np.diff(stamps) > GAP_FACTOR * self.step_ns) + 1
 
     def _check(self, times: Integers) -> None:
-        """Refuse stamps, times after the start, that ROS does not have."""
-        outside = (times < -self.start_ns) | (times >= LAST_NS - self.start_ns)
+        """Refuse stamps, times after the start, that ROS does not have; one of 0 is none."""
+        outside = (times <= -self.start_ns) | (times >= LAST_NS - self.start_ns)
         if outside.any():
             at = int(np.argmax(outside))
-            when = "before 1970" if int(times[at]) + self.start_ns < 0 else "after January 2038"
+            when = "not after 1970-01-01 00:00 UTC" if int(times[at]) + self.start_ns <= 0 else "after January 2038"
             raise self.file.error(f"{self.file.row(self.rows + at)}: its time is {when}, allowed: times that ROS has")
 
     def _increasing(self, times: Integers) -> Integers:

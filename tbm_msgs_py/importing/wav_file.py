@@ -66,7 +66,7 @@ class WavFile(MeasurementFile):
     clocks = ("file",)
 
     def __init__(self, path: Path, layout: FileLayout) -> None:
-        super().__init__(path, layout.zone)
+        super().__init__(path, layout)
         self._bytes: NDArray[np.uint8] = (
             np.memmap(path, np.uint8, "r") if path.stat().st_size else np.empty(0, np.uint8)
         )
@@ -168,5 +168,6 @@ class WavFile(MeasurementFile):
             if column not in there:
                 raise self.no_column(column, there)
         channels = [_Channel(self._data[:, there.index(column)], self._format.tag) for column in columns]
+        self.compare_rate(self._format.rate, columns[0])
         ticks = (lambda rows: rows * (NANOSECONDS / self._format.rate)) if time else None
         return self.in_pieces(columns, channels, ticks=ticks)

@@ -89,6 +89,7 @@ def test_one_file_a_point_and_one_of_the_machine(files, tmp_path):
         (["x", "y"], ["x.wav:1"], {}, "y.wav: no column of it is asked for"),
         (["x", "y"], ["1"], {}, "column 1: of none of the files, allowed: x.wav:COLUMN, y.wav:COLUMN"),
         (["x", "x"], ["x.wav:1"], {}, "x.wav: given 2 times"),
+        (["x"], ["1"], {"csv": {"decimal": ",", "delimiter": ";"}}, "x.wav: csv is stated, allowed: for CSV files"),
         (["x"], ["1"], {"files": {"y.wav": {"start": LATER}}}, "files.y.wav: no such file is given"),
         (["x", "plc"], ["x.wav:1", "plc.csv:rpm"], {}, "plc.csv: time: file: a CSV file states no time"),
     ],

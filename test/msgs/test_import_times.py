@@ -7,6 +7,7 @@ from zoneinfo import ZoneInfo
 
 import numpy as np
 import pytest
+import scipy.io
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from import_files import POINT, START_NS, TOPIC, description, refused, without
@@ -54,7 +55,8 @@ def write_dates(path, cells):
         ("2026-03-01T08:00:00+25:00", None, "+25:00: no offset"),
         ("\uff12026-03-01T08:00:00Z", None, "no date and time"),
         ("1772348400", "UTC", "no date and time"),
-        ("1969-12-31T23:59:59Z", None, "line 2: its time is before 1970"),
+        ("1969-12-31T23:59:59Z", None, "line 2: its time is not after 1970"),
+        ("1970-01-01T00:00:00Z", None, "line 2: its time is not after 1970"),
         ("2038-01-19T03:14:08Z", None, "line 2: its time is after January 2038"),
         ("9999-12-31T23:59:59Z", None, "allowed: a time of ROS"),
     ],
@@ -191,7 +193,7 @@ LATER = RUN | {"wf_start_time": np.datetime64("2026-03-01T07:10:00.25")}
         ([(3, LATER), (2, RUN)], {}, "sample 4: the time steps back by 600.5 s"),
         ([(3, RUN), (2, LATER)], {"time": None, "rate": 8}, "channel g/x has 2 runs with a start of their own"),
         ([(3, RUN), (0, LATER)], {}, "a start is stated behind its last sample"),
-        ([(3, RUN | {"wf_start_time": np.datetime64("1904-01-01")})], {}, "sample 1: its time is before 1970"),
+        ([(3, RUN | {"wf_start_time": np.datetime64("1904-01-01")})], {}, "sample 1: its time is not after 1970"),
         ([(3, RUN | {"wf_increment": "0.125"})], {}, "wf_increment is '0.125'"),
         ([(3, RUN | {"wf_increment": np.nan})], {}, "wf_increment is nan"),
         ([(3, RUN | {"wf_start_time": "01.03.2026 08:00:00"})], {}, "without its zone"),
@@ -215,6 +217,22 @@ def test_runs_of_a_tdms_file_keep_what_is_between_them(tmp_path, far_away, segme
     record = read_acceleration(tmp_path / "bag", TOPIC)
     assert (record.start_ns, record.time.tolist()) == (START_NS, expected)
     assert (stream.gaps > 0) == (expected[-1] > 1)
+
+
+def test_a_rate_other_than_that_of_the_file_is_named(tmp_path):
+    nptdms, asammdf = pytest.importorskip("nptdms"), pytest.importorskip("asammdf")
+    with nptdms.TdmsWriter(tmp_path / "a.tdms") as writer:
+        writer.write_segment([nptdms.ChannelObject("g", "1", np.arange(3.0), RUN)])
+    with asammdf.MDF(version="4.10") as file:
+        file.append([asammdf.Signal(np.arange(3.0), np.arange(3) / 8, name="1")])
+        file.save(tmp_path / "a.mf4")
+    scipy.io.wavfile.write(tmp_path / "a.wav", 8, np.arange(3, dtype=np.int16))
+    for name, column in {"a.tdms": "g/1", "a.mf4": "1", "a.wav": "1"}.items():
+        point = POINT | {"columns": [column, None, None], "full_scale": 1}
+        for rate, warned in {8.0: [], 50.0: [f"column {column}: the file says 8 Hz, the description 50"]}.items():
+            out = tmp_path / f"{name}{rate}"
+            warnings = import_recording(tmp_path / name, description(points={"shield": point}, rate=rate), out).warnings
+            assert [warning.partition(": ")[2] for warning in warnings] == warned
 
 
 @pytest.mark.parametrize(

@@ -63,7 +63,12 @@ def import_(
     for given in mapping or []:
         if "=" in given:
             name, columns = _point(given)
+            if name in points:
+                raise typer.BadParameter(f"--map {given}: point {name} a second time, allowed: once")
             points[name] = {"columns": columns, **_stated(sensor)}
+    if not points and _stated(sensor):
+        unused = ", ".join(f"--{key.replace('_', '-')}" for key in _stated(sensor))
+        raise typer.BadParameter(f"{unused}: for no {_POINT}, allowed: with --map {_POINT}, or in the description")
     operating = {"speed": speed, "torque": torque, "thrust": thrust, "advance": advance}
     changes = {
         "points": points or None,
