@@ -19,7 +19,7 @@ from tbm_msgs_py.base.errors import RecordingError
 from tbm_msgs_py.base.files import write_whole
 from tbm_msgs_py.base.operating_point import OperatingPoint
 from tbm_msgs_py.base.units import NANOSECONDS
-from tbm_msgs_py.blocks import ACCELERATION
+from tbm_msgs_py.blocks import ACCELERATION, LONGEST_S
 from tbm_msgs_py.importing.description import Description, OperatingColumns, PointColumns
 from tbm_msgs_py.importing.measurement_file import library_warnings
 from tbm_msgs_py.importing.sources import Sources, StampedRows
@@ -184,7 +184,9 @@ def _with_constant(
 
 
 def _batches(name: str, stamps: Integers, values: Array, edges: NDArray[np.intp]) -> list[_Message]:
-    """Messages of the rows of a piece: single operating points, blocks that end at a gap."""
+    """Messages of the rows of a piece: single operating points, blocks that end at a gap or would last too long."""
+    slow = np.flatnonzero(np.diff(stamps) >= LONGEST_S * NANOSECONDS / BLOCK_SAMPLES) + 1
+    edges = np.union1d(edges, slow)
     if name == topics.OPERATING_POINT:
         starts = list(range(len(stamps)))
     else:

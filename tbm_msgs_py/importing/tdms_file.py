@@ -18,7 +18,7 @@ from tbm_msgs_py.base.units import NANOSECONDS
 from tbm_msgs_py.importing.description import FileLayout, TimeBase, TimeColumn
 from tbm_msgs_py.importing.measurement_file import MeasurementFile, Rows, library
 from tbm_msgs_py.importing.moments import moment_ns
-from tbm_msgs_py.importing.tdms_runs import Properties, read_statements
+from tbm_msgs_py.importing.tdms_runs import Properties, Statement, read_statements
 
 _EPOCH: Final = 2_082_844_800  # of 1970, seconds since 1904
 _SCALE_TYPE: Final = re.compile(r"NI_Scale\[\d+\]_Scale_Type")
@@ -29,6 +29,7 @@ _APPLIED: Final = (
 )
 
 
+_TIMES: Final = ("wf_start_time", "wf_start_offset", "wf_increment")
 _UNIT: Final = ("NI_Scal", "unit_string")  # beginnings of the keys that say what a value means
 
 
@@ -86,23 +87,29 @@ class TdmsFile(MeasurementFile):
             self._check_values(name, channel)
         if clock:
             return self.in_pieces(columns, channels, clock)
-        runs = [self._runs(name, channel) for name, channel in zip(columns, channels, strict=True)]
         if time is None:
-            for name, of_channel in zip(columns, runs, strict=True):
-                if len(of_channel) > 1:
-                    raise self.error(
-                        f"channel {name} has {len(of_channel)} runs with a start of their own, "
-                        "allowed: `time: file`, which keeps what is between them"
-                    )
-                if of_channel[0].increment > 0.0:
-                    self.compare_rate(1.0 / of_channel[0].increment, name)
+            for name, channel in zip(columns, channels, strict=True):
+                self._check_one_run(name, channel)
             return self.in_pieces(columns, channels)
+        runs = [self._runs(name, channel) for name, channel in zip(columns, channels, strict=True)]
         for name, of_channel in zip(columns, runs, strict=True):
-            if any(run.increment <= 0.0 for run in of_channel):
+            if not all(run.increment > 0.0 for run in of_channel):
                 raise self.error(f"time: file: channel {name} has no wf_increment, allowed: a time channel or a rate")
         if any(of_channel != runs[0] for of_channel in runs):
             raise self.error(f"channels {', '.join(columns)} state different times, allowed: the same")
         return self.in_pieces(columns, channels, ticks=lambda rows: _times(runs[0], rows))
+
+    def _check_one_run(self, name: str, channel: Any) -> None:
+        """Refuse several runs, which a rate would put one behind the other, and name another rate of the file."""
+        statements = self._times_of(channel)
+        if len(statements) > 1:
+            raise self.error(
+                f"channel {name} has {len(statements)} runs with a start of their own, "
+                "allowed: `time: file`, which keeps what is between them"
+            )
+        for statement in statements:
+            if (increment := self._number(name, statement.properties, "wf_increment")) > 0.0:
+                self.compare_rate(1.0 / increment, name)
 
     def _check_values(self, name: str, channel: Any) -> None:
         """Refuse values that are not in one unit: of a scale that is not applied, or of one that changes on the way."""
@@ -129,26 +136,31 @@ class TdmsFile(MeasurementFile):
                         f"{after.first + 1}, allowed: one for all samples"
                     )
 
+    def _times_of(self, channel: Any) -> list[Statement]:
+        """Statements that change when the samples of a channel were taken."""
+        found: list[Statement] = []
+        last: list[str] = []
+        for statement in self._statements.get(channel.path, []):
+            stated = [repr(statement.properties.get(key)) for key in _TIMES]
+            if stated not in (last, ["None"] * len(_TIMES)):
+                found.append(statement)
+                last = stated
+        return found
+
     def _runs(self, name: str, channel: Any) -> list[_Run]:
         """List the runs of a channel: a new one where its start, offset or increment is stated anew."""
         runs: list[_Run] = []
         earliest = self.start_ns
-        for statement in self._statements.get(channel.path, []):
-            if not any(key.startswith("wf_") for key in statement.properties):
-                continue
-            begin, increment = (
-                self._number(name, statement.properties, key) for key in ("wf_start_offset", "wf_increment")
-            )
-            own = self._start(statement.properties)
-            if own is not None and earliest is not None:
-                begin += (own - earliest) / NANOSECONDS
-            if runs and (runs[-1].begin, runs[-1].increment) == (begin, increment):
-                continue
+        for statement in self._times_of(channel):
             if runs and statement.first == len(channel):
                 raise self.error(
                     f"channel {name}: a start is stated behind its last sample, allowed: before its samples"
                 )
-            if runs and runs[-1].first == statement.first:
+            begin, increment = (self._number(name, statement.properties, key) for key in _TIMES[1:])
+            own = self._start(statement.properties)
+            if own is not None and earliest is not None:
+                begin += (own - earliest) / NANOSECONDS
+            if runs and not statement.first:  # stated anew before the first sample
                 runs.pop()
             runs.append(_Run(statement.first if runs else 0, begin, increment))
         return runs or [_Run(0, 0.0, 0.0)]
@@ -164,9 +176,9 @@ class TdmsFile(MeasurementFile):
         start = properties.get("wf_start_time")
         if start is None:
             return None
-        if isinstance(start, str):
+        if not hasattr(start, "second_fractions"):
             try:
-                return moment_ns(start, self.zone)
+                return moment_ns(str(start), self.zone)
             except ValueError as error:
                 raise self.error(f"wf_start_time: {quoted(start)}: {error}") from None
         # Seconds since 1904, and parts of 2**64 of one.

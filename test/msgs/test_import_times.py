@@ -153,6 +153,14 @@ def test_a_time_that_ros_does_not_have_is_refused(tmp_path, unit, cells):
     assert "a.csv: line " in refused(path, stated, tmp_path / "bag")
 
 
+@pytest.mark.parametrize("step", [0.001, 60, 7200, 86399, 1e6])
+def test_samples_that_are_far_apart_are_read_back(tmp_path, step):
+    path = write_dates(tmp_path / "a.csv", [k * step for k in range(100)])
+    stated = without("rate", points={"shield": POINT}, time={"column": "t", "unit": "s"}, csv={"delimiter": ";"})
+    import_recording(path, stated, tmp_path / "bag")
+    assert read_acceleration(tmp_path / "bag", TOPIC).time.tolist() == pytest.approx([k * step for k in range(100)])
+
+
 MDF_ZONES = [(None, "without its zone"), ("Europe/Berlin", START_NS), ("UTC", START_NS + 3600 * 10**9)]
 
 
