@@ -13,7 +13,7 @@ import numpy as np
 
 from tbm_msgs_py.base.arrays import Array, Integers
 from tbm_msgs_py.base.texts import LONGEST_NAME, quoted, shortened
-from tbm_msgs_py.importing.description import CsvLayout, FileLayout, TimeBase, TimeColumn
+from tbm_msgs_py.importing.layout import CsvLayout, FileLayout, TimeBase, TimeColumn
 from tbm_msgs_py.importing.measurement_file import PIECE_ROWS, MeasurementFile, Rows, nanoseconds
 from tbm_msgs_py.importing.moments import moment_ns
 

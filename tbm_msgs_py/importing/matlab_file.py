@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tbm_msgs_py.base.texts import listed
-from tbm_msgs_py.importing.description import FileLayout, TimeBase, TimeColumn
+from tbm_msgs_py.importing.layout import FileLayout, TimeBase, TimeColumn
 from tbm_msgs_py.importing.measurement_file import MeasurementFile, Rows, library
 
 _PART: Final = re.compile(r"(?P<name>[^()]+)\((?::,\s*(?P<column>[1-9]\d*)|(?P<row>[1-9]\d*),\s*:)\)")

@@ -12,7 +12,7 @@ import numpy as np
 
 from tbm_msgs_py.base.texts import listed, quoted
 from tbm_msgs_py.base.units import NANOSECONDS
-from tbm_msgs_py.importing.description import FileLayout, TimeBase
+from tbm_msgs_py.importing.layout import FileLayout, TimeBase
 from tbm_msgs_py.importing.measurement_file import MeasurementFile, Rows, library
 
 _LOCAL_TIME: Final = 1  # flag of the header

@@ -21,7 +21,7 @@ from tbm_msgs_py.base.arrays import Array, Integers
 from tbm_msgs_py.base.errors import RecordingError
 from tbm_msgs_py.base.texts import listed, quoted
 from tbm_msgs_py.base.units import NANOSECONDS
-from tbm_msgs_py.importing.description import FileLayout, TimeBase, TimeColumn
+from tbm_msgs_py.importing.layout import FileLayout, TimeBase, TimeColumn
 from tbm_msgs_py.importing.moments import local_ns
 
 PIECE_ROWS = 50_000  # read at a time; a multiple of the samples of a block

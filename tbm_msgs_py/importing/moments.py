@@ -31,7 +31,12 @@ def zone_of(text: str) -> tzinfo:
     """
     if offset := _fixed(text):
         return offset
-    if text not in available_timezones() - _OF_THIS_COMPUTER:
+    known = available_timezones() - _OF_THIS_COMPUTER
+    if not known:
+        raise ValueError(
+            "no list of time zones is installed, allowed: an offset such as '+01:00', or pip install tzdata"
+        )
+    if text not in known:
         raise ValueError("no time zone, allowed: a name such as Europe/Berlin or UTC, or an offset such as '+01:00'")
     return ZoneInfo(text)
 

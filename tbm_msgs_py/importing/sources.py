@@ -13,7 +13,8 @@ from tbm_msgs_py.base.arrays import Array, Integers
 from tbm_msgs_py.base.errors import RecordingError
 from tbm_msgs_py.base.texts import listed
 from tbm_msgs_py.importing.csv_file import CsvFile
-from tbm_msgs_py.importing.description import Description, FileLayout, TimeColumn, same_unit
+from tbm_msgs_py.importing.description import Description, same_unit
+from tbm_msgs_py.importing.layout import FileLayout, TimeColumn
 from tbm_msgs_py.importing.matlab_file import MatlabFile
 from tbm_msgs_py.importing.mdf_file import MdfFile
 from tbm_msgs_py.importing.measurement_file import MeasurementFile

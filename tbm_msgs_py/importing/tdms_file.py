@@ -15,7 +15,7 @@ import numpy as np
 from tbm_msgs_py.base.arrays import Array, Integers
 from tbm_msgs_py.base.texts import quoted
 from tbm_msgs_py.base.units import NANOSECONDS
-from tbm_msgs_py.importing.description import FileLayout, TimeBase, TimeColumn
+from tbm_msgs_py.importing.layout import FileLayout, TimeBase, TimeColumn
 from tbm_msgs_py.importing.measurement_file import MeasurementFile, Rows, library
 from tbm_msgs_py.importing.moments import moment_ns
 from tbm_msgs_py.importing.tdms_runs import Properties, Statement, read_statements

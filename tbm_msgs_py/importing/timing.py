@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from tbm_msgs_py.base.arrays import Integers
 from tbm_msgs_py.base.units import NANOSECONDS
-from tbm_msgs_py.importing.description import LAST_NS
+from tbm_msgs_py.importing.layout import LAST_NS
 from tbm_msgs_py.importing.measurement_file import MeasurementFile, whole_ns
 from tbm_msgs_py.recordings.faults import GAP_FACTOR
 

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from tbm_msgs_py.base.arrays import Array
 from tbm_msgs_py.base.texts import quoted
 from tbm_msgs_py.base.units import NANOSECONDS
-from tbm_msgs_py.importing.description import FileLayout, TimeBase
+from tbm_msgs_py.importing.layout import FileLayout, TimeBase
 from tbm_msgs_py.importing.measurement_file import MeasurementFile, Rows
 
 _WHOLE_NUMBERS, _FLOATS, _EXTENSIBLE = 1, 3, 0xFFFE

@@ -124,7 +124,7 @@ def test_wrong_description_is_one_line(changes, message):
     assert "allowed: " in str(caught.value)
 
 
-@settings(max_examples=150)
+@settings(max_examples=60)
 @given(text=st.text("0123456789.,-+eEnaif \"'\n\r;x", max_size=120))
 def test_any_text_is_imported_or_refused_in_one_line(tmp_path_factory, text):
     folder = tmp_path_factory.mktemp("text")
