@@ -5,6 +5,7 @@ from __future__ import annotations
 import shutil
 import signal
 import sys
+from collections.abc import Sequence
 from glob import escape
 from multiprocessing import get_context
 from multiprocessing.connection import Connection
@@ -18,7 +19,7 @@ from tbm_msgs_py.importing.description import Description
 CRASHING = (".mat", ".mf4")  # formats whose libraries end with a segmentation fault on some damaged files
 
 
-def import_apart(path: Path, description: Description, out: Path) -> Imported:
+def import_apart(path: Path | Sequence[Path], description: Description, out: Path) -> Imported:
     """Do `import_recording` in a process of its own; a crash of it is a `RecordingError`, and leaves nothing behind."""
     if out.exists():
         raise RecordingError(f"{out}: exists already, allowed: a new name")
@@ -31,8 +32,9 @@ def import_apart(path: Path, description: Description, out: Path) -> Imported:
     try:
         result = receiving.recv()
     except EOFError:
+        names = path if isinstance(path, Path) else ", ".join(map(str, path))
         raise RecordingError(
-            f"{path}: the library that reads it crashed, allowed: a file that is not damaged"
+            f"{names}: the library that reads it crashed, allowed: a file that is not damaged"
         ) from None
     finally:
         child.kill()
@@ -46,7 +48,7 @@ def import_apart(path: Path, description: Description, out: Path) -> Imported:
     return result
 
 
-def _import(answer: Connection, path: Path, description: Description, out: Path) -> None:
+def _import(answer: Connection, path: Path | Sequence[Path], description: Description, out: Path) -> None:
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # the parent ends this process
     # asammdf closes what it could not open as well, with a traceback for every such object.
     sys.unraisablehook = lambda _: None

@@ -19,27 +19,14 @@ from tbm_msgs_py.base.errors import RecordingError
 from tbm_msgs_py.base.files import write_whole
 from tbm_msgs_py.base.operating_point import OperatingPoint
 from tbm_msgs_py.base.units import NANOSECONDS
-from tbm_msgs_py.blocks import ACCELERATION
-from tbm_msgs_py.importing.csv_file import CsvFile
-from tbm_msgs_py.importing.description import Description, TimeColumn, same_unit
-from tbm_msgs_py.importing.matlab_file import MatlabFile
-from tbm_msgs_py.importing.mdf_file import MdfFile
-from tbm_msgs_py.importing.measurement_file import MeasurementFile, library_warnings
-from tbm_msgs_py.importing.tdms_file import TdmsFile
-from tbm_msgs_py.importing.timing import RowTimes
-from tbm_msgs_py.importing.wav_file import WavFile
+from tbm_msgs_py.blocks import ACCELERATION, LONGEST_S
+from tbm_msgs_py.importing.description import Description, OperatingColumns, PointColumns
+from tbm_msgs_py.importing.measurement_file import library_warnings
+from tbm_msgs_py.importing.sources import Sources, StampedRows
 from tbm_msgs_py.recordings import mapping
 from tbm_msgs_py.recordings.mapping import contract_sensor
 
 BLOCK_SAMPLES = topics.MODEL_BLOCK_SAMPLES
-_OPENERS: dict[str, Callable[[Path, Description], MeasurementFile]] = {
-    ".csv": lambda path, description: CsvFile(path, description.csv),
-    ".txt": lambda path, description: CsvFile(path, description.csv),
-    ".tdms": lambda path, _: TdmsFile(path),
-    ".mf4": lambda path, _: MdfFile(path),
-    ".wav": lambda path, _: WavFile(path),
-    ".mat": lambda path, _: MatlabFile(path),
-}
 
 
 @dataclass
@@ -89,51 +76,44 @@ class _Message(NamedTuple):
 
 
 def import_recording(
-    path: str | Path, description: Description, out: str | Path, progress: Callable[[int], None] | None = None
+    path: str | Path | Sequence[str | Path],
+    description: Description,
+    out: str | Path,
+    progress: Callable[[int], None] | None = None,
 ) -> Imported:
-    """Write the columns of a file as a recording; nothing is left behind when the file is refused.
+    """Write the columns of a file, or of several, as a recording; nothing is left behind when one is refused.
 
     Times are kept as they are: no sample is resampled, dropped or made up.
 
     Parameters
     ----------
-    path : str or Path
-        CSV, TDMS, MDF 4, WAV or MATLAB file.
+    path : str, Path or sequence of them
+        CSV, TDMS, MDF 4, WAV or MATLAB files.
     description : Description
-        What its columns are.
+        What their columns are.
     out : str or Path
         New rosbag2 folder, or a bare ``.mcap`` file.
     progress : callable, optional
         Called with the number of samples of every message written.
     """
-    path, out = Path(path), Path(out)
-    with library_warnings(path) as texts:
-        imported = _import(path, description, out, progress)
+    paths = [Path(path)] if isinstance(path, str | Path) else [Path(one) for one in path]
+    with library_warnings(", ".join(map(str, paths))) as texts:
+        imported = _import(Sources(paths, description), description, Path(out), progress)
     return Imported(imported.streams, [*imported.warnings, *texts])
 
 
-def _open(path: Path, description: Description) -> MeasurementFile:
-    opener = _OPENERS.get(path.suffix.lower())
-    if opener is None:
-        raise RecordingError(f"{path}: suffix {path.suffix or 'missing'}, allowed: {', '.join(_OPENERS)}")
-    if not path.is_file():
-        raise RecordingError(f"{path}: no such file, allowed: a file of measurements")
-    return opener(path, description)
-
-
-def _import(path: Path, description: Description, out: Path, progress: Callable[[int], None] | None) -> Imported:
-    file = _open(path, description)
+def _import(sources: Sources, description: Description, out: Path, progress: Callable[[int], None] | None) -> Imported:
     stated = {topics.absolute(topics.field_block(name)): point.written() for name, point in description.points.items()}
     if out.suffix == ".mcap" and any(sensor != contract_sensor(sensor.point) for sensor in stated.values()):
         raise RecordingError(
             f"{out}: a bare file cannot say gravity, frame, axes, rotation and range, allowed: a new folder"
         )
-    warnings = _check_units(file, description)
+    warnings = sources.check_units()
     streams = {name: _stream(name, entry.columns) for name, entry in description.streams.items()}
-    groups = [streams] if file.shared_rows else [{name: stream} for name, stream in streams.items()]
-    messages = [_messages(file, description, group) for group in groups]
+    groups = [{name: streams[name] for name in group} for group in sources.groups()]
+    merged = heapq.merge(*(_messages(sources, description, group) for group in groups), key=lambda m: m.stamp_ns)
     with BagWriter(out) as writer:
-        for message in heapq.merge(*messages, key=lambda message: message.stamp_ns):
+        for message in _with_constant(merged, description.operating_point, streams):
             _write(writer, streams[message.name].topic, message)
             if progress:
                 progress(len(message.times_ns))
@@ -151,50 +131,62 @@ def _stream(name: str, columns: Sequence[str | None]) -> ImportedStream:
     return ImportedStream(topics.absolute(topics.field_block(name)), unmeasured=missing)
 
 
-def _check_units(file: MeasurementFile, description: Description) -> list[str]:
-    """Refuse a missing full scale; warnings where the file states another unit than the user."""
-    for name, point in description.points.items():
-        if file.full_scale and point.full_scale is None:
-            raise file.error(f"points.{name}.full_scale: missing, allowed: what full scale is in {point.units}")
-    return [
-        f"{file.path}: column {column}: the file says {label}, the description {unit}"
-        for entry in description.streams.values()
-        for column, unit in zip(entry.columns, entry.stated_units, strict=True)
-        if column and (label := file.unit(column).strip()) and not same_unit(label, unit)
-    ]
-
-
-def _messages(
-    file: MeasurementFile, description: Description, streams: dict[str, ImportedStream]
-) -> Iterator[_Message]:
+def _messages(sources: Sources, description: Description, streams: dict[str, ImportedStream]) -> Iterator[_Message]:
     """Messages of the streams of one time base, in the order of time."""
     entries = {name: description.streams[name] for name in streams}
-    columns = list(dict.fromkeys(column for entry in entries.values() for column in entry.columns if column))
-    time, start_ns = description.time, description.start_ns
-    if description.start == "file":
-        if file.start_ns is None:
-            raise file.error("start: file: the file states no moment, allowed: a date and time with its zone")
-        start_ns = file.start_ns
-    clock = RowTimes(file, start_ns, description.rate, time.restart_gap if isinstance(time, TimeColumn) else None)
-    for piece in file.pieces(columns, time):
-        stamps = clock.stamps(piece.times_ns, len(piece.values))
-        edges = clock.gaps_before(stamps)
+    rows = sources.rows([column for entry in entries.values() for column in entry.columns if column])
+    for stamps, values in rows:
+        edges = rows.clock.gaps_before(stamps)
         messages = []
         for name, entry in entries.items():
-            # An axis that was not measured is 0.
-            values = [piece.values[:, columns.index(c)] if c else np.zeros(len(stamps)) for c in entry.columns]
-            scaled = np.column_stack([column * by for column, by in zip(values, entry.factors, strict=True)])
-            messages += _batches(name, stamps, scaled, edges)
+            messages += _batches(name, stamps, _scaled(rows, values, entry), edges)
         yield from sorted(messages, key=lambda message: message.stamp_ns)
     for stream in streams.values():
-        stream.samples, stream.gaps, stream.restarts = clock.rows, clock.gaps, clock.restarts
-        if clock.step_ns:
-            stream.rate_hz = NANOSECONDS / clock.step_ns
-            stream.jitter = clock.jitter_ns / clock.step_ns
+        stream.samples, stream.gaps, stream.restarts = rows.clock.rows, rows.clock.gaps, rows.clock.restarts
+        if rows.clock.step_ns:
+            stream.rate_hz = NANOSECONDS / rows.clock.step_ns
+            stream.jitter = rows.clock.jitter_ns / rows.clock.step_ns
+
+
+def _scaled(rows: StampedRows, values: Array, entry: PointColumns | OperatingColumns) -> Array:
+    """Values of a stream in SI units, (n, k); refuses those that its message cannot hold."""
+    parts = [
+        values[:, rows.columns.index(column)] if column else np.full(len(values), constant)
+        for column, constant in zip(entry.columns, entry.constants, strict=True)
+    ]
+    with np.errstate(over="ignore"):
+        scaled = np.column_stack(parts) * entry.factors
+        held = scaled.astype(np.float32) if isinstance(entry, PointColumns) else scaled
+    too_large = np.argwhere(~np.isfinite(held))
+    if len(too_large):
+        row, column = too_large[0]
+        raise rows.error(
+            row,
+            f"column {entry.columns[column]}: {parts[column][row]:g} {entry.stated_units[column]}, "
+            f"allowed: up to {np.finfo(held.dtype).max:.3g} in SI units",
+        )
+    return np.asarray(scaled, np.float64)
+
+
+def _with_constant(
+    messages: Iterator[_Message], operating: OperatingColumns | None, streams: dict[str, ImportedStream]
+) -> Iterator[_Message]:
+    """Messages, and before the first of them an operating point that is constant: it is in force from then on."""
+    if operating is None or any(operating.columns):
+        yield from messages
+        return
+    first = next(messages)
+    values = np.array([operating.constants]) * operating.factors
+    streams[topics.OPERATING_POINT].samples = 1
+    yield _Message(first.stamp_ns, topics.OPERATING_POINT, np.array([first.stamp_ns]), values)
+    yield first
+    yield from messages
 
 
 def _batches(name: str, stamps: Integers, values: Array, edges: NDArray[np.intp]) -> list[_Message]:
-    """Messages of the rows of a piece: single operating points, blocks that end at a gap."""
+    """Messages of the rows of a piece: single operating points, blocks that end at a gap or would last too long."""
+    slow = np.flatnonzero(np.diff(stamps) >= LONGEST_S * NANOSECONDS / BLOCK_SAMPLES) + 1
+    edges = np.union1d(edges, slow)
     if name == topics.OPERATING_POINT:
         starts = list(range(len(stamps)))
     else:

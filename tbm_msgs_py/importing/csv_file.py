@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import csv
-from collections.abc import Callable, Iterator, Sequence
-from datetime import datetime
+import re
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from itertools import islice
 from pathlib import Path
 from typing import IO, Final, NoReturn
@@ -13,13 +13,12 @@ import numpy as np
 
 from tbm_msgs_py.base.arrays import Array, Integers
 from tbm_msgs_py.base.texts import LONGEST_NAME, quoted, shortened
-from tbm_msgs_py.importing.description import CsvLayout, TimeBase, TimeColumn, to_ns
+from tbm_msgs_py.importing.layout import CsvLayout, FileLayout, TimeBase, TimeColumn
 from tbm_msgs_py.importing.measurement_file import PIECE_ROWS, MeasurementFile, Rows, nanoseconds
+from tbm_msgs_py.importing.moments import moment_ns
 
 _LONGEST_LINE: Final = 1 << 20  # characters
-
-# Parsed apart: float64 would round them.
-_EXACT: dict[str, Callable[[str], int]] = {"ns": int, "datetime": lambda text: to_ns(_moment(text))}
+_WHOLE: Final = re.compile(r"[+-]?\d{1,19}", re.ASCII)
 
 
 class CsvFile(MeasurementFile):
@@ -29,24 +28,27 @@ class CsvFile(MeasurementFile):
     ----------
     path : Path
         File.
-    layout : CsvLayout
-        Delimiter, decimal sign, lines.
+    layout : FileLayout
+        Delimiter, decimal sign, lines; zone of dates without one.
     """
 
     kind = "a CSV"
     clocks = ("column", "datetime")
 
-    def __init__(self, path: Path, layout: CsvLayout) -> None:
-        super().__init__(path)
-        self._layout = layout
+    def __init__(self, path: Path, layout: FileLayout) -> None:
+        super().__init__(path, layout)
+        self._layout = layout.csv
+        self._number = _number(self._layout)
         try:
-            with path.open(encoding=layout.encoding, newline="") as file:
-                line = next(islice(self._lines_of(file), layout.header - 1, None), None)
-        except (UnicodeError, LookupError) as error:
-            raise self.error(f"encoding {layout.encoding}: {error}, allowed: that of the file") from error
+            with path.open(encoding=self._layout.encoding, newline="") as file:
+                line = next(islice(self._lines_of(file), self._layout.header - 1, None), None)
+        except (ValueError, LookupError) as error:
+            raise self._undecodable(error) from error
         if line is None or not line.strip():
-            raise self.error(f"line {layout.header}: empty, allowed: the column names")
-        self.columns = [name.strip() for name in self._cells(line, f"line {layout.header}")]
+            raise self.error(f"line {self._layout.header}: empty, allowed: the column names")
+        self.columns = [
+            name.strip() for name in self._cells(line.removeprefix("\ufeff"), f"line {self._layout.header}")
+        ]
 
     def row(self, index: int) -> str:
         """Name of a row for a message."""
@@ -70,16 +72,12 @@ class CsvFile(MeasurementFile):
         """Lines of rows, some at a time; empty lines may only follow the last row."""
         layout = self._layout
         with self.path.open(encoding=layout.encoding, newline="") as file:
-            rows = islice(self._lines_of(file), layout.first_line - 1, None)
+            rows = _without_end(islice(self._lines_of(file), layout.first_line - 1, None))
             try:
                 while lines := list(islice(rows, PIECE_ROWS)):
-                    ended = len(lines) < PIECE_ROWS
-                    while ended and lines and not lines[-1].strip():
-                        lines.pop()
-                    if lines:
-                        yield lines
+                    yield lines
             except UnicodeError as error:
-                raise self.error(f"encoding {layout.encoding}: {error}, allowed: that of the file") from error
+                raise self._undecodable(error) from error
 
     def _lines_of(self, file: IO[str]) -> Iterator[str]:
         """Lines of a file; a line that does not end is none of a table."""
@@ -92,7 +90,7 @@ class CsvFile(MeasurementFile):
         """Refuse a row whose number of cells is not that of the header: its columns are not where they seem."""
         expected, delimiter = len(self.columns), self._layout.delimiter
         for index, line in enumerate(lines):
-            if line.count(delimiter) + 1 != expected or '"' in line:
+            if line.count(delimiter) + 1 != expected or '"' in line or line[0] in "\r\n":
                 row = self.row(first + index)
                 cells = self._cells(line, row)
                 if len(cells) != expected:
@@ -101,15 +99,28 @@ class CsvFile(MeasurementFile):
     def _numbers(self, lines: list[str], wanted: Sequence[int], first: int) -> Array:
         """Columns of some lines, (n, k)."""
         layout = self._layout
-        text = [line.replace(",", ".") for line in lines] if layout.decimal == "," else lines
+        if layout.thousands is not None:
+            return self._grouped_numbers(lines, wanted, first)
+        # What numpy takes for a finite number is just what `_number` allows.
+        text = [line.replace(".", "x").replace(",", ".") for line in lines] if layout.decimal == "," else lines
         try:
             values = np.loadtxt(
                 text, np.float64, comments=None, delimiter=layout.delimiter, quotechar='"', usecols=wanted, ndmin=2
             )
         except ValueError:
-            self._refuse(text, wanted, first)
+            self._refuse(lines, wanted, first)
         if len(values) != len(lines) or not np.isfinite(values).all():
-            self._refuse(text, wanted, first)
+            self._refuse(lines, wanted, first)
+        return values
+
+    def _grouped_numbers(self, lines: Sequence[str], wanted: Sequence[int], first: int) -> Array:
+        values = np.empty((len(lines), len(wanted)))
+        for index, line in enumerate(lines):
+            cells = self._cells(line, self.row(first + index))
+            numbers = [self._number(cells[column]) for column in wanted]
+            if None in numbers:
+                self._refuse([line], wanted, first + index)
+            values[index] = numbers
         return values
 
     def _refuse(self, lines: Sequence[str], wanted: Sequence[int], first: int) -> NoReturn:
@@ -118,26 +129,27 @@ class CsvFile(MeasurementFile):
             row = self.row(first + index)
             cells = self._cells(line, row)
             for column in wanted:
-                if not _is_number(cells[column]):
+                if self._number(cells[column]) is None:
                     raise self.error(
                         f"{row}, column {shortened(self.columns[column], LONGEST_NAME)}: "
-                        f"{quoted(cells[column].strip())}, allowed: a finite number"
+                        f"{quoted(cells[column].strip())}, allowed: a finite number, {_looks(self._layout)}"
                     )
         raise self.error(f"{self.row(first)} and after: not rows of numbers, allowed: finite numbers")
 
     def _times(self, lines: list[str], column: int, time: TimeColumn, first: int) -> Integers:
-        exact = _EXACT.get(time.unit)
-        if exact is None:
+        # Parsed apart: float64 would round them.
+        if time.unit not in ("ns", "datetime"):
             return nanoseconds(self._numbers(lines, [column], first)[:, 0], time.unit)
         times = np.empty(len(lines), np.int64)
         for index, line in enumerate(lines):
             row = self.row(first + index)
-            cell = self._cells(line, row)[column].strip()
+            cell = self._cells(line, row)[column].strip(" \t\r\n")
             try:
-                times[index] = exact(cell)
-            except (ValueError, OverflowError) as error:
-                allowed = "a whole number of ns" if time.unit == "ns" else "ISO 8601 with its zone"
-                raise self.error(f"{row}, column {time.column}: {quoted(cell)}, allowed: {allowed}") from error
+                times[index] = _whole(cell) if time.unit == "ns" else moment_ns(cell, self.zone)
+            except OverflowError as error:
+                raise self.error(f"{row}, column {time.column}: {quoted(cell)}, allowed: a time of ROS") from error
+            except ValueError as error:
+                raise self.error(f"{row}, column {time.column}: {quoted(cell)}: {error}") from error
         return times
 
     def _index(self, column: str) -> int:
@@ -150,20 +162,50 @@ class CsvFile(MeasurementFile):
     def _cells(self, line: str, place: str) -> list[str]:
         """Cells of the line at a place."""
         try:
-            return next(csv.reader([line], delimiter=self._layout.delimiter), [])
+            return next(csv.reader([line], delimiter=self._layout.delimiter, strict=True), [])
         except csv.Error as error:
             raise self.error(f"{place}: {error}, allowed: cells of a CSV file") from error
 
-
-def _is_number(cell: str) -> bool:
-    try:
-        return "_" not in cell and bool(np.isfinite(float(cell)))
-    except ValueError:
-        return False
+    def _undecodable(self, error: Exception) -> Exception:
+        return self.error(f"encoding {self._layout.encoding}: {error}, allowed: that of the file")
 
 
-def _moment(text: str) -> datetime:
-    moment = datetime.fromisoformat(text)
-    if moment.tzinfo is None:
-        raise ValueError("no zone")
-    return moment
+def _without_end(lines: Iterable[str]) -> Iterator[str]:
+    """Lines without the empty ones behind the last row."""
+    empty: list[str] = []
+    for line in lines:
+        if line.strip():
+            yield from empty
+            empty.clear()
+            yield line
+        else:
+            empty.append(line)
+
+
+def _number(layout: CsvLayout) -> Callable[[str], float | None]:
+    """Make what reads a cell in the stated format and no other: its finite number, or None."""
+    whole = r"\d+"
+    if layout.thousands is not None:
+        whole = rf"(?:\d{{1,3}}(?:{re.escape(layout.thousands)}\d{{3}})+|\d+)"
+    point = re.escape(layout.decimal)
+    form = re.compile(rf"[+-]?(?:{whole}(?:{point}\d*)?|{point}\d+)(?:[eE][+-]?\d+)?", re.ASCII)
+
+    def read(cell: str) -> float | None:
+        cell = cell.strip()
+        if not form.fullmatch(cell):
+            return None
+        value = float(cell.replace(layout.thousands or "", "").replace(layout.decimal, "."))
+        return value if np.isfinite(value) else None
+
+    return read
+
+
+def _looks(layout: CsvLayout) -> str:
+    groups = "no thousands signs" if layout.thousands is None else f"{layout.thousands!r} between thousands"
+    return f"decimal sign {layout.decimal!r}, {groups}"
+
+
+def _whole(text: str) -> int:
+    if not _WHOLE.fullmatch(text):
+        raise ValueError("no whole number, allowed: digits, as ns are")
+    return int(text)

@@ -2,24 +2,23 @@
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Mapping
-from datetime import UTC, datetime, timedelta
 from pathlib import Path
-from typing import Annotated, Any, Generic, Literal, TypeAlias, TypeVar
+from typing import Any, Generic, Literal, TypeVar
 
-from pydantic import AwareDatetime, BaseModel, ConfigDict, Field, field_validator, model_validator
+from pydantic import Field, field_validator, model_validator
 
 from tbm_msgs_py import topics
 from tbm_msgs_py.base.errors import RecordingError
-from tbm_msgs_py.base.fields import Name
+from tbm_msgs_py.base.fields import FrozenModel, Name
 from tbm_msgs_py.base.strict_yaml import read_yaml
 from tbm_msgs_py.base.texts import quoted
 from tbm_msgs_py.base.units import R_MIN, STANDARD_GRAVITY
 from tbm_msgs_py.base.validation import validated
+from tbm_msgs_py.importing.layout import FileLayout, Number, Positive
 from tbm_msgs_py.recordings.mapping import SensorMapping
-
-Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
 
 UnitT = TypeVar("UnitT", bound=str)
 # Factor to SI units, and how files write the unit.
@@ -52,37 +51,6 @@ def _plain(label: str) -> str:
     return plain if plain.startswith("MN") else plain.lower()
 
 
-class _Strict(BaseModel):
-    model_config = ConfigDict(frozen=True, extra="forbid")
-
-
-class TimeColumn(_Strict):
-    """Column that holds the time of each row.
-
-    Attributes
-    ----------
-    column : str
-        Name.
-    unit : str
-        ``s``, ``ms``, ``us`` or ``ns`` after `start`, or ``datetime`` for ISO 8601 with its zone (CSV only).
-    restart_gap : float or None
-        A time that steps back begins a new run, put this many s after the row before; None: it is an error.
-    """
-
-    column: Name
-    unit: Literal["s", "ms", "us", "ns", "datetime"]
-    restart_gap: Positive | None = None
-
-    @model_validator(mode="after")
-    def _dates_do_not_restart(self) -> TimeColumn:
-        if self.unit == "datetime" and self.restart_gap is not None:
-            raise ValueError("restart_gap: stated beside dates, allowed: with a relative time")
-        return self
-
-
-TimeBase: TypeAlias = TimeColumn | Literal["file"] | None
-
-
 class PointColumns(SensorMapping):
     """A test point: its sensor as in a mapping file, and the columns of the sensor's axes.
 
@@ -108,6 +76,11 @@ class PointColumns(SensorMapping):
         return columns
 
     @property
+    def constants(self) -> list[float]:
+        """What is written where there is no column: an axis that was not measured is 0."""
+        return [0.0] * len(self.columns)
+
+    @property
     def stated_units(self) -> list[str]:
         """Unit of each column."""
         return [self.units] * len(self.columns)
@@ -130,15 +103,25 @@ class PointColumns(SensorMapping):
         )
 
 
-class QuantityColumn(_Strict, Generic[UnitT]):
-    """Column of a quantity in one of its units."""
+class QuantityColumn(FrozenModel, Generic[UnitT]):
+    """Column of a quantity in one of its units, or the value that it kept."""
 
-    column: Name
+    column: Name | None = None
     unit: UnitT
+    value: Number | None = None
+
+    @model_validator(mode="after")
+    def _one_source(self) -> QuantityColumn[UnitT]:
+        if (self.column is None) == (self.value is None):
+            given = "missing" if self.column is None else "both stated"
+            raise ValueError(f"column or value: {given}, allowed: one of them")
+        if not math.isfinite((self.value or 0.0) * _UNITS[self.unit][0]):
+            raise ValueError(f"value: {self.value:g} {self.unit}, allowed: what a float64 holds in SI units")
+        return self
 
 
-class OperatingColumns(_Strict):
-    """Columns of the operating point."""
+class OperatingColumns(FrozenModel):
+    """Columns, or constant values, of the operating point."""
 
     speed: QuantityColumn[Literal["rad/s", "r/min"]]
     torque: QuantityColumn[Literal["N.m", "kN.m", "MN.m"]]
@@ -151,9 +134,14 @@ class OperatingColumns(_Strict):
         return [self.speed, self.torque, self.thrust, *([self.advance] if self.advance else [])]
 
     @property
-    def columns(self) -> list[str]:
-        """Names of the columns."""
+    def columns(self) -> list[str | None]:
+        """Names of the columns, None for a quantity that is constant."""
         return [entry.column for entry in self._entries]
+
+    @property
+    def constants(self) -> list[float]:
+        """What is written where there is no column."""
+        return [entry.value or 0.0 for entry in self._entries]
 
     @property
     def stated_units(self) -> list[str]:
@@ -166,40 +154,7 @@ class OperatingColumns(_Strict):
         return [_UNITS[unit][0] for unit in self.stated_units]
 
 
-class CsvLayout(_Strict):
-    """How a CSV file is laid out.
-
-    Attributes
-    ----------
-    delimiter, decimal, encoding : str
-        Between the cells; ``.`` or ``,``; of the text.
-    header, first : int
-        Line of the column names, and of the first row of numbers (default: the one after), counted from 1.
-    """
-
-    delimiter: Annotated[str, Field(min_length=1, max_length=1)] = ","
-    decimal: Literal[".", ","] = "."
-    encoding: Name = "utf-8-sig"
-    header: Annotated[int, Field(ge=1)] = 1
-    first: Annotated[int, Field(ge=2)] | None = None
-
-    @model_validator(mode="after")
-    def _consistent(self) -> CsvLayout:
-        if self.delimiter == self.decimal:
-            raise ValueError(
-                f"delimiter and decimal: both {self.decimal!r}, allowed: two signs; a decimal comma often goes with ;"
-            )
-        if self.first is not None and self.first <= self.header:
-            raise ValueError(f"first: {self.first}, allowed: a line after the header, which is line {self.header}")
-        return self
-
-    @property
-    def first_line(self) -> int:
-        """Line of the first row of numbers."""
-        return self.header + 1 if self.first is None else self.first
-
-
-class Description(_Strict):
+class Description(FileLayout):
     """An import description; `docs/importing.md` explains it.
 
     Attributes
@@ -207,23 +162,14 @@ class Description(_Strict):
     points : dict
         Columns of each test point.
     operating_point : OperatingColumns or None
-        Columns of the operating point.
-    time : TimeColumn or ``file``
-        Time column, or the time base that the file itself states; instead of it
-    rate : float
-        Sample rate, Hz.
-    start : datetime or ``file``
-        Moment of time 0, or the one that the file states.
-    csv : CsvLayout
-        For CSV files.
+        Columns or values of the operating point.
+    files : dict
+        What is different in a file of several, by its name.
     """
 
-    points: dict[Name, PointColumns] = {}
+    points: dict[Name, PointColumns] = Field(default_factory=dict)
     operating_point: OperatingColumns | None = None
-    time: TimeBase = None
-    rate: Positive | None = None
-    start: AwareDatetime | Literal["file"] | None = None
-    csv: CsvLayout = CsvLayout()
+    files: dict[Name, FileLayout] = Field(default_factory=dict)
 
     @model_validator(mode="before")
     @classmethod
@@ -240,21 +186,17 @@ class Description(_Strict):
                 "points or operating_point: missing, allowed: at least one of them, in the file of --map or as "
                 "--map POINT=X,Y,Z"
             )
+        if not any(column for entry in self.streams.values() for column in entry.columns):
+            raise ValueError("operating_point: constant, and no points, allowed: at least one column")
         for key, point in self.points.items():
             if not _POINT_NAME.fullmatch(key) or point.point != key or key == topics.OPERATING_POINT:
                 raise ValueError(
                     f"point {quoted(key)}, allowed: a name of letters, digits and _, such as {topics.TEST_POINTS[0]}"
                 )
-        if (self.time is None) == (self.rate is None):
-            given = "missing" if self.time is None else "both stated"
-            raise ValueError(f"time or rate: {given}, allowed: one of them, which says when a sample was taken")
-        dates = isinstance(self.time, TimeColumn) and self.time.unit == "datetime"
-        if dates != (self.start is None):
-            given = "stated beside dates" if dates else "missing"
-            raise ValueError(
-                f"start: {given}, allowed: the moment of time 0 with its zone, such as 2026-03-01T08:00:00+01:00, "
-                "or `file`; none with a datetime column"
-            )
+        if not self.files:
+            self.check_time()
+        for name in self.files:
+            self.layout(name)
         return self
 
     @property
@@ -263,15 +205,25 @@ class Description(_Strict):
         operating = {topics.OPERATING_POINT: self.operating_point} if self.operating_point else {}
         return {**self.points, **operating}
 
-    @property
-    def start_ns(self) -> int:
-        """Stated moment of time 0, ns since the epoch; 0 when it comes from the file or from dates."""
-        return to_ns(self.start) if isinstance(self.start, datetime) else 0
+    def layout(self, file: str) -> FileLayout:
+        """Layout of a file by its name: what is stated for it goes over what is stated for all.
 
-
-def to_ns(moment: datetime) -> int:
-    """Nanoseconds since the epoch of a moment with its zone."""
-    return (moment - datetime(1970, 1, 1, tzinfo=UTC)) // timedelta(microseconds=1) * 1000
+        Raises
+        ------
+        ValueError
+            It does not say when a sample was taken.
+        """
+        own = self.files.get(file, FileLayout())
+        stated = {key: getattr(own, key) for key in own.model_fields_set}
+        common = {key: getattr(self, key) for key in FileLayout.model_fields}
+        if {"time", "rate"} & stated.keys():  # one of them takes the place of the other
+            common |= {"time": None, "rate": None}
+        layout = FileLayout.model_construct(**(common | stated))
+        try:
+            layout.check_time()
+        except ValueError as error:
+            raise ValueError(f"files.{file}: {error}" if own.model_fields_set else str(error)) from None
+        return layout
 
 
 def describe(path: str | Path | None, changes: Mapping[str, object] | None = None) -> Description:

@@ -8,6 +8,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable, Collection, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
+from datetime import datetime
 from importlib import import_module
 from pathlib import Path
 from types import ModuleType
@@ -18,14 +19,17 @@ from numpy.typing import NDArray
 
 from tbm_msgs_py.base.arrays import Array, Integers
 from tbm_msgs_py.base.errors import RecordingError
-from tbm_msgs_py.base.texts import listed
+from tbm_msgs_py.base.texts import listed, quoted
 from tbm_msgs_py.base.units import NANOSECONDS
-from tbm_msgs_py.importing.description import TimeBase, TimeColumn
+from tbm_msgs_py.importing.layout import FileLayout, TimeBase, TimeColumn
+from tbm_msgs_py.importing.moments import local_ns
 
 PIECE_ROWS = 50_000  # read at a time; a multiple of the samples of a block
 _EXTRA = "import"
 _IGNORED = (DeprecationWarning, PendingDeprecationWarning, FutureWarning, ResourceWarning, ImportWarning)
 _LIBRARIES = ("nptdms", "asammdf", "canmatrix")
+_FAR_NS = 2**62
+_SAME_RATE = 1e-3  # of the rate: clocks of real systems are better
 _SECONDS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
 
 
@@ -58,6 +62,10 @@ class MeasurementFile(ABC):
     Attributes
     ----------
     path : Path
+    zone : tzinfo or None
+        Where the clocks stood that showed times without a zone, as the user states it.
+    rate : float or None
+        Sample rate, Hz, as the user states it.
     kind : str
         Its format with an article, for messages.
     row_name : str
@@ -76,13 +84,22 @@ class MeasurementFile(ABC):
     full_scale: ClassVar[bool] = False
     clocks: ClassVar[Collection[str]]
 
-    def __init__(self, path: Path) -> None:
+    def __init__(self, path: Path, layout: FileLayout) -> None:
         self.path = path
+        self.zone = layout.zone
+        self.rate = layout.rate
 
     @property
     def start_ns(self) -> int | None:
         """Moment of time 0 that the file states."""
         return None
+
+    def local_start(self, clock: datetime) -> int:
+        """Moment, ns, of a start that the file states without a zone: never in that of this computer."""
+        try:
+            return local_ns(clock, self.zone)
+        except ValueError as error:
+            raise self.error(f"start: file: {clock} {error}") from None
 
     def pieces(self, columns: Sequence[str], time: TimeBase) -> Iterator[Rows]:
         """Rows of these columns in their order, with the time that is asked for.
@@ -115,6 +132,15 @@ class MeasurementFile(ABC):
     def error(self, problem: str) -> RecordingError:
         """Error of one line that names the file."""
         return RecordingError(f"{self.path}: {problem}")
+
+    def warn(self, problem: str) -> None:
+        """Say what of the file the user should look at."""
+        warnings.warn(problem, stacklevel=2)
+
+    def compare_rate(self, own: float, column: str) -> None:
+        """Warn where the file states another rate, Hz, than the user, who is believed."""
+        if self.rate is not None and abs(own / self.rate - 1.0) > _SAME_RATE:
+            self.warn(f"column {column}: the file says {own:g} Hz, the description {self.rate:g}")
 
     def no_column(self, column: str, there: Sequence[str]) -> RecordingError:
         """Error of a column that the file does not have."""
@@ -159,13 +185,13 @@ class MeasurementFile(ABC):
             raise self.error(
                 f"columns {', '.join(names)} have {counts} {self.row_name}s, allowed: columns of the same length"
             )
+        if not max(lengths):
+            raise self.error(f"columns {', '.join(names)}: no {self.row_name}, allowed: at least one")
         for first in range(0, max(lengths), PIECE_ROWS):
             with self.reading():
                 rows = [np.asarray(array[slice(first, first + PIECE_ROWS)]) for array in arrays]
             for name, found in zip(names, rows, strict=True):
-                if found.ndim != 1 or found.dtype.kind not in "iuf":
-                    kind = f"{found.ndim} dimensions of {found.dtype}"
-                    raise self.error(f"column {name}: {kind}, allowed: real numbers, one a row")
+                self._check_numbers(name, found, first)
             values = np.column_stack(rows).astype(np.float64)
             finite = np.isfinite(values)
             if not finite.all():
@@ -174,15 +200,30 @@ class MeasurementFile(ABC):
                 raise self.error(f"{place}: {values[row, column]}, allowed: a finite number")
             times = nanoseconds(rows[-1], time.unit) if time else None
             if ticks:
-                times = np.rint(ticks(np.arange(first, first + len(values)))).astype(np.int64)
+                times = whole_ns(ticks(np.arange(first, first + len(values))))
             yield Rows(values[:, : len(columns)], times)
+
+    def _check_numbers(self, name: str, found: NDArray[np.generic], first: int) -> None:
+        """Refuse what is no column of real numbers, with its first text where it is one of texts."""
+        if found.ndim == 1 and found.dtype.kind in "SUO" and len(found):
+            text = found[0].decode("latin-1") if isinstance(found[0], bytes) else str(found[0])
+            raise self.error(f"{self.row(first)}, column {name}: {quoted(text)}, allowed: a number")
+        if found.ndim != 1 or found.dtype.kind not in "iuf":
+            kind = f"{found.ndim} dimensions of {found.dtype}"
+            raise self.error(f"column {name}: {kind}, allowed: real numbers, one a row")
 
 
 def nanoseconds(values: NDArray[np.generic], unit: str) -> Integers:
     """Time in ns of numbers in ``s``, ``ms``, ``us`` or ``ns``; whole numbers of ns stay exact."""
     if unit == "ns" and values.dtype.kind in "iu":
-        return values.astype(np.int64)
-    return np.rint(np.asarray(values, np.float64) * (_SECONDS[unit] * NANOSECONDS)).astype(np.int64)
+        return np.asarray(np.clip(values, -_FAR_NS if values.dtype.kind == "i" else 0, _FAR_NS), np.int64)
+    return whole_ns(np.asarray(values, np.float64) * (_SECONDS[unit] * NANOSECONDS))
+
+
+def whole_ns(times: NDArray[np.floating[Any]]) -> Integers:
+    """Round times in ns; those that int64 cannot hold, or that are none, become one that ROS does not have either."""
+    held: Integers = np.rint(np.clip(np.nan_to_num(times, nan=_FAR_NS), -_FAR_NS, _FAR_NS)).astype(np.int64)
+    return held
 
 
 def library(name: str) -> ModuleType:
@@ -197,7 +238,7 @@ def library(name: str) -> ModuleType:
 
 
 @contextmanager
-def library_warnings(path: Path) -> Iterator[list[str]]:
+def library_warnings(label: str) -> Iterator[list[str]]:
     """Collect what libraries warn of, such as a file that ends too early, instead of printing it."""
     texts: list[str] = []
     listener = _WarningCollector(texts)
@@ -207,7 +248,7 @@ def library_warnings(path: Path) -> Iterator[list[str]]:
             warnings.simplefilter("always")
             yield texts
             texts += [str(warning.message) for warning in caught if not issubclass(warning.category, _IGNORED)]
-            texts[:] = [f"{path}: {' '.join(text.split())}" for text in dict.fromkeys(texts)]
+            texts[:] = [f"{label}: {' '.join(text.split())}" for text in dict.fromkeys(texts)]
     finally:
         logging.getLogger().removeHandler(listener)
 

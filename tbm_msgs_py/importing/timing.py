@@ -9,7 +9,8 @@ from numpy.typing import NDArray
 
 from tbm_msgs_py.base.arrays import Integers
 from tbm_msgs_py.base.units import NANOSECONDS
-from tbm_msgs_py.importing.measurement_file import MeasurementFile
+from tbm_msgs_py.importing.layout import LAST_NS
+from tbm_msgs_py.importing.measurement_file import MeasurementFile, whole_ns
 from tbm_msgs_py.recordings.faults import GAP_FACTOR
 
 
@@ -50,12 +51,13 @@ class RowTimes:
     def stamps(self, times_ns: Integers | None, count: int) -> Integers:
         """Stamps of the next `count` rows, ns since the epoch (n,)."""
         if self.rate is not None:
-            ticks = np.arange(self.rows, self.rows + count) * (NANOSECONDS / self.rate)
-            stamps: Integers = np.rint(ticks).astype(np.int64)
+            stamps = whole_ns(np.arange(self.rows, self.rows + count) * (NANOSECONDS / self.rate))
         elif times_ns is None:
             raise self.file.error("no time of the rows, allowed: a time column or a rate")
         else:
+            self._check(times_ns)
             stamps = self._increasing(times_ns)
+        self._check(stamps)
         self._measure(stamps)
         self.rows += count
         self._last = int(stamps[-1])
@@ -64,6 +66,14 @@ class RowTimes:
     def gaps_before(self, stamps: Integers) -> NDArray[np.intp]:
         """Find the rows that come after a gap, as indices."""
         return np.flatnonzero(np.diff(stamps) > GAP_FACTOR * self.step_ns) + 1
+
+    def _check(self, times: Integers) -> None:
+        """Refuse stamps, times after the start, that ROS does not have; one of 0 is none."""
+        outside = (times <= -self.start_ns) | (times >= LAST_NS - self.start_ns)
+        if outside.any():
+            at = int(np.argmax(outside))
+            when = "not after 1970-01-01 00:00 UTC" if int(times[at]) + self.start_ns <= 0 else "after January 2038"
+            raise self.file.error(f"{self.file.row(self.rows + at)}: its time is {when}, allowed: times that ROS has")
 
     def _increasing(self, times: Integers) -> Integers:
         """Put runs that begin again behind the one before; times after the start."""

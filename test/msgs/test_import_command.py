@@ -82,6 +82,11 @@ def test_options_go_over_the_description(command, tmp_path):
         (["--map", "girder=a,b,c", *SENSOR, "--time", "ms", "--start", START], "--time ms: no unit"),
         (["--map", "nowhere.yaml"], "nowhere.yaml: cannot be read (No such file"),
         (["--map", "one.yaml", "--map", "two.yaml"], "one import description"),
+        (["--map", "girder=a,b,c", "--map", "girder=a,b,", *SENSOR], "point girder a second time"),
+        (["--map", "a.yaml", "--units", "g", "--full-scale", "5"], "--units, --full-scale: for no POINT=X,Y,Z"),
+        (["--map", "girder=a,b,c", *SENSOR, "--speed", "=fast:r/min"], "--speed =fast:r/min: no number"),
+        (["--map", "girder=a,b,c", *SENSOR, "--rate", "50", "--start", "2026-03-01T08:00:00"], "without its zone"),
+        (["--map", "girder=a,b,c", *SENSOR, "--rate", "nan", "--start", START], "rate: nan"),
         (["--speed", "rpm:r/min", "--rate", "1", "--start", START], "operating_point.torque"),
     ],
 )

@@ -18,7 +18,13 @@ _AXES = 3
 
 
 def import_(
-    file: Annotated[Path, typer.Argument(help="CSV, TDMS, MDF 4 (.mf4), WAV or MATLAB (.mat) file.")],
+    files: Annotated[
+        list[Path],
+        typer.Argument(
+            metavar="FILE...",
+            help="CSV, TDMS, MDF 4 (.mf4), WAV or MATLAB (.mat) file; with several, columns are called FILE:COLUMN.",
+        ),
+    ],
     out: Annotated[Path, typer.Option(help="New rosbag2 folder, or a bare .mcap file.")],
     mapping: Annotated[
         list[str] | None,
@@ -33,37 +39,52 @@ def import_(
     rate: Annotated[float | None, typer.Option(help="Sample rate (Hz), where no column holds the time.")] = None,
     time: Annotated[str | None, typer.Option(help="COLUMN:UNIT (s, ms, us, ns, datetime), or file.")] = None,
     start: Annotated[str | None, typer.Option(help="Moment of time 0, ISO 8601 with its zone, or file.")] = None,
-    speed: Annotated[str | None, typer.Option(help="Cutterhead speed, COLUMN:UNIT (r/min, rad/s).")] = None,
-    torque: Annotated[str | None, typer.Option(help="Cutterhead torque, COLUMN:UNIT (N.m, kN.m, MN.m).")] = None,
-    thrust: Annotated[str | None, typer.Option(help="Thrust, COLUMN:UNIT (N, kN, MN).")] = None,
-    advance: Annotated[str | None, typer.Option(help="Advance speed, COLUMN:UNIT (mm/min, m/s).")] = None,
+    timezone: Annotated[
+        str | None, typer.Option(help="Zone of times without one, such as Europe/Berlin, UTC or +01:00.")
+    ] = None,
+    speed: Annotated[
+        str | None, typer.Option(help="Cutterhead speed, COLUMN:UNIT or =VALUE:UNIT (r/min, rad/s).")
+    ] = None,
+    torque: Annotated[
+        str | None, typer.Option(help="Cutterhead torque, COLUMN:UNIT or =VALUE:UNIT (N.m, kN.m, MN.m).")
+    ] = None,
+    thrust: Annotated[str | None, typer.Option(help="Thrust, COLUMN:UNIT or =VALUE:UNIT (N, kN, MN).")] = None,
+    advance: Annotated[
+        str | None, typer.Option(help="Advance speed, COLUMN:UNIT or =VALUE:UNIT (mm/min, m/s).")
+    ] = None,
     json: Annotated[bool, JSON_OPTION] = False,
 ) -> None:
-    """Turn a file of measurements into a recording; units and time are stated, never guessed."""
-    files = [given for given in mapping or [] if "=" not in given]
-    if len(files) > 1:
-        raise typer.BadParameter(f"--map: {', '.join(files)}, allowed: one import description")
+    """Turn files of measurements into a recording; units and time are stated, never guessed."""
+    described = [given for given in mapping or [] if "=" not in given]
+    if len(described) > 1:
+        raise typer.BadParameter(f"--map: {', '.join(described)}, allowed: one import description")
     sensor = {"units": units, "gravity": gravity, "frame": frame, "full_scale": full_scale}
     points = {}
     for given in mapping or []:
         if "=" in given:
             name, columns = _point(given)
+            if name in points:
+                raise typer.BadParameter(f"--map {given}: point {name} a second time, allowed: once")
             points[name] = {"columns": columns, **_stated(sensor)}
+    if not points and _stated(sensor):
+        unused = ", ".join(f"--{key.replace('_', '-')}" for key in _stated(sensor))
+        raise typer.BadParameter(f"{unused}: for no {_POINT}, allowed: with --map {_POINT}, or in the description")
     operating = {"speed": speed, "torque": torque, "thrust": thrust, "advance": advance}
     changes = {
         "points": points or None,
-        "operating_point": {key: _column(key, value) for key, value in _stated(operating).items()} or None,
+        "operating_point": {key: _quantity(key, value) for key, value in _stated(operating).items()} or None,
         "time": time if time in (None, "file") else _column("time", time),
         "rate": rate,
         "start": start,
+        "timezone": timezone,
     }
-    description = describe(files[0] if files else None, _stated(changes))
+    description = describe(described[0] if described else None, _stated(changes))
     with progress_bar("importing") as bar:
         task = bar.add_task("", total=None)
-        if file.suffix.lower() in CRASHING:
-            imported = import_apart(file, description, out)
+        if any(file.suffix.lower() in CRASHING for file in files):
+            imported = import_apart(files, description, out)
         else:
-            imported = import_recording(file, description, out, lambda samples: bar.advance(task, samples))
+            imported = import_recording(files, description, out, lambda samples: bar.advance(task, samples))
     for warning in imported.warnings:
         notes.print(f"warning: {warning}", highlight=False)
     document = import_document(out, imported)
@@ -103,6 +124,17 @@ def _column(key: str, given: str | None) -> dict[str, str]:
     if not separator:
         raise typer.BadParameter(f"--{key} {given}: no unit, allowed: COLUMN:UNIT")
     return {"column": column, "unit": unit}
+
+
+def _quantity(key: str, given: str) -> dict[str, str | float]:
+    """Column of a quantity, or its constant value."""
+    entry = _column(key, given)
+    if not entry["column"].startswith("="):
+        return {**entry}
+    try:
+        return {"value": float(entry["column"][1:]), "unit": entry["unit"]}
+    except ValueError:
+        raise typer.BadParameter(f"--{key} {given}: no number, allowed: COLUMN:UNIT or =VALUE:UNIT") from None
 
 
 def _print_table(document: dict[str, Any]) -> None:
