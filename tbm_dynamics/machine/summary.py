@@ -149,6 +149,7 @@ class MachineSummary:
             "bodies": [{"subsystem": name, **b.model_dump()} for name, part in structures for b in part.bodies],
             "connections": [{"where": where, **c.model_dump()} for where, group in groups for c in group],
             "drives": self._drives(),
+            "load_factors": description.loads.factors.model_dump(),
             "cutters": cutters and self.cutting and {**cutters.model_dump(), **asdict(self.cutting)},
             "masses": self.masses,
             "degrees_of_freedom": self.degrees_of_freedom,

@@ -9,6 +9,7 @@ import numpy as np
 from rich.table import Table
 
 from tbm_dynamics.loads.cutters.description import CutterDescription
+from tbm_dynamics.loads.description import LOAD_GROUPS
 from tbm_dynamics.machine.description import Connection, Subsystem
 from tbm_dynamics.machine.drive import DriveConnection, DriveTemplate, Gear
 from tbm_dynamics.machine.summary import (
@@ -55,6 +56,10 @@ def print_tables(summary: MachineSummary) -> None:
     _print_drives(description.driveshaft)
     _print_gears(summary)
     _print_gearbox(summary)
+    factors = description.loads.factors
+    rows = ((group, f"{getattr(factors, group):g}", factors.source) for group in LOAD_GROUPS)
+    title = f"factors on the fluctuation of the loads (log-normal, σ {factors.log_sigma:.3g}, where not known)"
+    _print_table(title, ("group", ">factor", "source"), rows)
     if description.cutters and summary.cutting:
         _print_cutters(description.cutters, summary.cutting)
     masses = ((name, f"{mass / 1e3:.1f}") for name, mass in summary.masses.items())
