@@ -87,6 +87,12 @@ def common_band(*rates_hz: float) -> Band:
     return Band(HIGH_PASS_HZ, high)
 
 
+def power_gain(rate_hz: float, band: Band, frequency: Array) -> Array:
+    """Factors (m,) of the conditioning on a power at frequencies (m,) in Hz: of both passes."""
+    _, once = scipy.signal.sosfreqz(_sections(rate_hz, band), frequency, fs=rate_hz)
+    return np.asarray(np.abs(once) ** 4)
+
+
 class ZeroPhaseConditioner:
     """Conditions a signal that arrives in pieces with zero phase; gaps are not bridged.
 
