@@ -46,6 +46,7 @@ def load_density(description: LoadDescription) -> LoadDensity:
     # White noise of unit variance has the one-sided density 2 / NOISE_HZ.
     noise = np.square(np.abs(scipy.fft.rfft(kernels, _FINER * NOISE_BLOCK))).swapaxes(1, 2) * (2.0 / NOISE_HZ)
     there = np.any(noise > _LEAST * noise.max(axis=1, keepdims=True), axis=(0, 2))
+    there[:2] = True  # of loads without noise too there are frequencies
     lines = sorted({line.frequency for component in description.components for line in component.lines})
     return LoadDensity(
         frequency=np.flatnonzero(there).astype(np.float64) * SPACING_HZ,

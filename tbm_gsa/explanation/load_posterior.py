@@ -22,10 +22,12 @@ from tbm_msgs_py.base.errors import InputError
 
 MODEL_ERROR = 0.05
 """Standard deviation of a band power's logarithm that the model is wrong by in any case."""
+MODULATION_ERROR = 0.7
+"""And that times its share in what the meshes move, which is known to the first order only."""
 LEAST_OVER_NOISE = 2.0
 """A band power below so many times that of the sensor's noise says nothing."""
-DYNAMIC_RANGE = 1e-4
-"""Nor does one so much weaker than the strongest band of its channel: there leakage and modulation rule."""
+DYNAMIC_RANGE = 1e-5
+"""Nor does one so much weaker than the strongest band of its channel: leakage rules there."""
 _ROUNDS, _SETTLED = 40, 1e-8
 _INTERVAL = 1.6448536269514722  # standard deviations to either end of a 90 % interval
 
@@ -193,6 +195,8 @@ class _Step:
         half = np.maximum(1.0 / np.maximum(np.diag(chance), 1e-12), 0.5)  # of the degrees of freedom, one at least
         # The logarithm of a χ² law: its mean lies below that of the law's mean, and it scatters more.
         wider = np.sqrt(scipy.special.polygamma(1, half) * half)
-        chance = chance * np.outer(wider, wider) + self.model_error**2 * np.eye(len(used))
+        shares = self.scatter.transfer.modulated_share(factors)[used]
+        chance = chance * np.outer(wider, wider)
+        chance += np.diag(self.model_error**2 + np.square(MODULATION_ERROR * shares))
         residual = target - np.log(powers) - (scipy.special.digamma(half) - np.log(half))
         return residual, slope.T, chance

@@ -19,6 +19,7 @@ from typing import Self
 
 import numpy as np
 
+from tbm_dynamics.loads.density import SPACING_HZ
 from tbm_gsa.explanation.load_transfer import LoadTransfer, MachineMotion
 from tbm_msgs_py.base.arrays import Array, Integers
 from tbm_msgs_py.base.errors import InputError
@@ -89,13 +90,13 @@ def effective_duration(duration_s: float, segment_s: float) -> float:
 def load_scatter(motion: MachineMotion) -> LoadScatter:
     """Scatter of the band powers of a machine."""
     density, reading = motion.density, motion.reading
-    step, bin_hz = (float(each[1] - each[0]) for each in (density.frequency, motion.mesh_frequency))
+    bin_hz = float(motion.mesh_frequency[1])
     groups = range(len(density.noise))
     noise = [_Spectra.of(motion.noise, part) for part in density.noise]
     lines = [_Spectra.of(motion.lines, part) for part in density.line_power]
     beside = [part.at(_nearest(density.frequency, density.line_frequency)) for part in noise]
     near = _nearest(density.frequency, motion.mesh_frequency)
-    inside = np.abs(density.frequency[near] - motion.mesh_frequency) <= step
+    inside = np.abs(density.frequency[near] - motion.mesh_frequency) <= SPACING_HZ
     mesh, at_mesh = _Spectra.coherent(motion.mesh[inside]), [part.at(near[inside]) for part in noise]
     on_noise, on_lines, on_bins = map(
         reading.weights, (density.frequency, density.line_frequency, motion.mesh_frequency)
@@ -104,10 +105,10 @@ def load_scatter(motion: MachineMotion) -> LoadScatter:
     falling = np.zeros((len(groups) + 2, len(groups) + 2, *(2 * [len(on_bins)]), *(2 * [white.columns])))
     for r in groups:
         for s in groups:
-            falling[r, s] = step * noise[r].summed(noise[s], on_noise) + beside[r].summed(lines[s], on_lines)
+            falling[r, s] = SPACING_HZ * noise[r].summed(noise[s], on_noise) + beside[r].summed(lines[s], on_lines)
             falling[r, s] += lines[r].summed(beside[s], on_lines)
         falling[r, -2] = falling[-2, r] = at_mesh[r].summed(mesh, on_bins[:, inside])
-        falling[r, -1] = step * noise[r].summed(white, on_noise) + lines[r].summed(white, on_lines)
+        falling[r, -1] = SPACING_HZ * noise[r].summed(white, on_noise) + lines[r].summed(white, on_lines)
         falling[-1, r] = falling[r, -1]
     falling[-2, -1] = falling[-1, -2] = _Spectra.coherent(motion.mesh).summed(white, on_bins)
     falling[-1, -1] = bin_hz * white.summed(white, on_bins)

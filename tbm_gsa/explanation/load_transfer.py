@@ -3,11 +3,11 @@
 The groups of loads are independent of each other and of the teeth, so the expected mean square P of a point along an
 axis in a band is
 
-    P = Σ_r f_r² G_r + E,    G_r = ∫ w(f) Σ_c |H_c(f)|² S_rc(f) df
+    P = Σ_r f_r² (G_r + M_r) + E,    G_r = ∫ w(f) Σ_c |H_c(f)|² S_rc(f) df
 
 with the factor f_r of a group, the accelerance H of the linear system for the component c of the loads, the group's
-density S, the share w that the reading shows, and E what the meshes excite under the mean loads. What the meshes do to
-the answer to the fluctuation (modulation by their stiffness, loss of contact) is left out.
+density S, the share w that the reading shows, M what the meshes' varying stiffness moves there from other frequencies,
+and E what they excite under the mean loads. Momentary loss of contact is left out.
 """
 
 from __future__ import annotations
@@ -21,14 +21,16 @@ import scipy.fft
 from tbm_dynamics import Machine
 from tbm_dynamics.frequency_response import FrequencyResponse
 from tbm_dynamics.integration.simulator import DEFAULT_STEP, Simulator
-from tbm_dynamics.loads.density import LoadDensity, load_density
+from tbm_dynamics.loads.density import SPACING_HZ, LoadDensity, load_density
 from tbm_dynamics.structure.system import DIRECTIONS, System
 from tbm_gsa.explanation.band_reading import BandReading, BandStatistic, Sensor
+from tbm_gsa.explanation.mesh_modulation import modulated_powers
 from tbm_msgs_py.base.arrays import Array
 from tbm_msgs_py.base.errors import InputError
 
 MESH_START_S, MESH_RUN_S = 1.0, 2.0
 """Of a run under the mean loads: what is left out while its start dies away, and what is used."""
+_BEYOND = 2.0  # times the end of the band, where the conditioning leaves nothing
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,18 +41,25 @@ class LoadTransfer:
     ----------
     statistics : tuple of BandStatistic
     gain : ndarray, shape (r, k)
-        Of each group of `LOAD_GROUPS` at a factor of 1, (m/s²)².
+        Of each group of `LOAD_GROUPS` at a factor of 1, (m/s²)², what the meshes move included.
+    modulated : ndarray, shape (r, k)
+        The part of it that the meshes move, to the first order: an estimate.
     meshes : ndarray, shape (k,)
         What the meshes excite, (m/s²)².
     """
 
     statistics: tuple[BandStatistic, ...]
     gain: Array
+    modulated: Array
     meshes: Array
 
     def predict(self, factors: Array) -> Array:
         """Return the mean band powers (…, k) in (m/s²)² at factors (…, r)."""
         return np.asarray(np.square(factors) @ self.gain + self.meshes)
+
+    def modulated_share(self, factors: Array) -> Array:
+        """Share (…, k) of what the meshes move in the band powers at factors (…, r)."""
+        return np.asarray(np.square(factors) @ self.modulated / self.predict(factors))
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,6 +77,8 @@ class MachineMotion:
         Hz.
     mesh : ndarray, shape (m, o)
         Complex amplitudes of what the meshes excite; the sum of their squares is the mean square.
+    modulated : ndarray, shape (r, b, o)
+        Band powers that the meshes move there, of each group of loads.
     """
 
     reading: BandReading
@@ -76,16 +87,18 @@ class MachineMotion:
     lines: Array
     mesh_frequency: Array
     mesh: Array
+    modulated: Array
 
     def transfer(self) -> LoadTransfer:
         """Band powers as the reading shows them."""
         density, weigh = self.density, self.reading.weights
-        steps = weigh(density.frequency) * (density.frequency[1] - density.frequency[0])
+        steps = SPACING_HZ * weigh(density.frequency)
         noise = np.einsum("foc,rfc->rfo", np.square(np.abs(self.noise)), density.noise, optimize=True)
         lines = np.einsum("loc,rlc->rlo", np.square(np.abs(self.lines)), density.line_power, optimize=True)
         gain = steps @ noise + weigh(density.line_frequency) @ lines
         meshes = weigh(self.mesh_frequency) @ np.square(np.abs(self.mesh))
-        return LoadTransfer(self.reading.statistics, self._read(gain), self._read(meshes))
+        modulated = self._read(self.modulated)
+        return LoadTransfer(self.reading.statistics, self._read(gain) + modulated, modulated, self._read(meshes))
 
     def _read(self, powers: Array) -> Array:
         """Statistics (…, k) of powers (…, b, o)."""
@@ -116,7 +129,8 @@ def machine_motion(machine: Machine, reading: BandReading) -> MachineMotion:
         density=density,
         noise=response.accelerance(density.frequency) * scale,
         lines=response.accelerance(density.line_frequency) * scale,
-        **_mesh_motion(system, nodes, list(reading.sensors.values())),
+        modulated=modulated_powers(response, density, scale, reading),
+        **_mesh_motion(system, nodes, reading),
     )
 
 
@@ -128,13 +142,14 @@ def _nodes(machine: Machine, sensors: Mapping[str, Sensor]) -> list[int]:
     return [known[point] for point in sensors]
 
 
-def _mesh_motion(system: System, nodes: list[int], sensors: list[Sensor]) -> dict[str, Array]:
+def _mesh_motion(system: System, nodes: list[int], reading: BandReading) -> dict[str, Array]:
     """Spectrum of a run under the mean loads, as `MachineMotion` names its parts."""
     skipped, steps = (round(seconds / DEFAULT_STEP) for seconds in (MESH_START_S, MESH_RUN_S))
     still = np.tile(system.mean_load, (skipped + steps, 1))
     motion = Simulator(system, nodes).step(still).acceleration[skipped:]
-    values = np.hstack([motion[:, place] @ sensor.arm.T for place, sensor in enumerate(sensors)])
+    values = np.hstack([motion[:, place] @ sensor.arm.T for place, sensor in enumerate(reading.sensors.values())])
     window = np.hanning(steps + 1)[:-1, None]
     size = np.sqrt(2.0 / (steps * np.square(window).sum()))
-    spectrum = size * scipy.fft.rfft((values - values.mean(axis=0)) * window, axis=0)
+    count = round(_BEYOND * reading.band.high * MESH_RUN_S)
+    spectrum = size * scipy.fft.rfft((values - values.mean(axis=0)) * window, axis=0)[:count]
     return {"mesh_frequency": np.arange(len(spectrum)) / MESH_RUN_S, "mesh": spectrum}

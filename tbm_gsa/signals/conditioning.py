@@ -6,6 +6,7 @@ and backwards (zero phase), piece by piece; live it runs twice forwards, which h
 
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Literal, Self
 
 import numpy as np
@@ -196,6 +197,7 @@ class CausalConditioner:
         return self._filter.process(values, values.mean(axis=0))
 
 
+@lru_cache(maxsize=16)
 def _sections(rate_hz: float, band: Band) -> Array:
     """Second-order sections of one pass of the filter."""
     if not 0.0 < band.low < band.high < rate_hz / 2.0:

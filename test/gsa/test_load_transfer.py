@@ -10,10 +10,11 @@ import scipy.optimize
 import scipy.signal
 from numpy.random import default_rng
 
-from tbm_dynamics import Simulator, load_machine
+from tbm_dynamics import Machine, Simulator, load_machine
 from tbm_dynamics.integration.simulator import DEFAULT_STEP
 from tbm_dynamics.loads.density import load_density
-from tbm_dynamics.loads.description import LOAD_GROUPS, LoadFactors
+from tbm_dynamics.loads.description import COMPONENTS, LOAD_GROUPS, LoadFactors
+from tbm_dynamics.machine.description import MachineDescription
 from tbm_gsa.explanation.band_reading import BandReading, Sensor
 from tbm_gsa.explanation.load_posterior import BandObservation, load_posterior
 from tbm_gsa.explanation.load_scatter import LoadScatter, effective_duration, load_scatter
@@ -52,7 +53,7 @@ def scatter(motion):
     return load_scatter(motion)
 
 
-def band_powers(machine, seed, duration):
+def band_powers(machine, seed, duration, reading=READING):
     """Band powers of a run, its start left out."""
     nodes = machine.description.test_points
     simulator, loads = Simulator(machine.assemble(), nodes.values()), machine.loads(seed)
@@ -65,7 +66,7 @@ def band_powers(machine, seed, duration):
         if first >= skipped:
             for place, reducer in enumerate(reducers.values()):
                 reducer.feed(time - START_S, np.ascontiguousarray(values[:, place, :3]))
-    return READING.of({point: reducer.finish() for point, reducer in reducers.items()})
+    return reading.of({point: reducer.finish() for point, reducer in reducers.items()})
 
 
 def draws(scatter, factors, noise, duration, count, seed=0):
@@ -149,6 +150,25 @@ def test_a_run_is_within_the_scatter_of_the_prediction(machine, scatter):
 
 def factor_names():
     return [f"loads.{group}" for group in LOAD_GROUPS]
+
+
+def test_teeth_move_a_line_to_where_a_run_has_it():
+    # A tenth of the teeth's variation, so that the second order is 1 %; one line of one component, no error of the teeth.
+    raw = load_machine("dz101").base.model_dump()
+    raw["driveshaft"]["mesh"].update(variation=0.1, error_factor=0.0)
+    for name in COMPONENTS:
+        raw["loads"][name].update(regions=(), lines=())
+    raw["loads"]["fz"]["lines"] = ({"frequency": 130.3, "amplitude": 8e5, "source": "test"},)
+    machine = Machine(MachineDescription.model_validate(raw))
+    shift = machine.mesh_frequency
+    bands = tuple((130.3 + sign * shift - 1.3, 130.3 + sign * shift + 1.3) for sign in (-1.0, 1.0))
+    reading = BandReading({"cutterhead": Sensor(), "girder": Sensor()}, bands=bands)
+    transfer = load_transfer(machine, reading)
+    sides = [place for place, one in enumerate(reading.statistics) if one.axis == "z"]
+    assert np.all(transfer.modulated_share(np.ones(6))[sides] > 0.99)
+    np.testing.assert_allclose(
+        band_powers(machine, 1, 4.0, reading)[sides], transfer.predict(np.ones(6))[sides], rtol=0.02
+    )
 
 
 @pytest.mark.verify
