@@ -39,9 +39,8 @@ def modulated_powers(response: FrequencyResponse, density: LoadDensity, scale: A
                 continue
             moved = frequency[shown] + shift
             answer = response.coupling_accelerance(moved) @ matrix
-            cross = bending[np.ix_(felt, shown)]
-            powers = np.einsum("fod,rfde,foe->rfo", answer, cross, answer.conj(), optimize=True)
-            found[felt] += reading.weights(np.abs(moved)) @ powers.real
+            powers = ((answer @ bending[np.ix_(felt, shown)]) * answer.conj()).real.sum(axis=-1)
+            found[felt] += reading.weights(np.abs(moved)) @ powers
     return found
 
 
