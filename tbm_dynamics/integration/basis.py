@@ -25,6 +25,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 import scipy.linalg
@@ -89,8 +90,9 @@ class SplitBasis:
     shared: np.ndarray
 
 
+@lru_cache(maxsize=2)
 def split_basis(system: System, tolerance: float = DEFAULT_TOLERANCE) -> SplitBasis:
-    """Split the motion of a system and reduce its parts."""
+    """Split the motion of a system and reduce its parts; those of the last systems are kept."""
     shared = system.drives.shared
     rows = system.couplings.rows.reshape(2, len(shared), -1)
     expand = _symmetric_unknowns(system, shared)

@@ -1,18 +1,66 @@
-"""The ``loads:`` section of a machine file: means, frequency regions and lines of the cutterhead loads."""
+"""The ``loads:`` section of a machine file: means, frequency regions, lines and factors of the cutterhead loads."""
 
+import math
+from collections.abc import Mapping
 from itertools import pairwise
-from typing import Literal, Self
+from typing import Final, Literal, Self, get_args
 
 import numpy as np
+from numpy.typing import ArrayLike
 from pydantic import Field, FiniteFloat, model_validator
 
 from tbm_msgs_py.base.arrays import Array
-from tbm_msgs_py.base.fields import FrozenModel, Source
+from tbm_msgs_py.base.fields import FrozenModel, NonNegative, Positive, Source
 
 COMPONENTS = ("fx", "fy", "fz", "mx", "my", "mz")
 LOWEST_HZ = 0.5  # nothing fluctuates below it, so that a mean over a run is the mean
 HIGHEST_HZ = 240.0  # what the grid of the spectral model carries
 NARROWEST_HZ = 2.0  # what its filters can cut out cleanly
+
+
+LoadGroup = Literal["axial_low", "axial_high", "torsion_low", "torsion_high", "lateral", "moments"]
+LOAD_GROUPS: Final[tuple[LoadGroup, ...]] = get_args(LoadGroup)
+_GROUPS: Final[Mapping[str, tuple[LoadGroup, LoadGroup]]] = {
+    "fx": ("axial_low", "axial_high"),
+    "fy": ("lateral", "lateral"),
+    "fz": ("lateral", "lateral"),
+    "mx": ("torsion_low", "torsion_high"),
+    "my": ("moments", "moments"),
+    "mz": ("moments", "moments"),
+}
+"""Groups of each component: of its lowest region and the lines up to its end, and of all that is above."""
+
+
+class LoadFactors(FrozenModel):
+    """Factors on the amplitude of the fluctuation, which the rock changes by the hour; means are left as they are.
+
+    Attributes
+    ----------
+    axial_low, axial_high : float
+        F_x up to the end of its lowest region, and above.
+    torsion_low, torsion_high : float
+        M_x likewise.
+    lateral, moments : float
+        F_y and F_z; M_y and M_z.
+    log_sigma : float
+        Standard deviation of their logarithms where they are not known; the median is the factor.
+    source : Source
+        Where they come from.
+    """
+
+    axial_low: NonNegative = 1.0
+    axial_high: NonNegative = 1.0
+    torsion_low: NonNegative = 1.0
+    torsion_high: NonNegative = 1.0
+    lateral: NonNegative = 1.0
+    moments: NonNegative = 1.0
+    log_sigma: Positive = math.log(2.0)
+    source: Source = "assumed"
+
+    @property
+    def values(self) -> Array:
+        """The six factors in the order of `LOAD_GROUPS`, (6,)."""
+        return np.array([getattr(self, group) for group in LOAD_GROUPS])
 
 
 class LoadRegion(FrozenModel):
@@ -91,6 +139,16 @@ class LoadComponent(FrozenModel):
         power = sum(r.rms**2 for r in self.regions) + sum(line.amplitude**2 / 2.0 for line in self.lines)
         return float(np.sqrt(power))
 
+    def scaled(self, low: float, high: float) -> Self:
+        """Component with the amplitudes of its lowest region, and lines up to its end, times `low`, others `high`."""
+        end = min((region.band[1] for region in self.regions), default=math.inf)
+        regions = (r.model_copy(update={"rms": r.rms * (low if r.band[1] <= end else high)}) for r in self.regions)
+        lines = (
+            line.model_copy(update={"amplitude": line.amplitude * (low if line.frequency <= end else high)})
+            for line in self.lines
+        )
+        return self.model_copy(update={"regions": tuple(regions), "lines": tuple(lines)})
+
     @model_validator(mode="after")
     def _check_overlap(self) -> Self:
         bands = sorted(region.band for region in self.regions)
@@ -109,16 +167,27 @@ class LoadDescription(FrozenModel):
     mx: LoadComponent
     my: LoadComponent
     mz: LoadComponent
+    factors: LoadFactors = LoadFactors()
 
     @property
     def components(self) -> tuple[LoadComponent, ...]:
-        """The six components in the order fx, fy, fz, mx, my, mz."""
-        return self.fx, self.fy, self.fz, self.mx, self.my, self.mz
+        """The six components in the order fx, fy, fz, mx, my, mz, their fluctuation with the factors on it."""
+        found = []
+        for name, groups in _GROUPS.items():
+            low, high = (getattr(self.factors, group) for group in groups)
+            found.append(getattr(self, name).scaled(low, high))
+        return tuple(found)
+
+    def with_factors(self, factors: ArrayLike) -> Self:
+        """Return the same loads with other factors (6,), in the order of `LOAD_GROUPS`."""
+        values = np.asarray(factors, dtype=float).tolist()
+        changed = dict(zip(LOAD_GROUPS, values, strict=True))
+        return self.model_copy(update={"factors": self.factors.model_copy(update=changed)})
 
     @property
     def mean(self) -> Array:
         """Means at the reference operating point, (6,), N and N·m."""
-        return np.array([component.mean for component in self.components])
+        return np.array([getattr(self, name).mean for name in COMPONENTS])
 
     def scale(self, thrust_ratio: float, torque_ratio: float) -> Array:
         """Factors of the components at another operating point.

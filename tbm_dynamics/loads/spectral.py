@@ -125,8 +125,7 @@ class _Fluctuation:
 
     def __init__(self, description: LoadDescription, seed: int) -> None:
         self._description, self._seed = description, seed
-        window = np.kaiser(TAPS, KAISER_BETA)
-        kernels = np.array([_kernel(component, window) for component in description.components])
+        kernels = np.array([noise_kernel(component) for component in description.components])
         self._response = scipy.fft.rfft(kernels, 2 * NOISE_BLOCK, axis=1)
         self._lines = _lines(description, seed)
         self.block = lru_cache(maxsize=KEPT_BLOCKS)(self._compute)
@@ -167,14 +166,19 @@ def _checked_scale(scale: ArrayLike) -> Array:
     return factors
 
 
-def _kernel(component: LoadComponent, window: Array) -> Array:
-    """FIR kernel (TAPS,) that turns white noise of unit variance into all regions of a component.
+@lru_cache(maxsize=1)
+def _window() -> Array:
+    return np.kaiser(TAPS, KAISER_BETA)
 
-    Ideal band-passes under the Kaiser window (TAPS,), their edges moved inwards by half the transition so that each
+
+def noise_kernel(component: LoadComponent) -> Array:
+    """FIR kernel (TAPS,) at `NOISE_HZ` that turns white noise of unit variance into all regions of a component.
+
+    Ideal band-passes under a Kaiser window, their edges moved inwards by half the transition so that each
     band is 100 dB down at its limits; a kernel of unit energy has an output of unit variance.
     """
     time = (np.arange(TAPS) - TAPS // 2) / NOISE_HZ
-    total = np.zeros(TAPS)
+    total, window = np.zeros(TAPS), _window()
     for region in component.regions:
         low, high = region.filled[0] + TRANSITION_HZ / 2.0, region.filled[1] - TRANSITION_HZ / 2.0
         kernel = window * (2.0 * high * np.sinc(2.0 * high * time) - 2.0 * low * np.sinc(2.0 * low * time))

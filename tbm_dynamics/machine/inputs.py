@@ -1,17 +1,17 @@
-"""The 25 uncertain inputs of the paper's Table 4, applied to a machine description.
+"""The 25 uncertain inputs of the paper's Table 4 and the factors of the loads, applied to a machine description.
 
 Values are in Table 4's units: x1 r/min, x2 kN·m, x3 kN, x5 GPa, x7 µm, x9 N/m; x8 and x16 … x25 are multipliers;
-the damping ratios x4 and x11 … x15 are Table 4's numbers.
+the damping ratios x4 and x11 … x15 are Table 4's numbers; ``loads.axial_low`` … ``loads.moments`` are the factors.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from itertools import accumulate
 from numbers import Real
-from operator import attrgetter, getitem
-from typing import Any
+from operator import attrgetter
+from typing import Any, Final
 
+from tbm_dynamics.loads.description import LOAD_GROUPS
 from tbm_dynamics.machine.description import MachineDescription
 from tbm_dynamics.machine.drive import SixStiffnesses
 from tbm_msgs_py.base.errors import MachineError
@@ -56,6 +56,10 @@ _MULTIPLIED: dict[str, str] = {
 
 INPUT_CODES: tuple[str, ...] = (*_VALUES, *_MULTIPLIED)
 
+LOAD_INPUTS: Final = {f"loads.{group}": f"loads.factors.{group}" for group in LOAD_GROUPS}
+"""Factors of the loads by the code of the input."""
+_PLACES: Final = _VALUES | {code: (path, 1.0) for code, path in LOAD_INPUTS.items()}
+
 
 def apply_inputs(base: MachineDescription, inputs: Mapping[str, float]) -> MachineDescription:
     """Return `base` with the named inputs changed and nothing else.
@@ -81,11 +85,11 @@ def changed_values(base: MachineDescription, inputs: Mapping[str, float]) -> dic
     found: dict[Place, float] = {}
     changes: dict[Place, tuple[float, float]]
     for code, value in inputs.items():
-        if code not in INPUT_CODES:
-            raise MachineError(f"input {code!r}: unknown; allowed are x1 … x25")
+        if code not in _PLACES and code not in _MULTIPLIED:
+            raise MachineError(f"input {code!r}: unknown; allowed are x1 … x25 and {', '.join(LOAD_INPUTS)}")
         number = _number(code, value)
-        if code in _VALUES:
-            path, factor = _VALUES[code]
+        if code in _PLACES:
+            path, factor = _PLACES[code]
             changes = {(*path.split("."),): (attrgetter(path)(base), number * factor)}
         else:
             multiplied = list(_stiffnesses(base, _MULTIPLIED[code]))
@@ -116,9 +120,16 @@ def _stiffnesses(base: MachineDescription, target: str) -> Iterator[tuple[Place,
 
 
 def set_values(data: Any, values: Mapping[Place, float | str], source: str | None = None) -> None:
-    """Set values in the data of a machine file; a `source` becomes that of every entry whose number changes."""
+    """Set values in the data of a machine file; a `source` becomes that of every entry whose number changes.
+
+    A section that the file leaves out is added with the source.
+    """
     for (*parents, key), value in values.items():
-        around = list(accumulate(parents, getitem, initial=data))
+        around = [data]
+        for parent in parents:
+            if isinstance(around[-1], dict) and parent not in around[-1]:
+                around[-1][parent] = {} if source is None else {"source": source}
+            around.append(around[-1][parent])
         around[-1][key] = value
         if source is not None and not isinstance(value, str):
             entry = next(one for one in reversed(around) if isinstance(one, dict) and "source" in one)
@@ -133,5 +144,5 @@ def input_values(description: MachineDescription) -> dict[str, float]:
     dict of str to float
         Without the connections that its file does not name.
     """
-    found = {code: float(attrgetter(path)(description)) / factor for code, (path, factor) in _VALUES.items()}
+    found = {code: float(attrgetter(path)(description)) / factor for code, (path, factor) in _PLACES.items()}
     return found | {code: 1.0 for code, target in _MULTIPLIED.items() if any(_stiffnesses(description, target))}

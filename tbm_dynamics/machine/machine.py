@@ -28,14 +28,15 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Machine:
-    """A drive described by a file, with some of the 25 inputs changed.
+    """A drive described by a file, with some of its inputs changed.
 
     Attributes
     ----------
     base : MachineDescription
         What the file says.
     inputs : mapping
-        Inputs changed since, x1 … x25 in Table 4's units, read-only. A multiplier is relative to the file.
+        Inputs changed since, read-only: x1 … x25 in Table 4's units, ``loads.axial_low`` … ``loads.moments``. A
+        multiplier is relative to the file.
     origin : str
         What error messages call it: the file or shipped name it was loaded from, else the name in the description.
     """
@@ -78,7 +79,7 @@ class Machine:
         return self.description.driveshaft.gear.ring_teeth * self.description.operating_point.speed_r_min / 60.0
 
     def with_inputs(self, **inputs: float) -> Machine:
-        """Return a variant with the named inputs x1 … x25 changed and nothing else.
+        """Return a variant with the named inputs changed and nothing else: x1 … x25, ``loads.axial_low`` ….
 
         Raises
         ------

@@ -12,6 +12,7 @@ from pydantic import computed_field
 
 from tbm_dynamics.loads.cutters.description import CutterDescription
 from tbm_dynamics.loads.cutters.layout import TYPES
+from tbm_dynamics.loads.description import LoadFactors
 from tbm_dynamics.machine.description import (
     Body,
     Connection,
@@ -209,6 +210,7 @@ class MachineSummary(FrozenModel):
     bodies: tuple[ShownBody, ...]
     connections: tuple[ShownConnection, ...]
     drives: DriveSummary
+    load_factors: LoadFactors
     cutters: CuttingSummary | None
     masses: dict[str, float]
     degrees_of_freedom: int
@@ -239,6 +241,7 @@ def machine_summary(machine: Machine, count: int = 10) -> MachineSummary:
         bodies=tuple(ShownBody(**dict(one), subsystem=name) for name, part in structures for one in part.bodies),
         connections=tuple(ShownConnection(**dict(one), where=where) for where, group in groups for one in group),
         drives=_drives(machine),
+        load_factors=description.loads.factors,
         cutters=_cutting(machine),
         masses=_masses(description),
         degrees_of_freedom=system.size,

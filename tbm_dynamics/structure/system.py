@@ -53,9 +53,11 @@ class Equilibrium:
     force: np.ndarray
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class System:
     """M q̈ + C q̇ + K q = loads, with the couplings at their mean stiffness and closed on the drive flank.
+
+    Compared by identity, so that what is computed from one can be kept.
 
     Attributes
     ----------

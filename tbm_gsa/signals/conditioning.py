@@ -6,6 +6,7 @@ and backwards (zero phase), piece by piece; live it runs twice forwards, which h
 
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Literal, Self
 
 import numpy as np
@@ -85,6 +86,14 @@ def common_band(*rates_hz: float) -> Band:
     if high <= 2.0 * HIGH_PASS_HZ:
         raise InputError(f"a sampling rate of {min(rates_hz):g} Hz leaves no band above {HIGH_PASS_HZ} Hz to compare")
     return Band(HIGH_PASS_HZ, high)
+
+
+def power_gain(rate_hz: float, band: Band, frequency: Array) -> Array:
+    """Factors (m,) of the conditioning on a power at frequencies (m,) in Hz: of both passes."""
+    delays = np.exp(np.outer([0.0, -1.0, -2.0], 2j * np.pi / rate_hz * frequency))
+    sections = _sections(rate_hz, band)
+    once = np.prod(np.abs(sections[:, :3] @ delays) / np.abs(sections[:, 3:] @ delays), axis=0)
+    return np.asarray(once**4)
 
 
 class ZeroPhaseConditioner:
@@ -180,6 +189,7 @@ def causal_conditioner(rate_hz: float, band: Band) -> CausalFilter:
     return CausalFilter(np.vstack([once, once]))
 
 
+@lru_cache(maxsize=16)
 def _sections(rate_hz: float, band: Band) -> Array:
     """Second-order sections of one pass of the filter."""
     if not 0.0 < band.low < band.high < rate_hz / 2.0:

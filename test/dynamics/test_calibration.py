@@ -13,6 +13,7 @@ from tbm_dynamics.calibration.free_values import FREE_VALUES, values_of
 from tbm_dynamics.calibration.objective import objective
 from tbm_dynamics.calibration.prediction import Prediction, predict
 from tbm_dynamics.calibration.targets import PREDICTED_G
+from tbm_dynamics.loads.description import COMPONENTS
 from tbm_dynamics.machine.description import MachineDescription
 from tbm_dynamics.machine.writing import edited_text
 from tbm_msgs_py.base.units import STANDARD_GRAVITY
@@ -78,8 +79,8 @@ def test_predicted_mesh_force_lines_against_a_run(machine, prediction):
     # Lines alone, teeth without error or variation: the amplitude at the line's own frequency over whole periods.
     quiet = machine.base.model_dump()
     quiet["driveshaft"]["mesh"].update(variation=0.0, error_factor=0.0)
-    for load in quiet["loads"].values():
-        load["regions"] = ()
+    for name in COMPONENTS:
+        quiet["loads"][name]["regions"] = ()
     response = simulate(Machine(MachineDescription.model_validate(quiet)), 21.0, outputs=(8,))
     force = response.mesh_force[10_000:, 0]
     for frequency, height in prediction.mesh_lines.items():

@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 from machine_files import TEXT, all_connections, built, plain, without
 
 from tbm_dynamics import MachineError, load_machine, shipped_machines
-from tbm_dynamics.machine.inputs import INPUT_CODES
+from tbm_dynamics.machine.inputs import INPUT_CODES, LOAD_INPUTS
 from tbm_msgs_py.base.fields import SOURCES
 
 
@@ -373,6 +373,8 @@ def test_numbers_of_numpy_are_numbers(machine, number):
         ({"x6": 0.5}, r"steel.poisson: .*less than 0.5"),
         ({"x4": -1e-3}, r"steel.damping: .*greater than or equal to 0"),
         ({"x8": -0.1}, r"error_factor: .*greater than or equal to 0"),
+        ({"loads.axial": 1.0}, r"input 'loads.axial': unknown; allowed are x1 … x25 and loads.axial_low"),
+        ({"loads.lateral": -1.0}, r"loads.factors.lateral: .*greater than or equal to 0"),
     ],
 )
 def test_a_wrong_input_is_refused(machine, inputs, message):
@@ -381,7 +383,7 @@ def test_a_wrong_input_is_refused(machine, inputs, message):
     assert "\n" not in str(caught.value)
 
 
-@pytest.mark.parametrize("code", INPUT_CODES)
+@pytest.mark.parametrize("code", [*INPUT_CODES, *LOAD_INPUTS])
 @pytest.mark.parametrize("value", [float("nan"), float("inf"), -float("inf")])
 def test_no_input_may_be_other_than_finite(machine, code, value):
     with pytest.raises(MachineError):

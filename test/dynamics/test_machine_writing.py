@@ -65,6 +65,16 @@ def test_a_written_file_reads_back_as_the_variant(tmp_path):
     assert numbers(yaml.safe_load(path.read_text("utf-8")))["steel"]["damping"] == 2e-3
 
 
+def test_a_section_that_a_file_leaves_out_is_added(tmp_path):
+    path, machine = tmp_path / "new.yaml", load_machine("dz101")
+    for value in (1.5, 0.25):  # then it is there, and changes
+        path.write_text(updated_text(machine, {"loads.lateral": value}, "new", []), "utf-8")
+        machine = load_machine(path)
+        assert yaml.safe_load(path.read_text("utf-8"))["loads"]["factors"] == {"source": "updated", "lateral": value}
+        factors = machine.description.loads.factors
+        assert (factors.lateral, factors.axial_low, factors.source) == (value, 1.0, "updated")
+
+
 def test_a_layout_beside_the_file_is_found_from_elsewhere(tmp_path):
     (tmp_path / "mine.csv").write_text("cutter,type,radius_m,angle_deg,tilt_deg\n1,face,2.0,0,0\n", "utf-8")
     path = tmp_path / "mine.yaml"

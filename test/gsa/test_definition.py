@@ -51,6 +51,7 @@ def test_the_paper_s_ranges_by_their_codes_alone(tmp_path):
 
 
 NORMAL = "inputs: {{x2: {{distribution: normal, {}}}}}"
+LOG_NORMAL = "inputs: {{loads.axial_low: {{distribution: log-normal, {}}}}}"
 GROUPS = "inputs: {{x2, x3, x4}}\ngroups: {{{}}}"
 
 
@@ -88,6 +89,9 @@ GROUPS = "inputs: {{x2, x3, x4}}\ngroups: {{{}}}"
             "inputs: {x2: {distribution: log-uniform, lower: 0, upper: 2}}",
             "input x2: lower 0 of a log-uniform distribution, allowed: above 0",
         ),
+        (LOG_NORMAL.format("lower: 0, upper: 2, median: 1, log_sigma: 1"), "lower 0 of a log-normal distribution"),
+        (LOG_NORMAL.format("lower: 1, upper: 2, median: 1, log_sigma: 0"), "log_sigma 0, allowed: above 0"),
+        (LOG_NORMAL.format("lower: 1, upper: 2, median: 3, log_sigma: 1"), "median 3, allowed: 1 to 2"),
         (GROUPS.format("a: [x2, x3], b: [x3, x4]"), "group b: input x3 is in group a already"),
         (GROUPS.format("a: [x2, x2]"), "group a: input x2 is in group a already"),
         (GROUPS.format("a: [x5]"), "group a: unknown input 'x5', allowed: x2, x3, x4"),
@@ -109,6 +113,14 @@ def test_bad_files_are_refused_in_one_line(tmp_path, text, message):
     assert message in str(caught.value)
     assert str(tmp_path / "study.yaml") in str(caught.value)
     assert "\n" not in str(caught.value)
+
+
+def test_factors_of_the_loads_have_a_log_normal_prior(tmp_path):
+    (item,) = _read(tmp_path, "inputs: {loads.axial_low: }").inputs.inputs
+    assert (item.code, item.initial, item.lower, item.upper) == ("loads.axial_low", 1.0, 0.125, 8.0)
+    # 68 % of a log-normal law lie within one standard deviation of the logarithm, ln 2.
+    inside = item.distribution.to_unit([0.5, 2.0])
+    assert inside[1] - inside[0] == pytest.approx(0.6827 / 0.9973, abs=1e-4)
 
 
 def test_a_missing_file_is_named(tmp_path):

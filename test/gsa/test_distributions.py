@@ -8,7 +8,14 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from tbm_gsa.sensitivity.study.distributions import LogUniform, Normal, Triangular, Uniform, distribution_from
+from tbm_gsa.sensitivity.study.distributions import (
+    LogNormal,
+    LogUniform,
+    Normal,
+    Triangular,
+    Uniform,
+    distribution_from,
+)
 from tbm_gsa.sensitivity.study.errors import StudyError
 from tbm_gsa.sensitivity.study.inputs import PAPER_INPUTS, Input, InputSet
 
@@ -18,6 +25,7 @@ LAWS = (
     Normal(7.5e9, 8.5e9, 8.1e9, 2e8),
     Triangular(0.5, 2.0, 1.0),
     Triangular(0.0, 1.0, 0.0),
+    LogNormal(0.25, 8.0, 1.0, 0.7),
 )
 UNIT = np.linspace(0.0, 1.0, 41)
 
@@ -43,6 +51,10 @@ def test_closed_forms():
     assert LAWS[3].from_unit(0.1) == pytest.approx(0.5 + math.sqrt(0.1 * 1.5 * 0.5), rel=1e-12)
     assert LAWS[3].from_unit(0.8) == pytest.approx(2.0 - math.sqrt(0.2 * 1.5 * 1.0), rel=1e-12)
     np.testing.assert_allclose(LAWS[4].from_unit(UNIT), 1.0 - np.sqrt(1.0 - UNIT), atol=1e-12)
+    logs = NormalDist(0.0, 0.7)
+    low, high = logs.cdf(math.log(0.25)), logs.cdf(math.log(8.0))
+    expected = [math.exp(logs.inv_cdf(low + u * (high - low))) for u in UNIT[1:-1]]
+    np.testing.assert_allclose(LAWS[5].from_unit(UNIT[1:-1]), expected, rtol=1e-9)
 
 
 finite = st.floats(-1e6, 1e6)
@@ -73,7 +85,7 @@ SET = InputSet(tuple(_input(f"x{k + 1}", law) for k, law in enumerate(LAWS)))
 
 
 def test_a_set_maps_each_column_by_its_own_distribution():
-    unit = np.random.default_rng(0).random((7, 5))
+    unit = np.random.default_rng(0).random((7, len(SET)))
     points = SET.from_unit(unit)
     for column, law in enumerate(LAWS):
         np.testing.assert_array_equal(points[:, column], law.from_unit(unit[:, column]))

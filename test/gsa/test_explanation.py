@@ -22,7 +22,7 @@ from pydantic import TypeAdapter
 from scipy.stats import multivariate_normal, truncnorm
 
 from tbm_dynamics import load_machine, simulate
-from tbm_dynamics.machine.inputs import input_values
+from tbm_dynamics.machine.inputs import LOAD_INPUTS, input_values
 from tbm_dynamics.machine.writing import updated_text
 from tbm_gsa.app.cli.main import main
 from tbm_gsa.app.report.explanation_page import joint_intervals
@@ -292,6 +292,7 @@ def test_a_written_machine_is_the_variant(tmp_path):
 
 def test_values_of_a_machine_are_its_inputs():
     values = input_values(load_machine("dz101").description)
+    assert {values.pop(code) for code in LOAD_INPUTS} == {1.0}
     # Table 4's initial values but the operating point, which is Table 1's.
     expected = {"x1": 5.6, "x2": 3040.0, "x3": 12000.0, "x4": 1e-3, "x5": 210.0, "x6": 0.3, "x7": 300.0, "x8": 1.0}
     assert values == pytest.approx(

@@ -7,6 +7,7 @@ from collections.abc import Iterable, Sequence
 
 from rich.table import Table
 
+from tbm_dynamics.loads.description import LOAD_GROUPS
 from tbm_dynamics.machine.description import Connection
 from tbm_dynamics.machine.drive import DriveBody, DriveConnection, DriveShaft, Gear
 from tbm_dynamics.machine.summary import (
@@ -50,6 +51,10 @@ def print_tables(summary: MachineSummary) -> None:
     _print_drives(summary.drives)
     _print_gears(summary.drives)
     _print_gearbox(summary.drives.gearbox)
+    factors = summary.load_factors
+    rows = ((group, f"{getattr(factors, group):g}", factors.source) for group in LOAD_GROUPS)
+    title = f"factors on the fluctuation of the loads (log-normal, σ {factors.log_sigma:.3g}, where not known)"
+    _print_table(title, ("group", ">factor", "source"), rows)
     if summary.cutters:
         _print_cutters(summary.cutters)
     masses = ((name, f"{mass / 1e3:.4g}") for name, mass in summary.masses.items())

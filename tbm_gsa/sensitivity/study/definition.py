@@ -6,7 +6,7 @@ from typing import Final
 
 from tbm_gsa.sensitivity.study.distributions import distribution_from, number
 from tbm_gsa.sensitivity.study.errors import StudyError
-from tbm_gsa.sensitivity.study.inputs import PAPER_INPUTS, Input, InputSet
+from tbm_gsa.sensitivity.study.inputs import KNOWN_INPUTS, Input, InputSet
 from tbm_msgs_py.base.strict_yaml import read_yaml
 from tbm_msgs_py.base.texts import LONGEST_NAME, quoted
 
@@ -31,9 +31,9 @@ class Definition:
 def read_definition(path: str | Path) -> Definition:
     """Read a definition.
 
-    The file maps codes of Table 4 to distributions; everything else about an input is known by its code, and one with
-    nothing behind it is Table 4's. An initial value that is not given is the paper's if it lies inside the range, else
-    the median::
+    The file maps codes of inputs to distributions; everything else about an input is known by its code, and one with
+    nothing behind it is Table 4's or, of a factor of the loads, `LOAD_PRIOR`. An initial value that is not given is the
+    paper's (1 of a factor) if it lies inside the range, else the median::
 
         inputs:
           x2:
@@ -41,6 +41,7 @@ def read_definition(path: str | Path) -> Definition:
           x9: {distribution: normal, mean: 8.1e9, std: 2e8, lower: 7.5e9, upper: 8.5e9}
           x11: {distribution: log-uniform, lower: 2e-4, upper: 5e-3}
           x16: {distribution: triangular, lower: 0.5, mode: 1, upper: 2, initial: 1}
+          loads.axial_low: {distribution: log-normal, lower: 0.25, upper: 4, median: 1, log_sigma: 0.7}
         groups:
           meshing: [x7, x9]
         outputs: [MF_M, rms_cutterhead_x]
@@ -78,8 +79,8 @@ def _definition(document: dict[str, object]) -> Definition:
 
 
 def _input(code: str, given: object) -> Input:
-    """Return an input of Table 4, with another distribution where one is given."""
-    known = PAPER_INPUTS[code]
+    """Return a known input, with another distribution where one is given."""
+    known = KNOWN_INPUTS[code]
     if given is None:
         return known
     try:

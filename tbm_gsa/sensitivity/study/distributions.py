@@ -120,6 +120,34 @@ class Normal(Distribution):
 
 
 @dataclass(frozen=True)
+class LogNormal(Distribution):
+    """The logarithm is normal, cut off at the bounds and renormalised; log_sigma is its deviation before the cut."""
+
+    median: float
+    log_sigma: float
+    name, family = "log-normal", "truncnorm"
+
+    def to_unit(self, values: ArrayLike) -> Array:
+        """See `Distribution.to_unit`."""
+        return super().to_unit(np.log(np.clip(values, self.lower, self.upper)))
+
+    def from_unit(self, unit: ArrayLike) -> Array:
+        """See `Distribution.from_unit`."""
+        return np.asarray(np.clip(np.exp(self._law.ppf(unit)), self.lower, self.upper), dtype=np.float64)
+
+    def _check(self) -> None:
+        if self.lower <= 0.0:
+            raise StudyError(f"lower {self.lower:g} of a log-normal distribution, allowed: above 0")
+        if self.log_sigma <= 0.0:
+            raise StudyError(f"log_sigma {self.log_sigma:g}, allowed: above 0")
+        self._check_inside("median", self.median)
+
+    def _parameters(self) -> tuple[float, ...]:
+        middle, size = np.log(self.median), self.log_sigma
+        return (np.log(self.lower) - middle) / size, (np.log(self.upper) - middle) / size, middle, size
+
+
+@dataclass(frozen=True)
 class Triangular(Distribution):
     """Density that rises linearly from the lower bound to the mode and falls to the upper bound."""
 
@@ -135,7 +163,7 @@ class Triangular(Distribution):
 
 
 DISTRIBUTIONS: Final[Mapping[str, type[Distribution]]] = {
-    kind.name: kind for kind in (Uniform, Normal, Triangular, LogUniform)
+    kind.name: kind for kind in (Uniform, Normal, Triangular, LogUniform, LogNormal)
 }
 
 

@@ -1,5 +1,6 @@
-"""The uncertain inputs of a study, with the paper's Table 4 as data."""
+"""The uncertain inputs of a study: the paper's Table 4, and the factors of the loads, as data."""
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Annotated, Final, Literal, Self
@@ -9,7 +10,7 @@ from numpy.typing import ArrayLike
 from pydantic import BeforeValidator
 
 from tbm_gsa.reading import Name
-from tbm_gsa.sensitivity.study.distributions import Distribution, Uniform, distribution_from, number
+from tbm_gsa.sensitivity.study.distributions import Distribution, LogNormal, Uniform, distribution_from, number
 from tbm_gsa.sensitivity.study.errors import StudyError
 from tbm_msgs_py.base.arrays import Array
 from tbm_msgs_py.base.texts import LONGEST_LINE, quoted
@@ -26,7 +27,7 @@ class Input:
     Parameters
     ----------
     code : str
-        Name in the paper's Table 4 and in ``Machine.with_inputs``.
+        Name in the paper's Table 4 or ``loads.GROUP``, as in ``Machine.with_inputs``.
     name, symbol, unit : str
         For tables and axes; a multiplier has no unit.
     kind : {"absolute", "multiplier"}
@@ -226,3 +227,25 @@ PAPER_INPUTS: Final = InputSet(
         "connection stiffness": tuple(f"x{k}" for k in range(16, 26)),
     },
 )
+
+LOAD_PRIOR: Final = LogNormal(lower=0.125, upper=8.0, median=1.0, log_sigma=math.log(2.0))
+"""Factor of a group of loads: within a factor of two with a probability of 0.68, never beyond three times that."""
+
+
+def _load(group: str, of: str, symbol: str) -> Input:
+    return Input(f"loads.{group}", f"Fluctuation of {of}", symbol, "", "absolute", 1.0, LOAD_PRIOR)
+
+
+LOAD_INPUTS: Final = InputSet(
+    (
+        _load("axial_low", "the axial force, lowest region", "f_A,low"),
+        _load("axial_high", "the axial force above it", "f_A,high"),
+        _load("torsion_low", "the torque, lowest region", "f_T,low"),
+        _load("torsion_high", "the torque above it", "f_T,high"),
+        _load("lateral", "the lateral forces", "f_L"),
+        _load("moments", "the overturning moments", "f_M"),
+    )
+)
+
+KNOWN_INPUTS: Final = InputSet((*PAPER_INPUTS.inputs, *LOAD_INPUTS.inputs))
+"""All that a study can vary."""

@@ -1,0 +1,194 @@
+"""Chance in the band powers of a finite recording: their covariance over realisations of the loads and of the noise.
+
+For Gaussian noise with the one-sided cross-spectral density S_ij of two signals, mean squares over a time T in bands of
+shares w_i and w_j have the covariance (Bendat and Piersol, "Random Data", 4th ed., section 8.5)
+
+    cov = 1/T ∫ w_i w_j |S_ij|² df
+
+so that a single one has 2 P² / cov degrees of freedom, twice the bandwidth times T for a flat density. A line of the
+cross-power L_ij adds 2 w_i w_j Re(S_ij* L_ij) / T by the noise beside it. S and L are sums over sources: the groups of
+loads, S = Σ_r f_r² S_r, what the meshes excite, and the sensors' noise, which no two channels share. Lines of one
+frequency in several components add up by their phases, which a longer recording does not average: Σ_c≠d L_c L_d*.
+The reading's half overlapping Hann segments use a little less than T.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Self
+
+import numpy as np
+
+from tbm_dynamics.loads.density import SPACING_HZ
+from tbm_gsa.explanation.load_transfer import LoadTransfer, MachineMotion
+from tbm_msgs_py.base.arrays import Array, Integers
+from tbm_msgs_py.base.errors import InputError
+
+_HANN_2, _HANN_4, _HANN_22 = 3.0 / 8.0, 35.0 / 128.0, 3.0 / 256.0
+"""Means over a segment of the window's square, its fourth power, and its square times that of the next segment's."""
+_FELT = 1e-20  # of the largest power: below it a column does not feel a group but by rounding
+
+
+@dataclass(frozen=True, eq=False)
+class LoadScatter:
+    """Covariance of k band powers over the powers of s sources: r groups of loads, the meshes, the sensors' noise.
+
+    Attributes
+    ----------
+    transfer : LoadTransfer
+    falling : ndarray, shape (s, s, k, k)
+        Times the duration in s, (m/s²)⁴ s per powers of both sources: squared factors, 1, the density of the noise.
+    staying : ndarray, shape (r, r, k, k)
+        (m/s²)⁴ per squared factors: of lines that several components have.
+    width : ndarray, shape (k,)
+        Band power of noise of unit density, Hz.
+    segment_s : float
+        Of the reading.
+    """
+
+    transfer: LoadTransfer
+    falling: Array
+    staying: Array
+    width: Array
+    segment_s: float
+
+    def expected(self, factors: Array, noise: Array) -> Array:
+        """Return the mean band powers (k,) at factors (r,), with sensors of the noise densities (k,), m²/s⁴/Hz."""
+        return self.transfer.predict(factors) + self.width * noise
+
+    def covariance(self, factors: Array, noise: Array, duration_s: float) -> Array:
+        """Return the covariance (k, k) of the logarithms of band powers in a recording of a duration.
+
+        Raises
+        ------
+        InputError
+            A recording shorter than a segment.
+        """
+        squares, ones = np.square(factors), np.ones_like(noise)
+        sources = np.vstack([squares[:, None] * ones, ones, noise])
+        found = np.einsum("sk,stkl,tl->kl", sources, self.falling, sources, optimize=True)
+        found = found / effective_duration(duration_s, self.segment_s)
+        found += np.einsum("r,rskl,s->kl", squares, self.staying, squares, optimize=True)
+        powers = self.expected(factors, noise)
+        return np.asarray(found / np.outer(powers, powers))
+
+
+def effective_duration(duration_s: float, segment_s: float) -> float:
+    """Time of an even mean with the scatter of that of half overlapping Hann segments of broad noise, s.
+
+    Raises
+    ------
+    InputError
+        A recording shorter than a segment.
+    """
+    count = int(2.0 * duration_s / segment_s + 1e-6) - 1
+    if count < 1:
+        raise InputError(f"recording of {duration_s:g} s, allowed: at least a segment of {segment_s:g} s")
+    return segment_s * (count * _HANN_2) ** 2 / (count * _HANN_4 + 2 * (count - 1) * _HANN_22)
+
+
+def load_scatter(motion: MachineMotion) -> LoadScatter:
+    """Scatter of the band powers of a machine."""
+    density, reading = motion.density, motion.reading
+    bin_hz = float(motion.mesh_frequency[1])
+    groups = range(len(density.noise))
+    noise = [_Spectra.of(motion.noise, part) for part in density.noise]
+    lines = [_Spectra.of(motion.lines, part) for part in density.line_power]
+    beside = [part.at(_nearest(density.frequency, density.line_frequency)) for part in noise]
+    near = _nearest(density.frequency, motion.mesh_frequency)
+    inside = np.abs(density.frequency[near] - motion.mesh_frequency) <= SPACING_HZ
+    mesh, at_mesh = _Spectra.coherent(motion.mesh[inside]), [part.at(near[inside]) for part in noise]
+    on_noise, on_lines, on_bins = map(
+        reading.weights, (density.frequency, density.line_frequency, motion.mesh_frequency)
+    )
+    white = _Spectra.white(motion.mesh.shape[1])
+    falling = np.zeros((len(groups) + 2, len(groups) + 2, *(2 * [len(on_bins)]), *(2 * [white.columns])))
+    for r in groups:
+        for s in groups:
+            falling[r, s] = SPACING_HZ * noise[r].summed(noise[s], on_noise) + beside[r].summed(lines[s], on_lines)
+            falling[r, s] += lines[r].summed(beside[s], on_lines)
+        falling[r, -2] = falling[-2, r] = at_mesh[r].summed(mesh, on_bins[:, inside])
+        falling[r, -1] = SPACING_HZ * noise[r].summed(white, on_noise) + lines[r].summed(white, on_lines)
+        falling[-1, r] = falling[r, -1]
+    falling[-2, -1] = falling[-1, -2] = _Spectra.coherent(motion.mesh).summed(white, on_bins)
+    falling[-1, -1] = bin_hz * white.summed(white, on_bins)
+    staying = np.array([[lines[r].summed(lines[s], on_lines) for s in groups] for r in groups])
+    for r in groups:  # less the products of each component's line with itself
+        own = np.square(np.abs(motion.lines)) * density.line_power[r][:, None, :]
+        staying[r, r] -= np.einsum("bl,cl,loi,lpi->bcop", on_lines, on_lines, own, own, optimize=True)
+    width = np.repeat(reading.columns.sum(axis=1), len(on_bins)) * np.tile(
+        bin_hz * on_bins.sum(axis=1), len(reading.columns)
+    )
+    return LoadScatter(
+        motion.transfer(), _read(falling, reading.columns), _read(staying, reading.columns), width, reading.segment_s
+    )
+
+
+def _nearest(frequency: Array, wanted: Array) -> Integers:
+    """Places (m,) of the frequencies (f,), ascending, that are nearest to others (m,)."""
+    above = np.searchsorted(frequency, wanted).clip(1, len(frequency) - 1)
+    return np.asarray(above - (wanted - frequency[above - 1] < frequency[above] - wanted))
+
+
+def _read(sums: Array, columns: Array) -> Array:
+    """Covariances (…, k, k) of the statistics from those of all columns, (…, b, b, o, o)."""
+    found = np.einsum("ao,pq,stbcoq->stabpc", columns, columns, sums, optimize=True)
+    count = found.shape[2] * found.shape[3]
+    return np.asarray(found.reshape(*found.shape[:2], count, count))
+
+
+@dataclass(frozen=True, eq=False)
+class _Spectra:
+    """Cross-spectra of the columns that feel a source.
+
+    Attributes
+    ----------
+    felt : ndarray, shape (n,)
+        Columns.
+    values : ndarray, shape (f, n, n)
+        Of one frequency if they are the same at all.
+    columns : int
+        Number o of all of them.
+    """
+
+    felt: Integers
+    values: Array
+    columns: int
+
+    @classmethod
+    def of(cls, accelerance: Array, density: Array) -> Self:
+        """From accelerances (f, o, 6) and densities (f, 6) of the components."""
+        motion = accelerance * np.sqrt(density)[:, None, :]
+        size = np.square(np.abs(motion)).sum(axis=2).max(axis=0, initial=0.0)
+        largest = np.square(np.abs(accelerance)).max(initial=0.0) * density.max(initial=0.0)
+        felt = np.flatnonzero(size > _FELT * largest)
+        motion = motion[:, felt]
+        return cls(felt, motion @ motion.conj().swapaxes(1, 2), accelerance.shape[1])
+
+    @classmethod
+    def coherent(cls, amplitudes: Array) -> Self:
+        """Of one motion with complex amplitudes (f, o)."""
+        products = amplitudes[:, :, None] * amplitudes[:, None, :].conj()
+        return cls(np.arange(amplitudes.shape[1]), products, amplitudes.shape[1])
+
+    @classmethod
+    def white(cls, columns: int) -> Self:
+        """Of noise of unit density that no two columns share."""
+        return cls(np.arange(columns), np.eye(columns, dtype=complex)[None], columns)
+
+    def at(self, places: Integers) -> Self:
+        """Return those at some of the frequencies."""
+        return replace(self, values=self.values[places])
+
+    def summed(self, other: Self, weights: Array) -> Array:
+        """Σ_f w_b w_c Re(S_op* T_op), (b, c, o, o), with the weights (b, f) of the bands."""
+        count = len(weights)
+        found = np.zeros((count, count, self.columns, self.columns))
+        both, one, two = np.intersect1d(self.felt, other.felt, return_indices=True)
+        if both.size:
+            product = self.values[:, one[:, None], one] * other.values[:, two[:, None], two].conj()
+            product = np.broadcast_to(product, (weights.shape[1], *product.shape[1:])).real
+            pairs = (weights[:, None] * weights).reshape(-1, weights.shape[1])
+            sums = pairs @ product.reshape(len(product), -1)
+            found[:, :, both[:, None], both] = sums.reshape(count, count, both.size, both.size)
+        return found
