@@ -27,6 +27,10 @@ class BlockError(InputError):
     """A block that contradicts its own description, in one line."""
 
 
+class StampError(BlockError):
+    """A stamp that is no ROS time."""
+
+
 class _Field(Protocol):
     name: str
     offset: int
@@ -205,8 +209,19 @@ def _check_sizes(message: Cloud, layout: BlockLayout) -> None:
 
 
 def stamp_to_ns(stamp: Any) -> int:
-    """Integer nanoseconds of a `builtin_interfaces/Time`."""
-    return int(stamp.sec) * NANOSECONDS + int(stamp.nanosec)
+    """Integer nanoseconds of a `builtin_interfaces/Time`; a `StampError` of one that is no ROS time."""
+    seconds, nanoseconds = int(stamp.sec), int(stamp.nanosec)
+    if seconds < 0 or not 0 <= nanoseconds < NANOSECONDS:
+        raise StampError(no_ros_time(seconds, nanoseconds))
+    return seconds * NANOSECONDS + nanoseconds
+
+
+def no_ros_time(seconds: int, nanoseconds: int) -> str:
+    """Say that the two numbers of a stamp are no time: rclpy and rclcpp refuse them too."""
+    return (
+        f"stamp of {seconds} s and {nanoseconds} ns is no ROS time, allowed: seconds from 0 on, "
+        f"nanoseconds below {NANOSECONDS}"
+    )
 
 
 def split_ns(stamp_ns: int) -> tuple[int, int]:

@@ -18,9 +18,8 @@ from tbm_dynamics.streaming.sensors import LiveFilter, SensorModel, SensorPacket
 from tbm_dynamics.streaming.streams import DynamicsStream, step_ns
 from tbm_dynamics.structure.drive import gear_pair
 from tbm_msgs_py import blocks, topics
-from tbm_msgs_py.base import operating_point
-from tbm_msgs_py.base.errors import InputError, MachineError, SimulationError
-from tbm_msgs_py.base.operating_point import OperatingPoint, OperatingPointError
+from tbm_msgs_py.base.errors import InputError, SimulationError
+from tbm_msgs_py.base.operating_point import OperatingPoint
 from tbm_msgs_py.base.units import NANOSECONDS
 from tbm_msgs_py.blocks import BlockError
 from tbm_msgs_py.nodes import messages
@@ -123,10 +122,9 @@ class DynamicsNode(ManagedNode):
 
     def _on_operating_point(self, message: JointState) -> None:
         try:
-            point = operating_point.from_joint_state(message)
-            reached = OperatingPoint(point.speed, point.torque, point.thrust)
-            self._stream.set_operating_point(reached, messages.stamp_to_ns(message.header.stamp))
-        except (OperatingPointError, MachineError) as error:
+            stamp, point = messages.operating_point_from(message)
+            self._stream.set_operating_point(OperatingPoint(point.speed, point.torque, point.thrust), stamp)
+        except InputError as error:
             self._faults.report(topics.LOADS_OPERATING_POINT, f"{topics.LOADS_OPERATING_POINT}: {error}; not used")
         else:
             self._faults.clear(topics.LOADS_OPERATING_POINT)
@@ -141,7 +139,7 @@ class DynamicsNode(ManagedNode):
                 self._new_sensors()
             for chunk in chunks:
                 self._publish(chunk)
-        except (BlockError, SimulationError) as error:
+        except (InputError, SimulationError) as error:
             self._refused += 1
             self._faults.report(topics.LOADS_BLOCK, f"{topics.LOADS_BLOCK}: {error}; not used")
             return

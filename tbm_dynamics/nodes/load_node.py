@@ -10,13 +10,12 @@ import numpy as np
 from diagnostic_msgs.msg import DiagnosticStatus
 from sensor_msgs.msg import JointState
 
-from tbm_dynamics import Machine, MachineError, OperatingPoint, load_machine
+from tbm_dynamics import Machine, OperatingPoint, load_machine
 from tbm_dynamics.loads.stepper import LOAD_MODELS
 from tbm_dynamics.streaming.schedule import COLUMNS, Schedule, pairs, read_schedule
 from tbm_dynamics.streaming.streams import LoadBlock, LoadStream, step_ns
 from tbm_msgs_py import blocks, topics
-from tbm_msgs_py.base import operating_point
-from tbm_msgs_py.base.operating_point import OperatingPointError
+from tbm_msgs_py.base.errors import InputError
 from tbm_msgs_py.base.units import NANOSECONDS, R_MIN
 from tbm_msgs_py.nodes import messages
 from tbm_msgs_py.nodes.fault_log import FaultLog
@@ -86,6 +85,7 @@ class LoadNode(ManagedNode):
         self._schedule = self._read_schedule()
         self._wanted: OperatingPoint | None = None  # of the topic or the parameters, since the node was configured
         self._advance = 0.0  # of the topic: passed on, the loads do not depend on it
+        self._standstill = False  # of the machine, by the topic: the loads, which need a head that turns, stay
         if given := self._given_point({}):
             self._new_stream().set_operating_point(given)
             self._wanted = given
@@ -145,15 +145,18 @@ class LoadNode(ManagedNode):
 
     def _on_operating_point(self, message: JointState) -> None:
         try:
-            given = operating_point.from_joint_state(message)
+            _, given = messages.operating_point_from(message)
             wanted = OperatingPoint(given.speed, given.torque, given.thrust)
-            (self._stream or self._new_stream()).set_operating_point(wanted)
-        except (OperatingPointError, MachineError) as error:
+            self._standstill = given.standstill and self._schedule is None
+            if not self._standstill:
+                (self._stream or self._new_stream()).set_operating_point(wanted)
+        except InputError as error:
             self._refused += 1
             self._faults.report("operating point", f"{topics.OPERATING_POINT}: {error}; the last one stays")
             return
         self._faults.clear("operating point")
-        self._wanted, self._advance = wanted, given.advance
+        if not self._standstill:
+            self._wanted, self._advance = wanted, given.advance
 
     def _tick(self) -> None:
         now = self.get_clock().now().nanoseconds
@@ -196,7 +199,7 @@ class LoadNode(ManagedNode):
 
     def _announce(self, stamp_ns: int, point: OperatingPoint, head_angle: float) -> None:
         self._announced = point, self._advance
-        given = operating_point.OperatingPoint(point.speed, point.torque, point.thrust, head_angle, self._advance)
+        given = OperatingPoint(point.speed, point.torque, point.thrust, head_angle, self._advance)
         self._applied.publish(messages.operating_point_message(stamp_ns, given))
 
     def _publish(self, block: LoadBlock) -> None:
@@ -224,6 +227,8 @@ class LoadNode(ManagedNode):
         }
         problems = list(self._faults.show().values())
         going = "streaming" if running else "waiting for the clock or for subscribers"
+        if running and self._standstill:
+            going = "streaming as before: the machine stands still"
         if running and self.clock_stands:
             going = "the clock stands"
         level: messages.Level = "ok" if running and not problems else "warn"

@@ -149,7 +149,7 @@ class BagPlayer(ManagedNode):
             return f"type {topic.type} is not installed"
         quality = offered_qos(topic.qos) or topics.contract(topic.name).quality  # what the recording states goes first
         try:
-            made = self.create_publisher(message_type, topic.name, qos.profile(quality))
+            made = self.create_publisher(message_type, topic.name, qos.replayed(topic.name, quality))
         except Exception as error:  # noqa: BLE001 - rclpy's own: a name that is none, a topic it has as another type
             return " ".join(str(error).split())
         self._played[topic.name, topic.type] = made

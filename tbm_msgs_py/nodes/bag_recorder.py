@@ -14,6 +14,7 @@ from tbm_msgs_py.bags.definitions import typestore
 from tbm_msgs_py.bags.quota import enforce, mark
 from tbm_msgs_py.bags.writing import BagWriter
 from tbm_msgs_py.base.errors import RecordingError
+from tbm_msgs_py.base.texts import doubled
 from tbm_msgs_py.nodes import messages, qos
 from tbm_msgs_py.nodes.fault_log import FaultLog
 from tbm_msgs_py.nodes.following import TopicFollower
@@ -79,6 +80,8 @@ class BagRecorder(ManagedNode):
         self._wanted = [topics.absolute(name, self.get_namespace()) for name in self.value("topics")]
         if not self._wanted:
             raise RecordingError("parameter topics: empty, allowed: at least one topic")
+        if twice := doubled(self._wanted):
+            raise RecordingError(f"parameter topics: {twice} twice, allowed: each topic once")
         if not self.value("output"):
             raise RecordingError("parameter output: empty, allowed: a new folder")
         if 0 < self.value("quota") < 2 * self.value("split_size"):

@@ -28,8 +28,10 @@ from rclpy.timer import Timer
 from tbm_msgs_py.base.files import data_folder, write_whole
 from tbm_msgs_py.nodes import messages, qos
 from tbm_msgs_py.nodes.confining import check_below
+from tbm_msgs_py.nodes.fault_log import FaultLog
 from tbm_msgs_py.nodes.guarding import Guard
 from tbm_msgs_py.nodes.logs import PrintableLogger, get_logger
+from tbm_msgs_py.nodes.matching import MatchingSubscription
 from tbm_msgs_py.nodes.parameters import AUTOSTART, DATA_ROOT, Parameter, ParameterError
 from tbm_msgs_py.topics import DIAGNOSTICS, NAMESPACE, contract, status_name
 
@@ -73,6 +75,8 @@ class ManagedNode(LifecycleNode):  # type: ignore[misc]  # rclpy is untyped
         self._stage = 0  # 0 unconfigured, 1 inactive, 2 active
         self._trouble = ""  # why the last transition went another way than asked
         self._made: dict[int, list[Callable[[], object]]] = {1: [], 2: []}
+        self.faults: FaultLog[str] = FaultLog(lambda text: self.get_logger().warning(text))  # shown beside the state
+        self._matching: list[MatchingSubscription] = []  # to topics of the contract
         self._clock_seen = 0
         self.clock_stands = False  # at the last look, a second ago at most
         self._declared = {parameter.name: parameter for parameter in (AUTOSTART, *parameters)}
@@ -154,13 +158,20 @@ class ManagedNode(LifecycleNode):  # type: ignore[misc]  # rclpy is untyped
             messages.message_class(kind), topic, qos.profile(quality), qos_overriding_options=options
         )
 
-    def contract_subscription(self, topic: str, callback: Callable[[Any], None]) -> Subscription:
-        """Create a subscription to a topic of the contract; parameters may override its quality of service."""
-        kind, quality = contract(topic)
-        options = qos.overridable()
-        return self.create_subscription(
-            messages.message_class(kind), topic, callback, qos.profile(quality), qos_overriding_options=options
+    def contract_subscription(self, topic: str, callback: Callable[[Any], None]) -> None:
+        """Subscribe to a topic of the contract; parameters may override its quality of service.
+
+        A publisher that offers less is used, too; one of another type is a fault on `/diagnostics`.
+        """
+        made = MatchingSubscription(
+            self, topic, contract(topic), callback, self.get_logger().warning, qos.overridable()
         )
+        self._matching.append(made)
+        self._gather(made, self._leave)
+
+    def _leave(self, subscription: MatchingSubscription) -> None:
+        subscription.close()
+        self._matching.remove(subscription)
 
     def create_publisher(self, kind: type, topic: str, profile: QoSProfile, **options: object) -> Publisher:
         """Create a publisher as rclpy does; the profile given stays as it is."""
@@ -195,6 +206,27 @@ class ManagedNode(LifecycleNode):  # type: ignore[misc]  # rclpy is untyped
         """Write a result to the file of the parameter `summary`, if one is named."""
         if self.value("summary"):
             write_whole(Path(self.value("summary")), json.dumps(document).encode())
+
+    def set_parameters(self, parameter_list: list[RosParameter]) -> list[SetParametersResult]:
+        """Set parameters one by one, as `set_parameters_atomically` does."""
+        return [self.set_parameters_atomically([new]) for new in parameter_list]
+
+    def set_parameters_atomically(self, parameter_list: list[RosParameter]) -> SetParametersResult:
+        """Set parameters as rclpy does; one that is fixed now may be set to the value that it has."""
+        changed = [new for new in parameter_list if not (self._fixed(new.name) and self._has(new))]
+        if parameter_list and not changed:
+            return SetParametersResult(successful=True)
+        return super().set_parameters_atomically(changed)
+
+    def _fixed(self, name: str) -> bool:
+        """Whether no other value is accepted now."""
+        if name in self._declared:
+            return self._declared[name].changes == "start" or (self._stage > 0 and not self._declared[name].live)
+        return self.has_parameter(name) and bool(self.describe_parameter(name).read_only)  # rclpy's own
+
+    def _has(self, new: RosParameter) -> bool:
+        present = self.get_parameter(new.name)
+        return bool(present.type_ == new.type_ and present.get_parameter_value() == new.get_parameter_value())
 
     def start(self) -> bool:
         """Configure and activate when `autostart` says so; False when a hook refused."""
@@ -255,9 +287,13 @@ class ManagedNode(LifecycleNode):  # type: ignore[misc]  # rclpy is untyped
     def _own_status(self) -> DiagnosticStatus:
         """Whether the node does its work."""
         unexpected = self._guard.show()
+        others = [*self.faults.show().values(), *(problem for one in self._matching if (problem := one.problem()))]
         _, state = self._state_machine.current_state
-        text = "; ".join([f"{state} after an error: {self._trouble}" if self._trouble else state, *unexpected])
-        level: messages.Level = "error" if self._trouble or unexpected else "ok" if self.active else "warn"
+        doing = f"{state} after an error: {self._trouble}" if self._trouble else state
+        text = "; ".join([doing, *unexpected, *others])
+        level: messages.Level = (
+            "error" if self._trouble or unexpected else "ok" if self.active and not others else "warn"
+        )
         return self.status(self.get_name(), level, text, {"state": state, "failed_callbacks": self._guard.failed})
 
     def _go_up(self, name: str, hook: Callable[[], None], stage: int) -> TransitionCallbackReturn:
@@ -281,7 +317,7 @@ class ManagedNode(LifecycleNode):  # type: ignore[misc]  # rclpy is untyped
         self._trouble = ""
         try:
             hook()
-        except (ValueError, OSError) as error:
+        except (ValueError, OSError, ParameterException) as error:
             self._report(f"{name}: {error}")
             return TransitionCallbackReturn.FAILURE
         except Exception as error:  # noqa: BLE001  rclpy would swallow it unseen
@@ -327,7 +363,8 @@ class ManagedNode(LifecycleNode):  # type: ignore[misc]  # rclpy is untyped
 
     def _check(self, candidates: Sequence[RosParameter]) -> SetParametersResult:
         known = [(self._declared[new.name], new.value) for new in candidates if new.name in self._declared]
-        problems = [problem for parameter, value in known if (problem := parameter.problem(value))]
+        problems = [text for new in candidates if (text := qos.override_problem(new.name, new.value))]
+        problems += [problem for parameter, value in known if (problem := parameter.problem(value))]
         problems += [problem for parameter, value in known if (problem := self._outside(parameter, value))]
         if self._stage and not problems:
             problems = [

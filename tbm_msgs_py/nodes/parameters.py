@@ -90,6 +90,11 @@ class Parameter:
         )
         return f"parameter {self.name}: {_text(value)}, allowed: {self.allowed()}" if wrong else None
 
+    @property
+    def live(self) -> bool:
+        """Whether it may change at run time."""
+        return self.changes == "running"
+
     def allowed(self) -> str:
         """Type and range in words."""
         if self.choices:

@@ -12,6 +12,7 @@ import rclpy
 from rclpy.exceptions import InvalidHandle, ParameterException
 from rclpy.executors import Executor, ExternalShutdownException, SingleThreadedExecutor
 
+from tbm_msgs_py.nodes.log_folder import settle_log_folder
 from tbm_msgs_py.nodes.logs import get_logger
 from tbm_msgs_py.nodes.processes import StartInterruption, handle_node_signals
 from tbm_msgs_py.nodes.transport import avoid_shared_memory
@@ -43,7 +44,10 @@ def run_node(factory: Callable[[], ManagedNode], args: Sequence[str] | None = No
     try:
         StartInterruption.begin()
         avoid_shared_memory()
+        moved = settle_log_folder()
         rclpy.init(args=None if args is None else list(args))
+        if moved:
+            get_logger("tbm_monitor").warning(moved)
         node = factory()
         code = _spin(node)
     except (KeyboardInterrupt, ExternalShutdownException):

@@ -17,7 +17,7 @@ from tbm_gsa.app.cli.output import notes, results
 from tbm_gsa.app.cli.start import INTERRUPTED
 from tbm_msgs_py.base.errors import InputError, RunError
 from tbm_msgs_py.base.texts import shortened
-from tbm_msgs_py.nodes.processes import handle_signals
+from tbm_msgs_py.nodes.processes import handle_signals, leave
 
 app = typer.Typer(
     name="tbm-monitor",
@@ -79,6 +79,8 @@ def main() -> None:
         sys.stdout.flush()
     except BrokenPipeError:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+    if INTERRUPTED == 0:  # it is to end soon after a signal
+        leave(code)
     sys.exit(code)
 
 

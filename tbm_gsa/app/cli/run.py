@@ -26,12 +26,12 @@ from tbm_gsa.app.cli.output import (
     narrow_table,
     notes,
     print_json,
-    progress_bar,
     results,
 )
 from tbm_gsa.app.cli.processes import NodeCommand, NodeProcesses, settle_ros_environment
 from tbm_gsa.app.cli.simulate import schedule_of
 from tbm_gsa.app.cli.site import Site
+from tbm_gsa.app.cli.status_line import StatusLine
 from tbm_gsa.app.cli.supervision import ACTIVE_STATUSES, Supervision, watch
 from tbm_msgs_py import topics
 from tbm_msgs_py.base.errors import InputError, RunError
@@ -175,7 +175,8 @@ def _run(
         for command in commands:
             nodes.start(command)
         first_block = _wait_for_blocks(watching, nodes, start, stopping, patience)
-        _follow(watching, nodes, duration, stopping)
+        with StatusLine(logs, duration) as line:
+            _follow(watching, nodes, duration, stopping, line)
         stopped = stopping()
     return first_block, stopped
 
@@ -197,20 +198,21 @@ def _wait_for_blocks(
     return time.monotonic() - start
 
 
-def _follow(watching: Watch, nodes: Supervision, duration: float | None, stopping: Callable[[], bool]) -> None:
+def _follow(
+    watching: Watch, nodes: Supervision, duration: float | None, stopping: Callable[[], bool], line: StatusLine
+) -> None:
     """Watch until every stream has the duration and all nodes have reported after it, or until stopped."""
     counts, diagnostics = watching.state.blocks.values(), watching.state.diagnostics
-    with progress_bar("running") as bar:
-        task = bar.add_task("", total=duration)
-        reached, asked = 0.0, False
-        while not stopping() and not (asked and diagnostics.keys() >= ACTIVE_STATUSES):
-            nodes.check()
-            watching.spin(_LOOK_S)
-            reached = min(count.stream_time for count in counts)
-            bar.update(task, completed=reached)
-            if duration is not None and reached >= duration and not asked:
-                diagnostics.clear()  # of before the end
-                asked = True
+    asked = False
+    while not stopping() and not (asked and diagnostics.keys() >= ACTIVE_STATUSES):
+        nodes.check()
+        watching.spin(_LOOK_S)
+        reached = min(count.stream_time for count in counts)
+        if not asked and diagnostics.keys() >= ACTIVE_STATUSES:
+            line.update(diagnostics, reached)
+        if duration is not None and reached >= duration and not asked:
+            diagnostics.clear()  # of before the end
+            asked = True
 
 
 def run_document(state: WatchState, first_block: float | None) -> dict[str, object]:

@@ -32,9 +32,7 @@ from tbm_gsa.comparison.streams import Side
 from tbm_gsa.history import WindowSource
 from tbm_gsa.provenance import machine_sha256
 from tbm_msgs_py import topics
-from tbm_msgs_py.base import operating_point
-from tbm_msgs_py.base.operating_point import OperatingPointError
-from tbm_msgs_py.blocks import BlockError
+from tbm_msgs_py.base.errors import InputError
 from tbm_msgs_py.nodes import messages
 from tbm_msgs_py.nodes.managed import ManagedNode
 from tbm_msgs_py.nodes.parameters import MACHINE, ROOT, Parameter, live_parameter
@@ -158,17 +156,19 @@ class AnalysisNode(ManagedNode):
             return
         try:
             block = messages.acceleration_block(message)
-        except BlockError as error:
+        except InputError as error:
             self._comparison.health.refuse(sensor.point, "model", str(error))
         else:
             self._on_samples("model", sensor, block.stamp_ns, block.offsets, block.values)
 
     def _on_operating_point(self, topic: str, message: JointState) -> None:
         try:
-            point = operating_point.from_joint_state(message)
-        except OperatingPointError:  # the load node reports it
+            stamp, point = messages.operating_point_from(message)
+        except InputError as error:
+            self.faults.report(topic, f"{topic}: {error}; the last one stays")
             return
-        stamp = messages.stamp_to_ns(message.header.stamp) or self.get_clock().now().nanoseconds
+        self.faults.clear(topic)
+        stamp = stamp or self.get_clock().now().nanoseconds
         self._comparison.add_operating_point(topic, stamp, (point.speed, point.torque, point.thrust))
 
     def _on_samples(

@@ -10,7 +10,7 @@ import numpy as np
 
 from tbm_gsa.app.nodes.live_comparison import LiveComparison
 from tbm_msgs_py import topics
-from tbm_msgs_py.blocks import BlockError
+from tbm_msgs_py.base.errors import InputError
 from tbm_msgs_py.nodes import messages, qos
 from tbm_msgs_py.nodes.following import TopicFollower
 from tbm_msgs_py.nodes.managed import ManagedNode
@@ -137,7 +137,7 @@ class FieldTopics:
             return
         try:
             block = messages.acceleration_block(message)
-        except BlockError as error:
+        except InputError as error:
             self._health.refuse(sensor.point, "field", str(error))
         else:
             self._on_samples(sensor, block.stamp_ns, block.offsets, block.values)
@@ -146,8 +146,12 @@ class FieldTopics:
         if self._unusable(sensor, message):
             return
         vector = linear(message)
-        stamp = messages.stamp_to_ns(message.header.stamp)
-        self._on_samples(sensor, stamp, np.zeros(1), np.array([[vector.x, vector.y, vector.z]]))
+        try:
+            stamp = messages.stamp_to_ns(message.header.stamp)
+        except InputError as error:
+            self._health.refuse(sensor.point, "field", str(error))
+        else:
+            self._on_samples(sensor, stamp, np.zeros(1), np.array([[vector.x, vector.y, vector.z]]))
 
 
 def _contract_offer(topic: str, namespace: str) -> TopicContract | None:

@@ -53,7 +53,9 @@ class LiveComparison:
         self, points: Sequence[str], sensors: Iterable[SensorMapping], window: float, warn: Callable[[str], object]
     ) -> None:
         self.latest: dict[str, WindowResult] = {}
+        sensors = list(sensors)
         self.rotating = frozenset(sensor.point for sensor in sensors if sensor.frame == "rotating")
+        self._measured = {sensor.point: np.array(sensor.measured) for sensor in sensors}
         self.health = StreamHealth(warn)
         self._points = points
         # What the machine does, and what the model does after it.
@@ -85,9 +87,26 @@ class LiveComparison:
         self.health.add_samples(sensor.point, source, len(offsets))
         rows = np.asarray(values, dtype=float) @ sensor.matrix().T
         results = self._windows.feed(sensor.point, source, stamp_ns, offsets, rows)
-        known = [self._without_error_unless_steady(result) for result in results if result.point in self._points]
+        known = [
+            self._without_error_unless_steady(self._without_unmeasured(result))
+            for result in results
+            if result.point in self._points
+        ]
         self.latest |= {result.point: result for result in known}
         return known
+
+    def _without_unmeasured(self, result: WindowResult) -> WindowResult:
+        """Window without figures of the field along axes that its sensor does not have."""
+        measured = self._measured.get(result.point)
+        if measured is None or measured.all():
+            return result
+        return replace(
+            result,
+            field_rms=np.where(measured, result.field_rms, np.nan),
+            relative_error=np.where(measured, result.relative_error, np.nan),
+            field_peak=np.where(measured, result.field_peak, np.nan),
+            field_kurtosis=np.where(measured, result.field_kurtosis, np.nan),
+        )
 
     def _without_error_unless_steady(self, result: WindowResult) -> WindowResult:
         """Window without its error where the machine, or the model after it, was not driven steadily."""
