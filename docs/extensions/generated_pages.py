@@ -4,14 +4,12 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterable, Iterator
-from importlib import import_module
 from pathlib import Path
 from typing import Any
 
 import typer
 from pydantic import BaseModel
 from sphinx.application import Sphinx
-from sphinx.ext.autodoc.mock import mock
 
 from tbm_gsa.app.cli.main import app as command_line
 from tbm_gsa.comparison.results import ComparisonResult
@@ -19,6 +17,7 @@ from tbm_gsa.explanation.result import Explanation
 from tbm_gsa.history.summary import BaselineList, BaselineSummary, HistorySummary
 from tbm_gsa.paper.reproduction.result import ReproductionResult
 from tbm_gsa.sensitivity.results import StudyResult
+from tbm_msgs_py.nodes.parameters import node_parameters
 from tbm_msgs_py.nodes.registry import NODES
 
 RESULTS: dict[str, type[BaseModel]] = {
@@ -31,20 +30,6 @@ RESULTS: dict[str, type[BaseModel]] = {
     "reproduce": ReproductionResult,
 }
 """Model of the document that a command prints."""
-# The node modules are read without ROS: only their declarations are wanted.
-ROS = (
-    "rclpy",
-    "builtin_interfaces",
-    "diagnostic_msgs",
-    "geometry_msgs",
-    "lifecycle_msgs",
-    "rcl_interfaces",
-    "rosgraph_msgs",
-    "rosidl_runtime_py",
-    "sensor_msgs",
-    "std_msgs",
-    "std_srvs",
-)
 
 
 def command_page() -> str:
@@ -92,9 +77,7 @@ def parameter_page() -> str:
         " `cleanup` and `configure`.",
         "",
     ]
-    with mock(list(ROS)):
-        declared = {node: import_module(node.module).PARAMETERS for node in NODES.values()}
-    for node, parameters in declared.items():
+    for node in NODES.values():
         rows = (
             (
                 f"`{entry.name}`" + (" *live*" if entry.changes == "running" else ""),
@@ -102,7 +85,8 @@ def parameter_page() -> str:
                 _cell(entry.allowed()),
                 _cell(entry.description),
             )
-            for entry in parameters
+            for entry in node_parameters(node.name).values()
+            if entry.name != "autostart"
         )
         lines += [f"## {node.name}", "", node.summary, "", *_table(("parameter", "default", "allowed", "what"), rows)]
     return "\n".join(lines)

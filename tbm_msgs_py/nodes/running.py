@@ -6,7 +6,7 @@ import signal
 import traceback
 from collections.abc import Callable, Sequence
 from contextlib import suppress
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import rclpy
 from rclpy.exceptions import InvalidHandle, ParameterException
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 WAIT = 1.0  # s
 
 
-def run_node(factory: Callable[[], ManagedNode], args: Sequence[str] | None = None) -> int:
+def run_node(factory: Callable[[], ManagedNode[Any]], args: Sequence[str] | None = None) -> int:
     """Run a node until it ends or gets a signal, never with a traceback.
 
     Parameters
@@ -39,7 +39,7 @@ def run_node(factory: Callable[[], ManagedNode], args: Sequence[str] | None = No
     int
         Exit code: 0 after SIGINT, SIGTERM or the node's own end, 2 for bad arguments or parameters, 1 for a failure.
     """
-    node: ManagedNode | None = None
+    node: ManagedNode[Any] | None = None
     code = 0
     try:
         StartInterruption.begin()
@@ -64,7 +64,7 @@ def run_node(factory: Callable[[], ManagedNode], args: Sequence[str] | None = No
     return code or (node.exit_code if node else 0)  # its end may have gone wrong, too
 
 
-def _spin(node: ManagedNode) -> int:
+def _spin(node: ManagedNode[Any]) -> int:
     executor = fastest_executor()
     executor.add_node(node)
     try:
@@ -79,7 +79,7 @@ def _spin(node: ManagedNode) -> int:
     return node.exit_code
 
 
-def _turn(executor: Executor, node: ManagedNode) -> None:
+def _turn(executor: Executor, node: ManagedNode[Any]) -> None:
     """Work for a while, until the node's end at most."""
     with suppress(InvalidHandle):  # an event that waited for what a callback has destroyed: the events executor's own
         if isinstance(executor, SingleThreadedExecutor):
@@ -97,7 +97,7 @@ def fastest_executor() -> Executor:
     return EventsExecutor()
 
 
-def _explain(error: Exception, node: ManagedNode | None) -> int:
+def _explain(error: Exception, node: ManagedNode[Any] | None) -> int:
     """Exit code for an error, with its one line; an error after a signal or without the context is part of the end."""
     if node is None and StartInterruption.received:
         return 0
@@ -113,7 +113,7 @@ def _explain(error: Exception, node: ManagedNode | None) -> int:
     return 1
 
 
-def _close(node: ManagedNode | None) -> None:
+def _close(node: ManagedNode[Any] | None) -> None:
     """Release the node's resources; a second signal meanwhile changes nothing."""
     handle_node_signals(signal.SIG_IGN)
     if node is not None:

@@ -18,7 +18,7 @@ from tbm_msgs_py import Bag  # noqa: E402
 from tbm_msgs_py.nodes.bag_player import BagPlayer  # noqa: E402
 from tbm_msgs_py.nodes.bag_recorder import BagRecorder  # noqa: E402
 from tbm_msgs_py.nodes.managed import ManagedNode  # noqa: E402
-from tbm_msgs_py.nodes.parameters import Parameter  # noqa: E402
+from tbm_msgs_py.nodes.parameters import NodeSettings, live_parameter  # noqa: E402
 
 pytestmark = pytest.mark.ros
 
@@ -26,14 +26,18 @@ OK, WARN, ERROR = range(3)
 ERRORS = {"refuses": ValueError, "breaks": KeyError}
 
 
-class Faulty(ManagedNode):
+class FaultySettings(NodeSettings):
+    fails: str = live_parameter("", "hook that fails, and how")
+
+
+class Faulty(ManagedNode[FaultySettings]):
     """Node whose hooks fail when a parameter says so."""
 
     def __init__(self, **options):
-        super().__init__("faulty", [Parameter("fails", "", "hook that fails, and how", changes="running")], **options)
+        super().__init__("faulty", FaultySettings, **options)
 
     def hook(self, name):
-        failing, _, how = self.value("fails").partition(" ")
+        failing, _, how = self.settings.fails.partition(" ")
         if failing == name:
             raise ERRORS[how](name)
 

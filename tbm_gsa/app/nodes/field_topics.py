@@ -55,7 +55,7 @@ class FieldTopics:
 
     def __init__(
         self,
-        node: ManagedNode,
+        node: ManagedNode[Any],
         sensors: Mapping[str, SensorMapping],
         comparison: LiveComparison,
         on_samples: OnSamples,
