@@ -69,6 +69,7 @@ class ManagedNode(LifecycleNode, Generic[SettingsT]):  # type: ignore[misc]  # r
     _gathered: list[Callable[[], object]] | None = None  # how to destroy what a hook creates, while it runs
 
     def __init__(self, name: str, settings: type[SettingsT], *, namespace: str = NAMESPACE, **options: Any) -> None:
+        self.executable = name
         self._guard = Guard(self)  # rclpy's own services are guarded, too
         self._declared_by = parameters_of(settings)
         super().__init__(name, namespace=namespace, **options)

@@ -7,7 +7,7 @@ ask for the same declarations as the nodes.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import lru_cache, partial
 from importlib import import_module
@@ -65,13 +65,14 @@ def parameter(
 live_parameter = partial(parameter, changes="running")
 
 
-def _each_once(names: tuple[str, ...]) -> tuple[str, ...]:
+def each_once(names: tuple[str, ...]) -> tuple[str, ...]:
+    """Names, if each stands once; raises ValueError for others."""
     if twice := doubled(names):
         raise ValueError(f"{twice} twice, allowed: each once")
     return names
 
 
-Names = Annotated[tuple[str, ...], AfterValidator(_each_once)]
+Names = Annotated[tuple[str, ...], AfterValidator(each_once)]
 
 
 class NodeSettings(FrozenModel):
@@ -145,7 +146,7 @@ class Parameter:
     def allowed(self) -> str:
         """Type and range in words."""
         if self.choices:
-            return f"one of {', '.join(self.choices)}"
+            return f"one {'or more ' * isinstance(self.default, list)}of {', '.join(self.choices)}"
         if isinstance(self.default, list) and isinstance(self.default[0], float):
             return f"{len(self.default)} decimal numbers{self.limits}"
         return f"{_KINDS[type(self.default)]}{self.limits}"
@@ -179,9 +180,9 @@ def node_parameters(node: str) -> Mapping[str, Parameter]:
 def _declaration(name: str, field: FieldInfo) -> Parameter:
     kind, default = field.annotation, field.default
     bounds = list(field.metadata)
-    if isinstance(default, tuple):
-        default = list(default) or [""]
-        bounds += [one for mark in _marks(get_args(kind)[0]) for one in getattr(mark, "metadata", [mark])]
+    if isinstance(default, tuple):  # its elements have the range or the choices
+        kind, default = get_args(kind)[0], list(default) or [""]
+        bounds += [one for mark in getattr(kind, "__metadata__", ()) for one in getattr(mark, "metadata", [mark])]
     extra = field.json_schema_extra if isinstance(field.json_schema_extra, dict) else {}
     given: dict[str, Any] = {key: extra[key] for key in ("changes", "written") if key in extra}
     if "no_path" in extra:
@@ -195,10 +196,6 @@ def _declaration(name: str, field: FieldInfo) -> Parameter:
         choices=get_args(kind) if get_origin(kind) is Literal else (),
         **given,
     )
-
-
-def _marks(kind: object) -> Iterable[Any]:
-    return getattr(kind, "__metadata__", ())
 
 
 def read_settings(settings: type[SettingsT], values: Mapping[str, Any]) -> SettingsT:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import signal
+import sys
 import traceback
 from collections.abc import Callable, Sequence
 from contextlib import suppress
@@ -12,8 +13,10 @@ import rclpy
 from rclpy.exceptions import InvalidHandle, ParameterException
 from rclpy.executors import Executor, ExternalShutdownException, SingleThreadedExecutor
 
+from tbm_msgs_py.base.errors import InputError
 from tbm_msgs_py.nodes.log_folder import settle_log_folder
 from tbm_msgs_py.nodes.logs import get_logger
+from tbm_msgs_py.nodes.parameter_file import NodeArguments
 from tbm_msgs_py.nodes.processes import StartInterruption, handle_node_signals
 from tbm_msgs_py.nodes.transport import avoid_shared_memory
 
@@ -39,16 +42,19 @@ def run_node(factory: Callable[[], ManagedNode[Any]], args: Sequence[str] | None
     int
         Exit code: 0 after SIGINT, SIGTERM or the node's own end, 2 for bad arguments or parameters, 1 for a failure.
     """
+    arguments = list(sys.argv if args is None else args)
     node: ManagedNode[Any] | None = None
     code = 0
     try:
         StartInterruption.begin()
         avoid_shared_memory()
+        stated = NodeArguments(arguments)
         moved = settle_log_folder()
-        rclpy.init(args=None if args is None else list(args))
+        rclpy.init(args=arguments)
         if moved:
             get_logger("tbm_monitor").warning(moved)
         node = factory()
+        stated.check(node.get_fully_qualified_name(), node.executable)
         code = _spin(node)
     except (KeyboardInterrupt, ExternalShutdownException):
         StartInterruption.breaks_off = False
@@ -105,7 +111,7 @@ def _explain(error: Exception, node: ManagedNode[Any] | None) -> int:
         return node.exit_code
     logger = node.get_logger() if node else get_logger("tbm_monitor")
     message = " ".join(str(error).split())
-    if node is None and isinstance(error, ValueError | RuntimeError | ParameterException):
+    if isinstance(error, InputError) or (node is None and isinstance(error, RuntimeError | ParameterException)):
         logger.fatal(message)
         return 2
     logger.fatal(f"{type(error).__name__}: {message}")

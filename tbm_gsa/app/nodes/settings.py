@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 from typing import Annotated, Literal
 
-from pydantic import Field
+from pydantic import AfterValidator, Field
 
 from tbm_msgs_py import topics
 from tbm_msgs_py.base.fields import FrozenModel
@@ -14,12 +14,14 @@ from tbm_msgs_py.nodes.parameters import (
     Names,
     NodeSettings,
     WritingSettings,
+    each_once,
     live_parameter,
     parameter,
 )
 
 OFF = "none"
 """History file of a node that keeps none."""
+_Axes = Annotated[tuple[Literal["x", "y", "z"], ...], Field(min_length=1), AfterValidator(each_once)]
 _MOST_WORKERS = max(2, os.cpu_count() or 1)
 
 
@@ -47,9 +49,7 @@ class AnalysisSettings(MachineSettings, WritingSettings):
     threshold_windows: int = live_parameter(
         topics.ERROR_WINDOWS, "windows in a row over the threshold that raise the alarm", low=1, high=10000
     )
-    alarm_axes: Annotated[tuple[Literal["x", "y", "z"], ...], Field(min_length=1)] = live_parameter(
-        ("x",), "axes whose error is watched; the paper compares the axial one, x"
-    )
+    alarm_axes: _Axes = live_parameter(("x",), "axes whose error is watched; the paper compares the axial one, x")
     mapping: str = parameter(
         "", "mapping file of the field topics; empty: the topics of the contract, m/s², gravity removed"
     )
