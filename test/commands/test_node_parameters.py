@@ -59,6 +59,10 @@ BAD = [
         {"output": NEW, "topics": "[/a]", "split_size": 10.0, "quota": 15.0},
         "twice the split_size of 10 MB",
     ),
+    (BagRecorder, {"output": NEW, "topics": "[loads/block, /tbm/loads/block]"}, "/tbm/loads/block twice"),
+    (BagPlayer, {"bag": BAG, "topics": "[/a, /a]"}, "parameter topics: /a twice, allowed: each once"),
+    (LoadNode, {"schedule": "a.csv", "schedule_columns": "[speed=a, speed=b]"}, "'speed' twice, allowed: each once"),
+    (AnalysisNode, {"gsa.outputs": "[nope]", "history": "none"}, "parameter gsa.outputs: unknown output 'nope'"),
     (BagRecorder, {"output": f"{NEW}.mcap", "topics": "[/a]", "split_size": 10.0}, "allowed: a new folder"),
 ]
 

@@ -10,6 +10,9 @@ from tbm_gsa.app.nodes.error_alarm import ErrorAlarm
 from tbm_gsa.app.nodes.gsa_process import GsaProcess
 from tbm_gsa.app.nodes.live_comparison import LiveComparison, field_sensors
 from tbm_gsa.app.nodes.settings import GsaSettings
+from tbm_gsa.app.nodes.stream_health import Condition
+from tbm_gsa.comparison import dead_axes
+from tbm_gsa.history import live_entries
 from tbm_msgs_py import topics
 
 RATE, SECOND = 1000, 10**9
@@ -21,8 +24,9 @@ SINE = np.sin(2.0 * np.pi * 50.0 * OFFSETS)[:, None] * np.ones(3)
 def compare():
     """Windows of half a second of sines of known amplitudes, the first ones left out while filters settle."""
 
-    def run(point="girder", operating=((1.0, 1.0, 1.0),)):
+    def run(point="girder", operating=((1.0, 1.0, 1.0),), **sensor):
         sensors = field_sensors("", ["girder"])
+        sensors = {name: one.model_copy(update=sensor) for name, one in sensors.items()}
         comparison = LiveComparison(["girder"], sensors.values(), 0.5, lambda _: None)
         for k, driven in enumerate(operating):
             comparison.add_operating_point(topics.OPERATING_POINT, k * SECOND, driven)
@@ -45,6 +49,28 @@ def test_a_machine_that_stands_still_has_no_error(compare):
     latest = compare(operating=[(0.0, 0.0, 0.0)]).latest["girder"]
     assert latest.operation == "standstill"
     assert np.isnan(latest.relative_error).all()
+
+
+@pytest.mark.parametrize(
+    ("sensor", "measured"),
+    [
+        ({"axes": ("x", None, "z")}, [True, False, True]),
+        ({"axes": (None, "-x", None)}, [False, True, False]),
+        ({"axes": ("x", "y", None), "frame": "rotating"}, [True, False, False]),
+        ({"axes": ("x", None, "z"), "rotation": (90.0, 0.0, 0.0)}, [True, True, False]),
+        ({"axes": ("x", None, "z"), "rotation": (45.0, 0.0, 0.0)}, [True, False, False]),
+    ],
+)
+def test_an_axis_that_the_sensor_lacks_is_not_dead(compare, sensor, measured):
+    latest = compare(**sensor).latest["girder"]
+    for figure in (latest.field_rms, latest.relative_error, latest.field_peak, latest.field_kurtosis):
+        assert np.isfinite(figure).tolist() == measured
+    assert not dead_axes(latest).any()
+    comparison_status = pytest.importorskip("tbm_gsa.app.nodes.statuses").comparison_status
+    text = comparison_status("girder", "girder", latest, None, False, Condition()).message
+    assert text == "compared", text
+    kept = {entry.axis for entry in live_entries(latest, rotating="frame" in sensor)}
+    assert kept == {axis for axis, there in zip("xyz", measured, strict=True) if there}
 
 
 def test_points_that_the_machine_has_not_are_left_out(compare):

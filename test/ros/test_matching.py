@@ -7,15 +7,18 @@ import pytest
 rclpy = pytest.importorskip("rclpy")
 
 from peer import Rig, SimulatedClock  # noqa: E402
+from rclpy.serialization import serialize_message  # noqa: E402
 from sensor_msgs.msg import JointState, PointCloud2  # noqa: E402
 from std_msgs.msg import Float64  # noqa: E402
 
 from tbm_dynamics.nodes.dynamics_node import DynamicsNode  # noqa: E402
 from tbm_dynamics.nodes.load_node import LoadNode  # noqa: E402
 from tbm_gsa.app.nodes.analysis_node import AnalysisNode  # noqa: E402
-from tbm_msgs_py import OperatingPoint  # noqa: E402
+from tbm_msgs_py import BagWriter, OperatingPoint  # noqa: E402
 from tbm_msgs_py.nodes import messages, qos  # noqa: E402
-from tbm_msgs_py.topics import QoS  # noqa: E402
+from tbm_msgs_py.nodes.bag_player import BagPlayer  # noqa: E402
+from tbm_msgs_py.nodes.matching import MatchingSubscription  # noqa: E402
+from tbm_msgs_py.topics import QoS, contract  # noqa: E402
 
 pytestmark = pytest.mark.ros
 
@@ -70,6 +73,30 @@ def test_every_subscription_matches_the_least_offer(host_node, peer):
         least = qos.profile(QoS(reliable=False, latched=False, depth=1))
         made = [rigs.enter_context(Rig(kind, name, least)) for name, kind in (states | blocks).items()]
         node.wait_for(lambda: all(rig.matched for rig in made))
+
+
+def test_run_hears_nodes_whose_parameters_offer_less(peer):
+    """As `qos_overrides` in a parameter file has it."""
+    with Rig(PointCloud2, "/tbm/loads/block", qos.profile(QoS(reliable=False, latched=False, depth=1))) as rig:
+        received = []
+        MatchingSubscription(peer.node, "loads/block", contract("loads/block"), received.append, print)
+        peer.wait_for(lambda: rig.matched)
+        rig.publish(messages.block(messages.blocks.LOADS, 10**18, [0.0], [[0.0] * 6]))
+        peer.wait_for(lambda: received)
+
+
+def test_a_late_subscriber_gets_the_newest_played(host_node, peer, tmp_path):
+    """Of a latched topic of ours, whatever depth an earlier recording states."""
+    with BagWriter(tmp_path / "field") as writer:
+        for step in range(3):
+            data = serialize_message(point(THRUST + step))
+            deep = QoS(reliable=True, latched=True, depth=100)
+            writer.write(TOPIC, "sensor_msgs/msg/JointState", 10**18 + step, data, qos=deep)
+    player = host_node(BagPlayer, bag=tmp_path / "field", wait_for_subscribers=0, exit_at_end=False)
+    peer.wait_for(lambda: player.says("3 messages played"))
+    late = peer.listen(JointState, TOPIC, qos.profile(QoS(reliable=True, latched=True, depth=100)))
+    peer.wait_for(lambda: late)
+    assert [message.effort[1] for message in late] == [THRUST + 2]
 
 
 def test_a_publisher_of_another_type_is_named(host_node, peer):

@@ -38,6 +38,9 @@ def test_run_takes_a_file_and_options(command, tmp_path):
     assert code == 0, err
     document = json.loads(out)
     assert document["first_block_seconds"] > 0.0
+    lines = err.splitlines()
+    assert {f"{name}: active" for name in MACHINE_NODES} <= set(lines)
+    assert any("points, 0 compared; no alarm; logs in tbm_run/logs" in line for line in lines), err
     points = load_machine("open380").description.test_points
     assert set(document["topics"]) == {
         "/tbm/loads/block",
