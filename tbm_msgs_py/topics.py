@@ -11,6 +11,7 @@ from fnmatch import fnmatchcase
 from typing import NamedTuple
 
 NAMESPACE = "/tbm"
+LARGEST_DEPTH = 100_000  # of a queue: no stream needs more, and the middleware takes no number of any size
 TEST_POINTS = ("cutterhead", "shield", "walkway", "girder", "gripper")
 
 MODEL_BLOCK_RATE = 5000.0  # Hz
@@ -49,7 +50,7 @@ class QoS:
     latched : bool
         A late subscriber gets the last messages (transient local durability).
     depth : int
-        Messages kept on each side.
+        Messages that a publisher keeps, and that may wait at a reader: of a latched topic only the newest is kept.
     """
 
     reliable: bool
@@ -57,10 +58,8 @@ class QoS:
     depth: int
 
 
-OPERATING_POINT_QOS = QoS(reliable=True, latched=True, depth=1)
+OPERATING_POINT_QOS = LOADS_OPERATING_POINT_QOS = QoS(reliable=True, latched=True, depth=1)
 BLOCK_QOS = QoS(reliable=True, latched=False, depth=64)
-# Each one counts from its stamp on, and there may be one a block.
-LOADS_OPERATING_POINT_QOS = QoS(reliable=True, latched=True, depth=BLOCK_QOS.depth)
 # Best effort like any sensor; the depth is what keeps a 1 kHz stream whole in a busy process.
 LIVE_QOS = QoS(reliable=False, latched=False, depth=100)
 ANALYSIS_QOS = QoS(reliable=True, latched=False, depth=64)

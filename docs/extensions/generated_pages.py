@@ -4,14 +4,12 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterable, Iterator
-from importlib import import_module
 from pathlib import Path
 from typing import Any
 
 import typer
 from pydantic import BaseModel
 from sphinx.application import Sphinx
-from sphinx.ext.autodoc.mock import mock
 
 from tbm_dynamics.machine.summary import MachineSummary
 from tbm_gsa.app.cli.bag.info import BagContents, ScannedBag
@@ -30,6 +28,7 @@ from tbm_gsa.history.summary import BaselineList, BaselineSummary, HistorySummar
 from tbm_gsa.paper.load_summary import LoadSummary
 from tbm_gsa.paper.reproduction.result import ReproductionResult
 from tbm_gsa.sensitivity.results import StudyResult
+from tbm_msgs_py.nodes.parameters import node_parameters
 from tbm_msgs_py.nodes.registry import NODES
 
 RESULTS: dict[str, type[BaseModel]] = {
@@ -55,20 +54,6 @@ RESULTS: dict[str, type[BaseModel]] = {
     "doctor": Diagnosis,
 }
 """Model of the document that a command prints."""
-# The node modules are read without ROS: only their declarations are wanted.
-ROS = (
-    "rclpy",
-    "builtin_interfaces",
-    "diagnostic_msgs",
-    "geometry_msgs",
-    "lifecycle_msgs",
-    "rcl_interfaces",
-    "rosgraph_msgs",
-    "rosidl_runtime_py",
-    "sensor_msgs",
-    "std_msgs",
-    "std_srvs",
-)
 
 
 def command_page() -> str:
@@ -116,9 +101,7 @@ def parameter_page() -> str:
         " `cleanup` and `configure`.",
         "",
     ]
-    with mock(list(ROS)):
-        declared = {node: import_module(node.module).PARAMETERS for node in NODES.values()}
-    for node, parameters in declared.items():
+    for node in NODES.values():
         rows = (
             (
                 f"`{entry.name}`" + (" *live*" if entry.changes == "running" else ""),
@@ -126,7 +109,8 @@ def parameter_page() -> str:
                 _cell(entry.allowed()),
                 _cell(entry.description),
             )
-            for entry in parameters
+            for entry in node_parameters(node.name).values()
+            if entry.name != "autostart"
         )
         lines += [f"## {node.name}", "", node.summary, "", *_table(("parameter", "default", "allowed", "what"), rows)]
     return "\n".join(lines)

@@ -11,70 +11,40 @@ from sensor_msgs.msg import JointState, PointCloud2
 from threadpoolctl import threadpool_limits
 
 from tbm_dynamics.integration.simulator import Chunk
-from tbm_dynamics.loads.stepper import LOAD_MODELS
 from tbm_dynamics.machine.machine import Machine, load_machine
 from tbm_dynamics.nodes.pacer import RealTimePacer
+from tbm_dynamics.nodes.settings import DynamicsSettings
 from tbm_dynamics.streaming.sensors import LiveFilter, SensorModel, SensorPacket, SensorParameters
 from tbm_dynamics.streaming.streams import DynamicsStream, step_ns
 from tbm_dynamics.structure.drive import gear_pair
 from tbm_msgs_py import blocks, topics
-from tbm_msgs_py.base import operating_point
-from tbm_msgs_py.base.errors import InputError, MachineError, SimulationError
-from tbm_msgs_py.base.operating_point import OperatingPoint, OperatingPointError
+from tbm_msgs_py.base.errors import InputError, SimulationError
+from tbm_msgs_py.base.operating_point import OperatingPoint
 from tbm_msgs_py.base.units import NANOSECONDS
 from tbm_msgs_py.blocks import BlockError
 from tbm_msgs_py.nodes import messages
 from tbm_msgs_py.nodes.fault_log import FaultLog
 from tbm_msgs_py.nodes.managed import ManagedNode
-from tbm_msgs_py.nodes.parameters import MACHINE, Parameter, live_parameter
 from tbm_msgs_py.nodes.rate import Rate
 
-PARAMETERS = (
-    MACHINE,
-    Parameter("loads", "spectral", "level of the received loads: its mean is where a run starts", choices=LOAD_MODELS),
-    Parameter("seed", 0, "seed of the sensor noise", 0, 2**31 - 1),
-    Parameter("load_rate", topics.LOAD_BLOCK_RATE, "rate of the received loads (Hz), one step each", 1000.0, 50000.0),
-    live_parameter("live_rate", topics.LIVE_RATE, "rate of the live topics (Hz)", 1.0, 1000.0),
-    Parameter(
-        "block_rate", int(topics.MODEL_BLOCK_RATE), "rate of the acceleration and mesh force blocks (Hz)", 100, 50000
-    ),
-    Parameter("block_samples", topics.MODEL_BLOCK_SAMPLES, "samples of a block", 10, 100000),
-    Parameter("sensor.rate", 0, "sampling rate of the sensors (Hz), 0 is block_rate", 0, 50000),
-    Parameter("sensor.range", 0.0, "full scale (m/s²), 0 is unlimited", 0.0),
-    Parameter("sensor.noise_density", 0.0, "noise (m/s²/√Hz)", 0.0),
-    Parameter("sensor.quantisation", 0.0, "step of the converter (m/s²)", 0.0),
-    Parameter("sensor.bias", [0.0, 0.0, 0.0], "bias of the sensor axes (m/s²)", -1e4, 1e4),
-    Parameter("sensor.anti_alias_hz", 0.0, "corner of the anti-alias filter (Hz), 0 is none", 0.0),
-    Parameter("sensor.clock_offset", 0.0, "sensor clock minus true time (s)", -3600.0, 3600.0),
-    Parameter("sensor.clock_drift", 0.0, "how much the sensor clock runs fast (ppm)", -99999.0, 99999.0),
-    Parameter("sensor.dropout_probability", 0.0, "share of blocks lost", 0.0, 1.0),
-    Parameter(
-        "sensor.mounting_rotation",
-        [0.0, 0.0, 0.0],
-        "roll, pitch, yaw of the sensors in the machine axes (degrees)",
-        -360.0,
-        360.0,
-    ),
-    Parameter("sensor.gravity", False, "whether the sensors read gravity too"),
-)
 LOADS_FRAME = "cutterhead"
 _UNITS = {1e-3: "kN", 1e-6: "MN"}
 
 
-class DynamicsNode(ManagedNode):
+class DynamicsNode(ManagedNode[DynamicsSettings]):
     """Lifecycle node: load blocks in, accelerations and mesh forces out."""
 
     def __init__(self, **options: Any) -> None:
-        super().__init__("dynamics_node", PARAMETERS, **options)
+        super().__init__("dynamics_node", DynamicsSettings, **options)
 
     def configure(self) -> None:
         """Assemble the machine, compile the kernel, create publishers and subscriptions."""
         threadpool_limits(1)  # small matrices: more threads only compete with the other nodes for the cores
-        self._machine: Machine = load_machine(self.value("machine"))
-        self._rate: float = self.value("load_rate")
+        self._machine: Machine = load_machine(self.settings.machine)
+        self._rate: float = self.settings.load_rate
         self._step = step_ns(self._rate)
         self._points = dict(self._machine.description.test_points)
-        self._stream = DynamicsStream(self._machine, self._rate, self.value("loads"))
+        self._stream = DynamicsStream(self._machine, self._rate, self.settings.loads)
         self._pinion_radius = gear_pair(self._machine.description.driveshaft).pinion_base_radius
         self._refused = 0
         self._faults: FaultLog[str] = FaultLog(lambda text: self.get_logger().warning(text))
@@ -96,21 +66,19 @@ class DynamicsNode(ManagedNode):
         self._received = Rate()
         self.contract_subscription(topics.LOADS_BLOCK, self._on_loads)
 
-    def parameters_changed(self, names: frozenset[str]) -> None:
+    def settings_changed(self, names: frozenset[str]) -> None:
         """Use another live rate."""
         if "live_rate" in names:
             self._new_live_filters()
 
     def _new_sensors(self) -> None:
         """Sensors and live filters for a fresh run."""
-        rate, samples = self.value("block_rate"), self.value("block_samples")
-        given = self.values("sensor")
-        given["rate_hz"] = given.pop("rate") or rate
-        parameters = SensorParameters(packet_samples=samples, **given)
+        rate, samples = self.settings.block_rate, self.settings.block_samples
+        sensor = self.settings.sensor
+        effects = sensor.model_dump(exclude={"rate"})
+        parameters = SensorParameters(rate_hz=sensor.rate or rate, packet_samples=samples, **effects)
         whole = round(self._rate)
-        if whole % rate:
-            raise InputError(f"parameter block_rate: {rate}, allowed: what divides the load_rate of {whole} Hz")
-        self._sensors = {point: SensorModel(parameters, whole, self.value("seed"), point) for point in self._points}
+        self._sensors = {point: SensorModel(parameters, whole, self.settings.seed, point) for point in self._points}
         self._mesh_gate = samples, whole // rate
         self._mesh_offsets = np.arange(samples) * (whole // rate * self._step / NANOSECONDS)
         self._new_live_filters()
@@ -118,15 +86,14 @@ class DynamicsNode(ManagedNode):
         self._restarts = self._stream.restarts
 
     def _new_live_filters(self) -> None:
-        stride = max(1, round(self._rate / self.value("live_rate")))
+        stride = max(1, round(self._rate / self.settings.live_rate))
         self._live = {name: LiveFilter(self._rate, stride) for name in (*self._points, "drives")}
 
     def _on_operating_point(self, message: JointState) -> None:
         try:
-            point = operating_point.from_joint_state(message)
-            reached = OperatingPoint(point.speed, point.torque, point.thrust)
-            self._stream.set_operating_point(reached, messages.stamp_to_ns(message.header.stamp))
-        except (OperatingPointError, MachineError, BlockError) as error:
+            stamp, point = messages.operating_point_from(message)
+            self._stream.set_operating_point(OperatingPoint(point.speed, point.torque, point.thrust), stamp)
+        except InputError as error:
             self._faults.report(topics.LOADS_OPERATING_POINT, f"{topics.LOADS_OPERATING_POINT}: {error}; not used")
         else:
             self._faults.clear(topics.LOADS_OPERATING_POINT)
@@ -141,7 +108,7 @@ class DynamicsNode(ManagedNode):
                 self._new_sensors()
             for chunk in chunks:
                 self._publish(chunk)
-        except (BlockError, SimulationError) as error:
+        except (InputError, SimulationError) as error:
             self._refused += 1
             self._faults.report(topics.LOADS_BLOCK, f"{topics.LOADS_BLOCK}: {error}; not used")
             return

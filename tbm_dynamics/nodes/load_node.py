@@ -3,25 +3,22 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
 from diagnostic_msgs.msg import DiagnosticStatus
 from sensor_msgs.msg import JointState
 
-from tbm_dynamics import Machine, MachineError, OperatingPoint, load_machine
-from tbm_dynamics.loads.stepper import LOAD_MODELS
-from tbm_dynamics.streaming.schedule import COLUMNS, Schedule, pairs, read_schedule
+from tbm_dynamics import Machine, OperatingPoint, load_machine
+from tbm_dynamics.nodes.settings import LoadSettings, OperatingSettings
+from tbm_dynamics.streaming.schedule import Schedule, pairs, read_schedule
 from tbm_dynamics.streaming.streams import LoadBlock, LoadStream, step_ns
 from tbm_msgs_py import blocks, topics
-from tbm_msgs_py.base import operating_point
-from tbm_msgs_py.base.operating_point import OperatingPointError
+from tbm_msgs_py.base.errors import InputError
 from tbm_msgs_py.base.units import NANOSECONDS, R_MIN
 from tbm_msgs_py.nodes import messages
 from tbm_msgs_py.nodes.fault_log import FaultLog
 from tbm_msgs_py.nodes.managed import ManagedNode
-from tbm_msgs_py.nodes.parameters import MACHINE, Parameter, live_parameter
 from tbm_msgs_py.nodes.rate import Rate
 
 # A clock that leaps further than this (a bag that loops, a suspended computer), or than readers have room for, starts
@@ -32,51 +29,20 @@ _MATCHING_S = 0.3  # a publisher knows of a subscriber before that one receives
 # A block is late by up to the time between two looks at the clock.
 _LOOKS_A_BLOCK = 5
 
-PARAMETERS = (
-    MACHINE,
-    Parameter("loads", "spectral", "Table 1's spectra, or the forces on the disc cutters", choices=LOAD_MODELS),
-    Parameter("schedule", "", "CSV file with the operating point over stream time; empty: as the topic says"),
-    Parameter(
-        "schedule_columns",
-        [""],
-        f"its columns, where not {' '.join(f'{key}={name}' for key, name in COLUMNS.items())}",
-    ),
-    Parameter("schedule_where", [""], "only rows with these cells, as column=text"),
-    Parameter("seed", 0, "seed of the load realisation", 0, 2**31 - 1),
-    Parameter("block_rate", topics.LOAD_BLOCK_RATE, "rate of the loads (Hz)", 1000.0, 50000.0),
-    Parameter("block_samples", topics.LOAD_BLOCK_SAMPLES, "samples of a block", 10, 100000),
-    live_parameter("live_rate", topics.LIVE_RATE, "rate of loads/wrench (Hz)", 1.0, 1000.0),
-    *(
-        live_parameter(f"operating_point.{name}", 0.0, f"{text}; 0: the machine's; the topic changes it too", 0.0, 1e9)
-        for name, text in (
-            ("speed", "speed of the cutterhead (r/min)"),
-            ("torque", "its mean torque (kN·m)"),
-            ("thrust", "mean thrust (kN)"),
-        )
-    ),
-    Parameter(
-        "wait_for_subscribers",
-        0,
-        "subscribers of loads/block to wait for, and 0.3 s more, before the first block",
-        0,
-        16,
-    ),
-)
-_POINT = tuple(parameter.name for parameter in PARAMETERS if parameter.name.startswith("operating_point."))
 FRAME = "cutterhead"
 
 
-class LoadNode(ManagedNode):
+class LoadNode(ManagedNode[LoadSettings]):
     """Lifecycle node that turns (seed, operating point, time) into load blocks."""
 
     def __init__(self, **options: Any) -> None:
-        super().__init__("load_node", PARAMETERS, **options)
+        super().__init__("load_node", LoadSettings, **options)
 
     def configure(self) -> None:
         """Load the machine and create the publishers."""
-        self._machine: Machine = load_machine(self.value("machine"))
-        self._rate: float = self.value("block_rate")
-        self._samples: int = self.value("block_samples")
+        self._machine: Machine = load_machine(self.settings.machine)
+        self._rate: float = self.settings.block_rate
+        self._samples: int = self.settings.block_samples
         self._step = step_ns(self._rate)
         self._offsets = np.arange(self._samples) * self._step / NANOSECONDS
         self._stream: LoadStream | None = None
@@ -86,7 +52,8 @@ class LoadNode(ManagedNode):
         self._schedule = self._read_schedule()
         self._wanted: OperatingPoint | None = None  # of the topic or the parameters, since the node was configured
         self._advance = 0.0  # of the topic: passed on, the loads do not depend on it
-        if given := self._given_point({}):
+        self._standstill = False  # of the machine, by the topic: the loads, which need a head that turns, stay
+        if given := self._given_point(self.settings.operating_point):
             self._new_stream().set_operating_point(given)
             self._wanted = given
         self._set_live_rate()
@@ -101,39 +68,40 @@ class LoadNode(ManagedNode):
         self.contract_subscription(topics.OPERATING_POINT, self._on_operating_point)
 
     def _set_live_rate(self) -> None:
-        self._live_stride = max(1, round(self._rate / self.value("live_rate")))
+        self._live_stride = max(1, round(self._rate / self.settings.live_rate))
 
-    def _given_point(self, changes: Mapping[str, Any]) -> OperatingPoint | None:
-        """Operating point of the parameters with some of them changed; None while all are zero."""
-        given = [float(changes.get(name, self.value(name))) for name in _POINT]
-        if not any(given):
+    def _given_point(self, given: OperatingSettings) -> OperatingPoint | None:
+        """Operating point of the parameters; None while all are zero."""
+        if given == OperatingSettings():
             return None
         own = self._machine.operating_point
-        return OperatingPoint(given[0] * R_MIN or own.speed, given[1] * 1e3 or own.torque, given[2] * 1e3 or own.thrust)
+        return OperatingPoint(
+            given.speed * R_MIN or own.speed, given.torque * 1e3 or own.torque, given.thrust * 1e3 or own.thrust
+        )
 
-    def check_parameters(self, values: Mapping[str, object]) -> None:
+    def check_settings(self, settings: LoadSettings, names: frozenset[str]) -> None:
         """Refuse an operating point that the machine, its rock or a schedule does not allow."""
-        if not values.keys().isdisjoint(_POINT):
-            wanted = self._given_point(values) or self._machine.operating_point
+        if _drive(names):
+            wanted = self._given_point(settings.operating_point) or self._machine.operating_point
             self._new_stream().set_operating_point(wanted)
 
-    def parameters_changed(self, names: frozenset[str]) -> None:
+    def settings_changed(self, names: frozenset[str]) -> None:
         """Use another live rate or operating point."""
         self._set_live_rate()
-        if not names.isdisjoint(_POINT):
-            self._wanted = self._given_point({}) or self._machine.operating_point
+        if _drive(names):
+            self._wanted = self._given_point(self.settings.operating_point) or self._machine.operating_point
             if self._stream:
                 self._stream.set_operating_point(self._wanted)
 
     def _read_schedule(self) -> Schedule | None:
-        file = self.value("schedule")
+        file = self.settings.schedule
         if not file:
             return None
-        columns, where = (pairs(name, self.value(name)) for name in ("schedule_columns", "schedule_where"))
-        return read_schedule(file, columns, where)
+        columns = pairs("schedule_columns", self.settings.schedule_columns)
+        return read_schedule(file, columns, pairs("schedule_where", self.settings.schedule_where))
 
     def _new_stream(self) -> LoadStream:
-        seed, loads = self.value("seed"), self.value("loads")
+        seed, loads = self.settings.seed, self.settings.loads
         return LoadStream(self._machine, seed, 1.0 / self._rate, self._samples, loads, self._schedule)
 
     def activate(self) -> None:
@@ -145,15 +113,18 @@ class LoadNode(ManagedNode):
 
     def _on_operating_point(self, message: JointState) -> None:
         try:
-            given = operating_point.from_joint_state(message)
+            _, given = messages.operating_point_from(message)
             wanted = OperatingPoint(given.speed, given.torque, given.thrust)
-            (self._stream or self._new_stream()).set_operating_point(wanted)
-        except (OperatingPointError, MachineError) as error:
+            self._standstill = given.standstill and self._schedule is None
+            if not self._standstill:
+                (self._stream or self._new_stream()).set_operating_point(wanted)
+        except InputError as error:
             self._refused += 1
             self._faults.report("operating point", f"{topics.OPERATING_POINT}: {error}; the last one stays")
             return
         self._faults.clear("operating point")
-        self._wanted, self._advance = wanted, given.advance
+        if not self._standstill:
+            self._wanted, self._advance = wanted, given.advance
 
     def _tick(self) -> None:
         now = self.get_clock().now().nanoseconds
@@ -187,7 +158,7 @@ class LoadNode(ManagedNode):
 
     def _matched(self) -> bool:
         """Whether enough subscribers are there, and have been for a moment."""
-        wanted = self.value("wait_for_subscribers")
+        wanted = self.settings.wait_for_subscribers
         if self._blocks.get_subscription_count() < wanted:
             self._matched_since = None
             return False
@@ -196,7 +167,7 @@ class LoadNode(ManagedNode):
 
     def _announce(self, stamp_ns: int, point: OperatingPoint, head_angle: float) -> None:
         self._announced = point, self._advance
-        given = operating_point.OperatingPoint(point.speed, point.torque, point.thrust, head_angle, self._advance)
+        given = OperatingPoint(point.speed, point.torque, point.thrust, head_angle, self._advance)
         self._applied.publish(messages.operating_point_message(stamp_ns, given))
 
     def _publish(self, block: LoadBlock) -> None:
@@ -224,7 +195,14 @@ class LoadNode(ManagedNode):
         }
         problems = list(self._faults.show().values())
         going = "streaming" if running else "waiting for the clock or for subscribers"
+        if running and self._standstill:
+            going = "streaming as before: the machine stands still"
         if running and self.clock_stands:
             going = "the clock stands"
         level: messages.Level = "ok" if running and not problems else "warn"
         return [self.status("loads", level, "; ".join([going, *problems]), values, self._machine.name)]
+
+
+def _drive(names: frozenset[str]) -> bool:
+    """Whether the operating point is among parameters of these names."""
+    return any(name.startswith("operating_point.") for name in names)

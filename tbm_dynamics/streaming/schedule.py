@@ -147,13 +147,15 @@ def pairs(name: str, given: Iterable[str]) -> dict[str, str]:
     Raises
     ------
     MachineError
-        A text without an equals sign; the message begins with `name`.
+        A text without an equals sign, or a key given twice; the message begins with `name`.
     """
     values = {}
     for text in given:
         key, sign, value = text.partition("=")
         if not sign:
             raise MachineError(f"{name}: {quoted(text)}, allowed is key=value")
+        if key.strip() in values:
+            raise MachineError(f"{name}: {quoted(key.strip())} twice, allowed: each once")
         values[key.strip()] = value.strip()
     return values
 

@@ -246,14 +246,16 @@ class _Stream:
             self.rate.learn(self.queue.times)
 
     def work_off(self, band: Band | None, closed: int | None) -> None:
-        """Add what waits to the sums, if it is enough; while there is no band, a window of it waits for one."""
+        """Add what waits to the sums, if it is enough.
+
+        While there is no band a window of it waits for the other signal, whose rate limits it; then its own rate does.
+        """
         if self.rate.hz is None:
             return
-        if band:
-            self._conditioner.start(self.rate.hz, band)
         period_ns, batch_ns = self.rate.period_ns, BATCH_NS if band else self._window_ns
         if not (self.queue.holds(batch_ns) or (band and self.queue.ends_window(self._window_ns, period_ns))):
             return
+        self._conditioner.start(self.rate.hz, band or common_band(self.rate.hz))
         times, rows = self.queue.pop_all()
         for stamps, values in self._conditioner.process(times, rows, self.reached_ns):
             self._add(stamps, values, closed, self.rate.hz)

@@ -114,10 +114,12 @@ class WindowGroup:
 
 
 def live_entries(result: WindowResult, rotating: bool) -> Iterator[HistoryEntry]:
-    """Entries of a window of the analysis node; none of a window in which nothing was measured."""
+    """Entries of a window of the analysis node along the axes in which something was measured."""
     if result.field_coverage == 0.0:
         return
     for place, axis in enumerate(("x", "yz") if rotating else ("x", "y", "z")):
+        if math.isnan(result.field_rms[place]):  # the sensor has no such axis
+            continue
         yield HistoryEntry(
             result.point,
             axis,

@@ -7,6 +7,7 @@ from dataclasses import astuple, dataclass
 from typing import Protocol
 
 from tbm_msgs_py.base.errors import InputError
+from tbm_msgs_py.base.texts import doubled
 
 CUTTERHEAD, THRUST = "cutterhead", "thrust"
 
@@ -48,6 +49,11 @@ class OperatingPoint:
         if not all(map(math.isfinite, astuple(self))):
             raise OperatingPointError("operating point: a value that is not finite, allowed: finite numbers")
 
+    @property
+    def standstill(self) -> bool:
+        """Whether the head does not turn; how it is pressed on meanwhile does not matter."""
+        return self.speed == 0.0 and self.torque >= 0.0 and self.thrust >= 0.0
+
     def joints(self) -> tuple[list[str], list[float], list[float], list[float]]:
         """Names, positions, velocities and efforts of the joint state."""
         return (
@@ -73,9 +79,11 @@ def from_joint_state(message: JointState) -> OperatingPoint:
     Raises
     ------
     OperatingPointError
-        A joint is missing, or a value, or one is not finite.
+        A joint is missing or doubled, or a value missing or not finite.
     """
     names = list(message.name)
+    if twice := doubled(names):
+        raise OperatingPointError(f"operating point joints: {twice} twice, allowed: each name once")
     for name in (CUTTERHEAD, THRUST):
         if name not in names:
             raise OperatingPointError(
@@ -87,10 +95,14 @@ def from_joint_state(message: JointState) -> OperatingPoint:
             f"operating point: {len(message.velocity)} velocities and {len(message.effort)} efforts, "
             f"allowed: {len(names)} each"
         )
+    if len(message.position) not in (0, len(names)):
+        raise OperatingPointError(
+            f"operating point: {len(message.position)} positions, allowed: {len(names)}, or none at all"
+        )
     return OperatingPoint(
         speed=float(message.velocity[head]),
         torque=float(message.effort[head]),
         thrust=float(message.effort[thrust]),
-        head_angle=float(message.position[head]) if len(message.position) == len(names) else 0.0,
+        head_angle=float(message.position[head]) if len(message.position) else 0.0,
         advance=float(message.velocity[thrust]),
     )

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterable
 from typing import Final
 
@@ -30,6 +31,12 @@ def listed(names: Iterable[str], most: int = _LISTED, separator: str = ", ") -> 
     there = list(dict.fromkeys(names))
     more = f" and {len(there) - most} more" if len(there) > most else ""
     return (separator.join(shortened(name, LONGEST_LINE) for name in there[:most]) or "none") + more
+
+
+def doubled(names: Iterable[str]) -> str:
+    """First name that stands twice, fit for a message; empty where each stands once."""
+    counts = Counter(names)
+    return next((shortened(name, LONGEST_NAME) for name, count in counts.items() if count > 1), "")
 
 
 def printable(text: str, keep: str = "") -> str:

@@ -97,7 +97,7 @@ class PointColumns(SensorMapping):
             units="m/s2",
             gravity=self.gravity,
             frame=self.frame,
-            axes=self.axes,
+            axes=tuple(axis if axis and self.columns["xyz".index(axis[-1])] else None for axis in self.axes),
             rotation=self.rotation,
             range=None if self.range is None else self.range * self.scale,
         )

@@ -24,36 +24,21 @@ from tbm_msgs_py.base.texts import listed, quoted
 from tbm_msgs_py.base.units import NANOSECONDS
 from tbm_msgs_py.nodes import messages, qos
 from tbm_msgs_py.nodes.managed import ManagedNode
-from tbm_msgs_py.nodes.parameters import SUMMARY, Parameter, live_parameter
+from tbm_msgs_py.nodes.settings import PlayerSettings
 
 TICK = 0.005  # s of wall time: messages are at most this late, /clock comes at 200 Hz
 LATE = 1.0  # s of wall time after its own that a message counts as late
 DELIVERY = 2.0  # s that subscribers get to acknowledge the last messages
 
-PARAMETERS = (
-    Parameter("bag", "", "rosbag2 folder or a file of one"),
-    live_parameter("rate", 1.0, "playing speed, times real time", 0.1, 10.0),
-    live_parameter("paused", False, "stand still, the clock too"),
-    Parameter("loop", False, "start again at the end"),
-    Parameter("start", 0.0, "offset of the first message played, s", 0.0),
-    Parameter("duration", 0.0, "recorded time played, s; 0 for all", 0.0),
-    Parameter("clock", True, "publish /clock with the recorded time"),
-    Parameter("topics", [""], "topics played; empty for all"),
-    Parameter("wait_for_subscribers", 1, "subscriptions to the played topics before the first message", 0, 1000),
-    Parameter("wait_timeout", 5.0, "longest wait for these subscriptions, s", 0.0, 3600.0),
-    Parameter("exit_at_end", True, "end the process after the last message"),
-    SUMMARY,
-)
 
-
-class BagPlayer(ManagedNode):
+class BagPlayer(ManagedNode[PlayerSettings]):
     """Plays a recording by its log times.
 
     While it waits for subscribers the clock stands at the first message, so that nodes on simulated time can start.
     """
 
     def __init__(self, **options: Any) -> None:
-        super().__init__("bag_player", PARAMETERS, **options)
+        super().__init__("bag_player", PlayerSettings, **options)
         self._played: dict[tuple[str, str], Publisher] = {}  # by topic and type
         self._latched: set[str] = set()
         self._left_out: dict[str, int] = {}  # recorded messages by topic
@@ -64,21 +49,21 @@ class BagPlayer(ManagedNode):
 
     def configure(self) -> None:
         """Open the recording and create a publisher for each topic."""
-        if not self.value("bag"):
+        if not self.settings.bag:
             raise RecordingError("parameter bag: empty, allowed: a rosbag2 folder or a .mcap file")
-        self._bag = Bag(self.value("bag"))
+        self._bag = Bag(self.settings.bag)
         self._info = info = self._bag.info()
         if info.messages == 0:
             raise self._bag.nothing_read()
         self._noted: list[str] = []
         self._tell_notes()
-        self._start_ns = info.start_ns + round(self.value("start") * NANOSECONDS)
-        length = round(self.value("duration") * NANOSECONDS)
+        self._start_ns = info.start_ns + round(self.settings.start * NANOSECONDS)
+        length = round(self.settings.duration * NANOSECONDS)
         self._end_ns = min(info.end_ns, self._start_ns + length) if length else info.end_ns
         if self._start_ns > self._end_ns:
-            raise RecordingError(f"parameter start: {self.value('start')} s, allowed: below {info.duration:.3f} s")
+            raise RecordingError(f"parameter start: {self.settings.start} s, allowed: below {info.duration:.3f} s")
         self._create_publishers(info.topics)
-        if self.value("clock"):
+        if self.settings.clock:
             self._clock_publisher = self.contract_publisher(topics.CLOCK)
 
     def activate(self) -> None:
@@ -86,7 +71,7 @@ class BagPlayer(ManagedNode):
         self._before_start = self._latched_before_start()
         self._loops = self._lost_before = 0
         self._rewind()
-        self._waiting_until = time.monotonic() + self.value("wait_timeout")
+        self._waiting_until = time.monotonic() + self.settings.wait_timeout
         self._playing, self._now_ns, self._ticked = False, self._start_ns, 0
         self._count = self._late = 0
         # The wall timer must not follow the clock that this node publishes.
@@ -125,7 +110,7 @@ class BagPlayer(ManagedNode):
         values = {
             "position": (min(self._now_ns, self._end_ns) - self._info.start_ns) * 1e-9,
             "length": self._info.duration,
-            "rate": self.value("rate"),
+            "rate": self.settings.rate,
             "played": self._count,
             "lost": self.lost,
             "late": self._late,
@@ -142,15 +127,15 @@ class BagPlayer(ManagedNode):
             return "waiting for subscribers"
         if self._next is None:
             return "ended"
-        return "paused" if self.value("paused") else "playing"
+        return "paused" if self.settings.paused else "playing"
 
     def _create_publishers(self, recorded: dict[Topic, int]) -> None:
-        chosen = self.value("topics") or {topic.name for topic in recorded}
+        chosen = self.settings.topics or {topic.name for topic in recorded}
         names, reasons = {topic.name for topic in recorded}, list[str]()
         if missing := sorted(set(chosen) - names):
             raise RecordingError(f"parameter topics: {missing[0]}, allowed: {listed(sorted(names))}")
         for topic in sorted(recorded, key=recorded.__getitem__, reverse=True):
-            if topic.name not in chosen or (topic.name == topics.CLOCK and self.value("clock")):
+            if topic.name not in chosen or (topic.name == topics.CLOCK and self.settings.clock):
                 continue
             if why := self._create_publisher(topic):
                 self._left_out[topic.name] = self._left_out.get(topic.name, 0) + recorded[topic]
@@ -176,7 +161,7 @@ class BagPlayer(ManagedNode):
             )
         quality = stated or topics.contract(topic.name).quality
         try:
-            made = self.create_publisher(message_type, topic.name, qos.profile(quality))
+            made = self.create_publisher(message_type, topic.name, qos.replayed(topic.name, quality))
         except Exception as error:  # noqa: BLE001 - rclpy's own: a topic it has as another type
             return " ".join(str(error).split())
         self._played[topic.name, topic.type] = made
@@ -211,8 +196,8 @@ class BagPlayer(ManagedNode):
         if not self._playing:
             self._begin()
         before, self._ticked = self._ticked, time.monotonic_ns()
-        if not self.value("paused"):
-            self._now_ns += round((self._ticked - before) * self.value("rate"))
+        if not self.settings.paused:
+            self._now_ns += round((self._ticked - before) * self.settings.rate)
         now = min(self._now_ns, self._end_ns)
         self._publish_until(now)
         self._publish_clock(now)
@@ -226,7 +211,7 @@ class BagPlayer(ManagedNode):
         self._playing = True
 
     def _ready(self) -> bool:
-        wanted = self.value("wait_for_subscribers")
+        wanted = self.settings.wait_for_subscribers
         matched = sum(publisher.get_subscription_count() for publisher in self._played.values())
         if matched < wanted and time.monotonic() < self._waiting_until:
             return False
@@ -263,7 +248,7 @@ class BagPlayer(ManagedNode):
         self._tell_notes()
         if not self._count and self.lost:
             raise self._bag.nothing_read()
-        if self.value("loop"):
+        if self.settings.loop:
             self._loops += 1
             self._lost_before = self.lost
             self._rewind()
@@ -275,7 +260,7 @@ class BagPlayer(ManagedNode):
         self.get_logger().info(f"end of {self._bag.path}: {self._count} messages played{wrong}")
         self._stop()
         self.publish_statuses()
-        if self.value("exit_at_end"):
+        if self.settings.exit_at_end:
             self.end()
 
     def _rewind(self) -> None:
@@ -294,7 +279,7 @@ class BagPlayer(ManagedNode):
     def _latched_before_start(self) -> list[RawMessage]:
         """Last message of each latched topic before the start: it still holds there, as the operating point does."""
         found: dict[str, RawMessage] = {}
-        if self._latched and self.value("start"):
+        if self._latched and self.settings.start:
             for message in self._messages(self._latched):
                 if message.log_ns >= self._start_ns:
                     break

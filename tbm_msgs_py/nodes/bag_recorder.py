@@ -14,12 +14,13 @@ from tbm_msgs_py.bags.definitions import typestore
 from tbm_msgs_py.bags.quota import enforce, mark
 from tbm_msgs_py.bags.writing import BagWriter
 from tbm_msgs_py.base.errors import RecordingError
+from tbm_msgs_py.base.texts import doubled
 from tbm_msgs_py.nodes import messages, qos
 from tbm_msgs_py.nodes.fault_log import FaultLog
 from tbm_msgs_py.nodes.following import TopicFollower
 from tbm_msgs_py.nodes.logs import get_logger
 from tbm_msgs_py.nodes.managed import ManagedNode
-from tbm_msgs_py.nodes.parameters import ROOT, SUMMARY, Parameter
+from tbm_msgs_py.nodes.settings import RecorderSettings
 from tbm_msgs_py.topics import QoS, TopicContract
 
 DISCOVERY = 0.05  # s between looks for topics that are not there yet
@@ -28,24 +29,6 @@ MOST_HELD = 64_000_000  # bytes that may wait for a simulated clock to begin; la
 QUOTA_PERIOD = 2.0  # s between looks at the disk
 DEPTH = 1000  # messages that may wait while the disk is slow
 MEGABYTE = 1e6
-
-PARAMETERS = (
-    Parameter("output", "", "new rosbag2 folder", written=True),
-    ROOT,
-    Parameter("topics", [""], "topics recorded, relative to the namespace or absolute; at least one"),
-    Parameter("duration", 0.0, "s after which the recording ends; 0 for never", 0.0),
-    Parameter("flush_period", 0.5, "longest time a message stays unwritten, s", 0.05, 0.5),
-    Parameter("compression", "none", "compression of the chunks", choices=("none", "zstd")),
-    Parameter("split_size", 0.0, "MB after which the recording goes on in a further file; 0 for never", 0.0),
-    Parameter("split_time", 0.0, "s after which the recording goes on in a further file; 0 for never", 0.0),
-    Parameter(
-        "quota",
-        0.0,
-        "MB that the output and what was recorded beside it with a quota take at most, the oldest files go; 0 for all",
-        0.0,
-    ),
-    SUMMARY,
-)
 
 
 class Arrived(NamedTuple):
@@ -57,11 +40,11 @@ class Arrived(NamedTuple):
     data: bytes
 
 
-class BagRecorder(ManagedNode):
+class BagRecorder(ManagedNode[RecorderSettings]):
     """Records raw messages on the node's clock, from the moment a topic has a publisher."""
 
     def __init__(self, **options: Any) -> None:
-        super().__init__("bag_recorder", PARAMETERS, **options)
+        super().__init__("bag_recorder", RecorderSettings, **options)
         self._writer: BagWriter | None = None
         self._topics = TopicFollower(self, self)
         self._asked: dict[str, QoS] = {}
@@ -76,22 +59,19 @@ class BagRecorder(ManagedNode):
 
     def configure(self) -> None:
         """Create the recording."""
-        self._wanted = [topics.absolute(name, self.get_namespace()) for name in self.value("topics")]
+        self._wanted = [topics.absolute(name, self.get_namespace()) for name in self.settings.topics]
         if not self._wanted:
             raise RecordingError("parameter topics: empty, allowed: at least one topic")
-        if not self.value("output"):
+        if twice := doubled(self._wanted):
+            raise RecordingError(f"parameter topics: {twice} twice, allowed: each topic once")
+        if not self.settings.output:
             raise RecordingError("parameter output: empty, allowed: a new folder")
-        if 0 < self.value("quota") < 2 * self.value("split_size"):
-            raise RecordingError(
-                f"parameter quota: {self.value('quota'):g} MB, allowed: 0 or at least twice the split_size of "
-                f"{self.value('split_size'):g} MB"
-            )
         writer = BagWriter(
-            self.value("output"),
-            self.value("compression"),
-            max_bytes=self.value("split_size") * MEGABYTE or None,
-            max_seconds=self.value("split_time") or None,
-            custom_data=mark(self.value("quota")),
+            self.settings.output,
+            self.settings.compression,
+            max_bytes=self.settings.split_size * MEGABYTE or None,
+            max_seconds=self.settings.split_time or None,
+            custom_data=mark(self.settings.quota),
         )
         try:
             writer.open()
@@ -103,11 +83,11 @@ class BagRecorder(ManagedNode):
     def activate(self) -> None:
         """Record: subscribe to what is there, look for the rest, write out what waits."""
         self._discover()
-        tasks = [(DISCOVERY, self._discover), (FOLLOWING, self._follow), (self.value("flush_period"), self._flush)]
-        if self.value("quota"):
+        tasks = [(DISCOVERY, self._discover), (FOLLOWING, self._follow), (self.settings.flush_period, self._flush)]
+        if self.settings.quota:
             tasks.append((QUOTA_PERIOD, self._keep_quota))
-        if self.value("duration"):
-            tasks.append((self.value("duration"), self.end))
+        if self.settings.duration:
+            tasks.append((self.settings.duration, self.end))
         for period, task in tasks:
             self.create_steady_timer(period, task)  # the disk does not wait for a simulated clock
 
@@ -207,7 +187,7 @@ class BagRecorder(ManagedNode):
         self._on_disk(self._delete_oldest)
 
     def _delete_oldest(self, writer: BagWriter) -> None:
-        quota = self.value("quota")
+        quota = self.settings.quota
         deleted, over = enforce(quota * MEGABYTE, writer)
         for file in deleted:
             self._deleted.append(str(file.path))
@@ -241,4 +221,4 @@ class BagRecorder(ManagedNode):
             "deleted": len(self._deleted),
         }
         level: messages.Level = "error" if errors else "warn" if troubles else "ok"
-        return [self.status("recorder", level, "; ".join(troubles) or "recording", values, self.value("output"))]
+        return [self.status("recorder", level, "; ".join(troubles) or "recording", values, self.settings.output)]

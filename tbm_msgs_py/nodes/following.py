@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING, Any, Protocol
 
 from rclpy.subscription import Subscription
 from rclpy.topic_endpoint_info import TopicEndpointInfo
@@ -43,7 +43,7 @@ class TopicFollower:
     reader : Reader
     """
 
-    def __init__(self, node: ManagedNode, reader: Reader) -> None:
+    def __init__(self, node: ManagedNode[Any], reader: Reader) -> None:
         self._node, self._reader = node, reader
         self._followed: dict[str, TopicContract] = {}
         self._subscriptions: dict[str, Subscription] = {}

@@ -27,7 +27,7 @@ class Guard:
         Callbacks that raised unexpected errors, since the start.
     """
 
-    def __init__(self, node: ManagedNode) -> None:
+    def __init__(self, node: ManagedNode[Any]) -> None:
         self.failed = 0
         self._node = node
         self._faults: FaultLog[str] = FaultLog(lambda text: node.get_logger().error(text))

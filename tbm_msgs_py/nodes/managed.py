@@ -6,16 +6,20 @@ import copy
 import functools
 import json
 import traceback
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable
 from pathlib import Path
-from typing import Any
+from typing import Any, Generic
 
 from diagnostic_msgs.msg import DiagnosticStatus
 from lifecycle_msgs.srv import ChangeState
 from rcl_interfaces.msg import SetParametersResult
 from rclpy.clock import Clock
 from rclpy.clock_type import ClockType
-from rclpy.exceptions import ParameterException
+from rclpy.exceptions import (
+    InvalidParameterException,
+    InvalidParameterTypeException,
+    InvalidParameterValueException,
+)
 from rclpy.lifecycle import LifecycleNode, State, TransitionCallbackReturn
 from rclpy.parameter import Parameter as RosParameter
 from rclpy.publisher import Publisher
@@ -25,19 +29,21 @@ from rclpy.subscription import Subscription
 from rclpy.task import Future
 from rclpy.timer import Timer
 
-from tbm_msgs_py.base.files import data_folder, write_whole
+from tbm_msgs_py.base.files import write_whole
 from tbm_msgs_py.nodes import messages, qos
-from tbm_msgs_py.nodes.confining import check_below
+from tbm_msgs_py.nodes.declaring import DeclaredParameters
+from tbm_msgs_py.nodes.fault_log import FaultLog
 from tbm_msgs_py.nodes.guarding import Guard
 from tbm_msgs_py.nodes.logs import PrintableLogger, get_logger
-from tbm_msgs_py.nodes.parameters import AUTOSTART, DATA_ROOT, Parameter, ParameterError
+from tbm_msgs_py.nodes.matching import MatchingSubscription
+from tbm_msgs_py.nodes.parameters import ParameterError, SettingsT, SummarySettings, parameters_of
 from tbm_msgs_py.topics import DIAGNOSTICS, NAMESPACE, contract, status_name
 
 STATUS_PERIOD = 1.0  # s
 _SUCCESS = TransitionCallbackReturn.SUCCESS
 
 
-class ManagedNode(LifecycleNode):  # type: ignore[misc]  # rclpy is untyped
+class ManagedNode(LifecycleNode, Generic[SettingsT]):  # type: ignore[misc]  # rclpy is untyped
     """Lifecycle node whose work is in hooks: `configure`, `activate`, `deactivate`, `cleanup`, `statuses`.
 
     Publishers, subscriptions, services and timers that `configure` creates go at the clean-up, those of `activate` at
@@ -52,8 +58,8 @@ class ManagedNode(LifecycleNode):  # type: ignore[misc]  # rclpy is untyped
     ----------
     name : str
         Default node name.
-    parameters : sequence of Parameter
-        Declared beside `autostart`.
+    settings : type of NodeSettings
+        Its fields are the parameters.
     namespace : str
         Default namespace.
     **options
@@ -62,10 +68,10 @@ class ManagedNode(LifecycleNode):  # type: ignore[misc]  # rclpy is untyped
 
     _gathered: list[Callable[[], object]] | None = None  # how to destroy what a hook creates, while it runs
 
-    def __init__(
-        self, name: str, parameters: Sequence[Parameter] = (), *, namespace: str = NAMESPACE, **options: Any
-    ) -> None:
+    def __init__(self, name: str, settings: type[SettingsT], *, namespace: str = NAMESPACE, **options: Any) -> None:
+        self.executable = name
         self._guard = Guard(self)  # rclpy's own services are guarded, too
+        self._declared_by = parameters_of(settings)
         super().__init__(name, namespace=namespace, **options)
         self._survive_bad_transitions()
         self.exit_code = 0
@@ -73,15 +79,13 @@ class ManagedNode(LifecycleNode):  # type: ignore[misc]  # rclpy is untyped
         self._stage = 0  # 0 unconfigured, 1 inactive, 2 active
         self._trouble = ""  # why the last transition went another way than asked
         self._made: dict[int, list[Callable[[], object]]] = {1: [], 2: []}
+        self.faults: FaultLog[str] = FaultLog(lambda text: self.get_logger().warning(text))  # shown beside the state
+        self._matching: list[MatchingSubscription] = []  # to topics of the contract
         self._clock_seen = 0
         self.clock_stands = False  # at the last look, a second ago at most
-        self._declared = {parameter.name: parameter for parameter in (AUTOSTART, *parameters)}
-        self._stated: dict[str, Any] = {}  # values that the start gave
-        self.add_on_set_parameters_callback(self._check)
-        self.add_post_set_parameters_callback(self._after_set)
-        for parameter in self._declared.values():
-            self._declare(parameter)
-            self._stated[parameter.name] = self.get_parameter(parameter.name).value
+        self._declared = DeclaredParameters(
+            self, settings, lambda: self._stage > 0, self.check_settings, self.settings_changed
+        )
         self._diagnostics = self.contract_publisher(DIAGNOSTICS)
         self.create_steady_timer(STATUS_PERIOD, self.publish_statuses)
 
@@ -101,21 +105,25 @@ class ManagedNode(LifecycleNode):  # type: ignore[misc]  # rclpy is untyped
         """Return what `/diagnostics` gets once a second while the node is active."""
         return []
 
-    def check_parameters(self, values: Mapping[str, Any]) -> None:
-        """Raise ValueError if a configured node cannot use these new values, which are in their ranges."""
+    def check_settings(self, settings: SettingsT, names: frozenset[str]) -> None:
+        """Raise ValueError if a configured node cannot use these settings; parameters of these names change."""
 
-    def parameters_changed(self, names: frozenset[str]) -> None:
+    def settings_changed(self, names: frozenset[str]) -> None:
         """Use the new values of these parameters of a configured node."""
 
-    def value(self, name: str) -> Any:
-        """Value of a declared parameter; a list of strings without its empty entries."""
-        value = self.get_parameter(name).value
-        return [entry for entry in value if entry != ""] if isinstance(self._declared[name].default, list) else value
+    @property
+    def settings(self) -> SettingsT:
+        """The present values of the parameters."""
+        return self._declared.settings
 
-    def values(self, group: str) -> dict[str, Any]:
-        """Values of the parameters of a group, by their names in it."""
-        prefix = f"{group}."
-        return {name.removeprefix(prefix): self.value(name) for name in self._declared if name.startswith(prefix)}
+    def declare_parameter(self, name: str, *arguments: Any, **options: Any) -> RosParameter:
+        """Declare a parameter as rclpy does; a ParameterError names one whose value is not allowed."""
+        try:
+            return super().declare_parameter(name, *arguments, **options)
+        except (InvalidParameterException, InvalidParameterTypeException, InvalidParameterValueException) as error:
+            found = str(error.args[0]).removesuffix(f": {name}")
+            allowed = f"allowed: {self._declared_by[name].allowed()}; " if name in self._declared_by else ""
+            raise ParameterError(f"parameter {name}: {allowed}{found.partition('Reason: ')[2] or found}") from error
 
     @property
     def active(self) -> bool:
@@ -154,13 +162,20 @@ class ManagedNode(LifecycleNode):  # type: ignore[misc]  # rclpy is untyped
             messages.message_class(kind), topic, qos.profile(quality), qos_overriding_options=options
         )
 
-    def contract_subscription(self, topic: str, callback: Callable[[Any], None]) -> Subscription:
-        """Create a subscription to a topic of the contract; parameters may override its quality of service."""
-        kind, quality = contract(topic)
-        options = qos.overridable()
-        return self.create_subscription(
-            messages.message_class(kind), topic, callback, qos.profile(quality), qos_overriding_options=options
+    def contract_subscription(self, topic: str, callback: Callable[[Any], None]) -> None:
+        """Subscribe to a topic of the contract; parameters may override its quality of service.
+
+        A publisher that offers less is used, too; one of another type is a fault on `/diagnostics`.
+        """
+        made = MatchingSubscription(
+            self, topic, contract(topic), callback, self.get_logger().warning, qos.overridable()
         )
+        self._matching.append(made)
+        self._gather(made, self._leave)
+
+    def _leave(self, subscription: MatchingSubscription) -> None:
+        subscription.close()
+        self._matching.remove(subscription)
 
     def create_publisher(self, kind: type, topic: str, profile: QoSProfile, **options: object) -> Publisher:
         """Create a publisher as rclpy does; the profile given stays as it is."""
@@ -193,12 +208,23 @@ class ManagedNode(LifecycleNode):  # type: ignore[misc]  # rclpy is untyped
 
     def write_summary(self, **document: object) -> None:
         """Write a result to the file of the parameter `summary`, if one is named."""
-        if self.value("summary"):
-            write_whole(Path(self.value("summary")), json.dumps(document).encode())
+        if isinstance(self.settings, SummarySettings) and self.settings.summary:
+            write_whole(Path(self.settings.summary), json.dumps(document).encode())
+
+    def set_parameters(self, parameter_list: list[RosParameter]) -> list[SetParametersResult]:
+        """Set parameters one by one, as `set_parameters_atomically` does."""
+        return [self.set_parameters_atomically([new]) for new in parameter_list]
+
+    def set_parameters_atomically(self, parameter_list: list[RosParameter]) -> SetParametersResult:
+        """Set parameters as rclpy does; one that is fixed now may be set to the value that it has."""
+        changed = [new for new in parameter_list if not self._declared.fixed(new)]
+        if parameter_list and not changed:
+            return SetParametersResult(successful=True)
+        return super().set_parameters_atomically(changed)
 
     def start(self) -> bool:
         """Configure and activate when `autostart` says so; False when a hook refused."""
-        if not self.value("autostart"):
+        if not self.settings.autostart:
             return True
         return bool(self.trigger_configure() == _SUCCESS and self.trigger_activate() == _SUCCESS)
 
@@ -255,9 +281,13 @@ class ManagedNode(LifecycleNode):  # type: ignore[misc]  # rclpy is untyped
     def _own_status(self) -> DiagnosticStatus:
         """Whether the node does its work."""
         unexpected = self._guard.show()
+        others = [*self.faults.show().values(), *(problem for one in self._matching if (problem := one.problem()))]
         _, state = self._state_machine.current_state
-        text = "; ".join([f"{state} after an error: {self._trouble}" if self._trouble else state, *unexpected])
-        level: messages.Level = "error" if self._trouble or unexpected else "ok" if self.active else "warn"
+        doing = f"{state} after an error: {self._trouble}" if self._trouble else state
+        text = "; ".join([doing, *unexpected, *others])
+        level: messages.Level = (
+            "error" if self._trouble or unexpected else "ok" if self.active and not others else "warn"
+        )
         return self.status(self.get_name(), level, text, {"state": state, "failed_callbacks": self._guard.failed})
 
     def _go_up(self, name: str, hook: Callable[[], None], stage: int) -> TransitionCallbackReturn:
@@ -317,44 +347,3 @@ class ManagedNode(LifecycleNode):  # type: ignore[misc]  # rclpy is untyped
                 return response
 
         service.callback = answer
-
-    def _declare(self, parameter: Parameter) -> None:
-        try:
-            self.declare_parameter(parameter.name, parameter.default, parameter.descriptor())
-        except ParameterException as error:
-            found = str(error.args[0]).removesuffix(f": {parameter.name}")
-            raise ParameterError(f"parameter {parameter.name}: allowed: {parameter.allowed()}; {found}") from error
-
-    def _check(self, candidates: Sequence[RosParameter]) -> SetParametersResult:
-        known = [(self._declared[new.name], new.value) for new in candidates if new.name in self._declared]
-        problems = [problem for parameter, value in known if (problem := parameter.problem(value))]
-        problems += [problem for parameter, value in known if (problem := self._outside(parameter, value))]
-        if self._stage and not problems:
-            problems = [
-                f"parameter {parameter.name}: fixed while the node is configured; clean up, set, configure"
-                for parameter, _ in known
-                if parameter.changes != "running"
-            ]
-        if self._stage and known and not problems:
-            try:
-                self.check_parameters({parameter.name: value for parameter, value in known})
-            except ValueError as error:
-                problems = [str(error)]
-        return SetParametersResult(successful=not problems, reason="; ".join(problems))
-
-    def _outside(self, parameter: Parameter, value: Any) -> str:
-        """Reason why a path that is set after the start is refused; empty if it is not."""
-        if not parameter.written or parameter.name not in self._stated or value in parameter.no_path:
-            return ""
-        stated = self._stated[parameter.name]
-        try:
-            root = self._stated.get(DATA_ROOT) or str(data_folder())
-            check_below(parameter.name, value, [root, "" if stated in parameter.no_path else stated])
-        except (ParameterError, RuntimeError) as error:
-            return str(error)
-        return ""
-
-    def _after_set(self, changed: Sequence[RosParameter]) -> None:
-        names = frozenset(new.name for new in changed if new.name in self._declared)
-        if self._stage and names:
-            self.parameters_changed(names)

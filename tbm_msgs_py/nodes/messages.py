@@ -23,7 +23,7 @@ from sensor_msgs.msg import JointState, PointCloud2, PointField
 from std_msgs.msg import Header
 
 from tbm_msgs_py import blocks
-from tbm_msgs_py.base.operating_point import OperatingPoint
+from tbm_msgs_py.base.operating_point import OperatingPoint, from_joint_state
 from tbm_msgs_py.base.texts import printable
 from tbm_msgs_py.blocks import Block, BlockError, BlockLayout
 
@@ -40,6 +40,11 @@ _TYPE = re.compile("([a-z][a-z0-9_]*)/msg/([A-Z][A-Za-z0-9]*)")
 
 block_from = blocks.from_cloud
 stamp_to_ns = blocks.stamp_to_ns
+
+
+def operating_point_from(message: JointState) -> tuple[int, OperatingPoint]:
+    """Stamp (ns) and operating point of a message; raises InputError for one that is none, or of no time."""
+    return stamp_to_ns(message.header.stamp), from_joint_state(message)
 
 
 @lru_cache
@@ -107,7 +112,7 @@ def _fields(layout: BlockLayout) -> list[PointField]:
 
 
 def acceleration_block(message: PointCloud2) -> Block:
-    """Block of accelerations that a message holds; raises BlockError for any other."""
+    """Block of accelerations that a message holds; raises InputError for any other."""
     found = block_from(message)
     if found.layout != blocks.ACCELERATION:
         raise BlockError(f"block channels {' '.join(found.layout.channels)}, allowed: ax ay az")

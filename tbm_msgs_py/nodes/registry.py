@@ -9,12 +9,13 @@ from typing import NamedTuple
 class NodeEntry(NamedTuple):
     """A node, with the name of its executable.
 
-    The module holds the class, and what the node declares as `PARAMETERS`; the extra is that of the package it needs.
+    The module holds the class; the fields of the settings are its parameters; the extra is of the package it needs.
     """
 
     name: str
     module: str
     class_name: str
+    settings: str
     summary: str
     extra: str = ""
 
@@ -22,17 +23,49 @@ class NodeEntry(NamedTuple):
 NODES = {
     entry.name: entry
     for entry in (
-        NodeEntry("load_node", "tbm_dynamics.nodes.load_node", "LoadNode", "Loads on the cutterhead, in blocks."),
-        NodeEntry("dynamics_node", "tbm_dynamics.nodes.dynamics_node", "DynamicsNode", "The response to these loads."),
+        NodeEntry(
+            "load_node",
+            "tbm_dynamics.nodes.load_node",
+            "LoadNode",
+            "tbm_dynamics.nodes.settings.LoadSettings",
+            "Loads on the cutterhead, in blocks.",
+        ),
+        NodeEntry(
+            "dynamics_node",
+            "tbm_dynamics.nodes.dynamics_node",
+            "DynamicsNode",
+            "tbm_dynamics.nodes.settings.DynamicsSettings",
+            "The response to these loads.",
+        ),
         NodeEntry(
             "analysis_node",
             "tbm_gsa.app.nodes.analysis_node",
             "AnalysisNode",
+            "tbm_gsa.app.nodes.settings.AnalysisSettings",
             "Model against field, sensitivity analysis.",
         ),
-        NodeEntry("bag_player", "tbm_msgs_py.nodes.bag_player", "BagPlayer", "A recording onto its topics."),
-        NodeEntry("bag_recorder", "tbm_msgs_py.nodes.bag_recorder", "BagRecorder", "Topics into a recording."),
-        NodeEntry("live_view", "tbm_gsa.app.nodes.live_view", "LiveView", "Topics for Foxglove.", extra="live"),
+        NodeEntry(
+            "bag_player",
+            "tbm_msgs_py.nodes.bag_player",
+            "BagPlayer",
+            "tbm_msgs_py.nodes.settings.PlayerSettings",
+            "A recording onto its topics.",
+        ),
+        NodeEntry(
+            "bag_recorder",
+            "tbm_msgs_py.nodes.bag_recorder",
+            "BagRecorder",
+            "tbm_msgs_py.nodes.settings.RecorderSettings",
+            "Topics into a recording.",
+        ),
+        NodeEntry(
+            "live_view",
+            "tbm_gsa.app.nodes.live_view",
+            "LiveView",
+            "tbm_gsa.app.nodes.settings.LiveViewSettings",
+            "Topics for Foxglove.",
+            extra="live",
+        ),
     )
 }
 MACHINE_NODES = ("load_node", "dynamics_node", "analysis_node")  # those that a machine runs

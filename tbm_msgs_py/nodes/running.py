@@ -3,16 +3,20 @@
 from __future__ import annotations
 
 import signal
+import sys
 import traceback
 from collections.abc import Callable, Sequence
 from contextlib import suppress
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import rclpy
 from rclpy.exceptions import InvalidHandle, ParameterException
 from rclpy.executors import Executor, ExternalShutdownException, SingleThreadedExecutor
 
+from tbm_msgs_py.base.errors import InputError
+from tbm_msgs_py.nodes.log_folder import settle_log_folder
 from tbm_msgs_py.nodes.logs import get_logger
+from tbm_msgs_py.nodes.parameter_file import NodeArguments
 from tbm_msgs_py.nodes.processes import StartInterruption, handle_node_signals
 from tbm_msgs_py.nodes.transport import avoid_shared_memory
 
@@ -23,7 +27,7 @@ if TYPE_CHECKING:
 WAIT = 1.0  # s
 
 
-def run_node(factory: Callable[[], ManagedNode], args: Sequence[str] | None = None) -> int:
+def run_node(factory: Callable[[], ManagedNode[Any]], args: Sequence[str] | None = None) -> int:
     """Run a node until it ends or gets a signal, never with a traceback.
 
     Parameters
@@ -38,13 +42,19 @@ def run_node(factory: Callable[[], ManagedNode], args: Sequence[str] | None = No
     int
         Exit code: 0 after SIGINT, SIGTERM or the node's own end, 2 for bad arguments or parameters, 1 for a failure.
     """
-    node: ManagedNode | None = None
+    arguments = list(sys.argv if args is None else args)
+    node: ManagedNode[Any] | None = None
     code = 0
     try:
         StartInterruption.begin()
         avoid_shared_memory()
-        rclpy.init(args=None if args is None else list(args))
+        stated = NodeArguments(arguments)
+        moved = settle_log_folder()
+        rclpy.init(args=arguments)
+        if moved:
+            get_logger("tbm_monitor").warning(moved)
         node = factory()
+        stated.check(node.get_fully_qualified_name(), node.executable)
         code = _spin(node)
     except (KeyboardInterrupt, ExternalShutdownException):
         StartInterruption.breaks_off = False
@@ -60,7 +70,7 @@ def run_node(factory: Callable[[], ManagedNode], args: Sequence[str] | None = No
     return code or (node.exit_code if node else 0)  # its end may have gone wrong, too
 
 
-def _spin(node: ManagedNode) -> int:
+def _spin(node: ManagedNode[Any]) -> int:
     executor = fastest_executor()
     executor.add_node(node)
     try:
@@ -75,7 +85,7 @@ def _spin(node: ManagedNode) -> int:
     return node.exit_code
 
 
-def _turn(executor: Executor, node: ManagedNode) -> None:
+def _turn(executor: Executor, node: ManagedNode[Any]) -> None:
     """Work for a while, until the node's end at most."""
     with suppress(InvalidHandle):  # an event that waited for what a callback has destroyed: the events executor's own
         if isinstance(executor, SingleThreadedExecutor):
@@ -93,7 +103,7 @@ def fastest_executor() -> Executor:
     return EventsExecutor()
 
 
-def _explain(error: Exception, node: ManagedNode | None) -> int:
+def _explain(error: Exception, node: ManagedNode[Any] | None) -> int:
     """Exit code for an error, with its one line; an error after a signal or without the context is part of the end."""
     if node is None and StartInterruption.received:
         return 0
@@ -101,7 +111,7 @@ def _explain(error: Exception, node: ManagedNode | None) -> int:
         return node.exit_code
     logger = node.get_logger() if node else get_logger("tbm_monitor")
     message = " ".join(str(error).split())
-    if node is None and isinstance(error, ValueError | RuntimeError | ParameterException):
+    if isinstance(error, InputError) or (node is None and isinstance(error, RuntimeError | ParameterException)):
         logger.fatal(message)
         return 2
     logger.fatal(f"{type(error).__name__}: {message}")
@@ -109,7 +119,7 @@ def _explain(error: Exception, node: ManagedNode | None) -> int:
     return 1
 
 
-def _close(node: ManagedNode | None) -> None:
+def _close(node: ManagedNode[Any] | None) -> None:
     """Release the node's resources; a second signal meanwhile changes nothing."""
     handle_node_signals(signal.SIG_IGN)
     if node is not None:

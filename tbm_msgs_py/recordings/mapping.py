@@ -22,6 +22,7 @@ from tbm_msgs_py.base.validation import validated
 from tbm_msgs_py.topics import OPERATING_POINT, absolute
 
 FILE_NAME = "mapping.yaml"
+_NO_SHARE = 1e-9  # of an axis that is lacking in one of the machine's
 Axis = Literal["x", "y", "z", "-x", "-y", "-z"]
 
 
@@ -38,8 +39,8 @@ class SensorMapping(BaseModel):
         The signal has gravity ``included`` or ``removed``.
     frame : str
         ``rotating`` with the cutterhead, or ``fixed``.
-    axes : tuple of str
-        Sensor axis that points along the machine's x, y and z, such as ``-z``.
+    axes : tuple of str or None
+        Sensor axis that points along the machine's x, y and z, such as ``-z``; None where the sensor has no such axis.
     rotation : tuple of float
         Roll, pitch and yaw of the sensor in the machine, degrees, applied after `axes`.
     range : float or None
@@ -54,16 +55,20 @@ class SensorMapping(BaseModel):
     units: Literal["m/s2", "g"]
     gravity: Literal["included", "removed"]
     frame: Literal["fixed", "rotating"]
-    axes: tuple[Axis, Axis, Axis] = ("x", "y", "z")
+    axes: tuple[Axis | None, Axis | None, Axis | None] = ("x", "y", "z")
     rotation: tuple[float, float, float] = (0.0, 0.0, 0.0)
     range: Annotated[float, Field(gt=0, allow_inf_nan=False)] | None = None
     frame_id: Annotated[str, Field(max_length=LONGEST_NAME)] | None = None
 
     @field_validator("axes")
     @classmethod
-    def _each_axis_once(cls, axes: tuple[Axis, Axis, Axis]) -> tuple[Axis, Axis, Axis]:
-        if sorted(axis[-1] for axis in axes) != ["x", "y", "z"]:
-            raise ValueError("an axis twice, allowed: each of x, y, z once, with or without a minus sign")
+    def _each_axis_once(cls, axes: tuple[Axis | None, ...]) -> tuple[Axis | None, ...]:
+        named = [axis[-1] for axis in axes if axis is not None]
+        if not named or len(set(named)) < len(named):
+            raise ValueError(
+                "none or one twice, allowed: each of x, y, z once, with or without a minus sign, null for an axis that "
+                "the sensor does not have"
+            )
         return axes
 
     @field_validator("rotation")
@@ -82,8 +87,16 @@ class SensorMapping(BaseModel):
         """Sensor values to machine axes in m/s²: ``machine = matrix @ sensor``, (3, 3)."""
         permutation = np.zeros((3, 3))
         for row, axis in enumerate(self.axes):
-            permutation[row, "xyz".index(axis[-1])] = -1.0 if axis.startswith("-") else 1.0
+            if axis is not None:
+                permutation[row, "xyz".index(axis[-1])] = -1.0 if axis.startswith("-") else 1.0
         return self.scale * _rotation(self.rotation) @ permutation
+
+    @property
+    def measured(self) -> tuple[bool, bool, bool]:
+        """Whether the machine's x, y and z are measured; y and z of a rotating sensor only together."""
+        lacking = _rotation(self.rotation)[:, [axis is None for axis in self.axes]]
+        x, y, z = (bool((np.abs(row) < _NO_SHARE).all()) for row in lacking)
+        return (x, y and z, y and z) if self.frame == "rotating" else (x, y, z)
 
 
 class TopicMapping(BaseModel):

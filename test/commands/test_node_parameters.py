@@ -1,9 +1,14 @@
 """Nodes with parameters that cannot be: one line that says which and what is allowed, exit code 2."""
 
 import gc
+import math
+import re
 import signal
 import subprocess
 import sys
+import tempfile
+from importlib import import_module
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -14,8 +19,12 @@ from tbm_dynamics.nodes.dynamics_node import DynamicsNode
 from tbm_dynamics.nodes.load_node import LoadNode
 from tbm_gsa.app.nodes.analysis_node import AnalysisNode
 from tbm_msgs_py import ACCELERATION, BagWriter
+from tbm_msgs_py.base.errors import InputError
 from tbm_msgs_py.nodes.bag_player import BagPlayer
 from tbm_msgs_py.nodes.bag_recorder import BagRecorder
+from tbm_msgs_py.nodes.parameter_file import ParameterFile
+from tbm_msgs_py.nodes.parameters import ParameterError, node_parameters, read_settings
+from tbm_msgs_py.nodes.registry import NODES
 from tbm_msgs_py.nodes.running import run_node
 
 pytestmark = pytest.mark.ros
@@ -50,6 +59,10 @@ BAD = [
         {"output": NEW, "topics": "[/a]", "split_size": 10.0, "quota": 15.0},
         "twice the split_size of 10 MB",
     ),
+    (BagRecorder, {"output": NEW, "topics": "[loads/block, /tbm/loads/block]"}, "/tbm/loads/block twice"),
+    (BagPlayer, {"bag": BAG, "topics": "[/a, /a]"}, "parameter topics: /a twice, allowed: each once"),
+    (LoadNode, {"schedule": "a.csv", "schedule_columns": "[speed=a, speed=b]"}, "'speed' twice, allowed: each once"),
+    (AnalysisNode, {"gsa.outputs": "[nope]", "history": "none"}, "parameter gsa.outputs: unknown output 'nope'"),
     (BagRecorder, {"output": f"{NEW}.mcap", "topics": "[/a]", "split_size": 10.0}, "allowed: a new folder"),
 ]
 
@@ -101,3 +114,126 @@ def test_a_process_with_bad_parameters_ends_with_2():
     done = subprocess.run(command, capture_output=True, text=True, check=False)
     assert (done.returncode, done.stdout, len(done.stderr.splitlines())) == (2, "", 1), done
     assert "parameter bag" in done.stderr
+
+
+UNKNOWN = {
+    "a node": ("/**/lod_node: {ros__parameters: {seed: 1}}", "/**/lod_node: unknown node, allowed: load_node, "),
+    "a key": ("/**/load_node: {ros__parameters: {sead: 1}}", "/**/load_node: 'sead': unknown parameter, allowed: "),
+    "a key of a group": (
+        "load_node: {ros__parameters: {operating_point: {sped: 1.0}}}",
+        "/load_node: 'operating_point.sped': unknown parameter",
+    ),
+    "a key of no node": ("/**: {ros__parameters: {gsa: {smples: 9}}}", "/**: 'gsa.smples': unknown parameter"),
+    "a key of another node": ("tbm: {load_node: {ros__parameters: {window: 1.0}}}", "'window': unknown parameter"),
+    "another node's key": ("/**/bag_player: {ros__parameters: {lop: true}}", "'lop': unknown parameter"),
+    "a key above": ("load_node: {seed: 1}", "/load_node: 'seed': no mapping, allowed: nodes with ros__parameters"),
+    "a key twice": ("/**: {ros__parameters: {seed: 1, seed: 2}}", "key 'seed' is given twice"),
+}
+
+
+@pytest.mark.parametrize("what", UNKNOWN)
+def test_what_no_node_takes_of_a_file_is_refused(what, process, tmp_path):
+    """By a node and by `run`, which read it alike."""
+    text, named = UNKNOWN[what]
+    file = tmp_path / "site.yaml"
+    file.write_text(text + "\n")
+    code, said = process(LoadNode, "--params-file", str(file))
+    assert (code, len(said.strip().splitlines())) == (2, 1), said
+    assert f"{file}: " in said
+    assert named in said
+    with pytest.raises(InputError, match=re.escape(named)):
+        ParameterFile(file).check()
+
+
+def test_a_parameter_that_the_node_does_not_have_is_refused(process):
+    code, said = process(LoadNode, "-p", "block_rat:=1000.0")
+    assert (code, len(said.strip().splitlines())) == (2, 1), said
+    assert "command line: 'block_rat': unknown parameter, allowed: autostart, machine, loads" in said
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        (Path(__file__).parents[2] / "config" / "nodes.yaml").read_text(),
+        "/**: {ros__parameters: {gsa: {samples: 30}, use_sim_time: true, machine: dz101}}",
+        "/**/load_node: {ros__parameters: {qos_overrides: {/tbm/loads/block: {publisher: {depth: 9}}}}}",
+    ],
+    ids=["shipped", "for all nodes", "of rclpy"],
+)
+def test_what_some_node_takes_of_a_file_is_no_fault(tmp_path, text):
+    (tmp_path / "site.yaml").write_text(text)
+    ParameterFile(tmp_path / "site.yaml").check()
+
+
+def test_a_node_by_another_name_takes_its_own_section(tmp_path):
+    (tmp_path / "site.yaml").write_text("/north/second: {ros__parameters: {block_rate: 5000.0}}")
+    file = ParameterFile(tmp_path / "site.yaml")
+    file.check("/north/second", "load_node")
+    with pytest.raises(InputError, match="second: unknown node"):
+        file.check("/north/load_node", "load_node")
+
+
+def test_every_parameter_is_held_to_its_model():
+    """Each number beyond its limits, each choice that is none, each list with a name twice: one line with its name."""
+    for node in NODES:
+        module, _, name = NODES[node].settings.rpartition(".")
+        model, declared = getattr(import_module(module), name), node_parameters(node)
+        assert read_settings(model, {key: one.default for key, one in declared.items()}) == model()
+        for key, one in declared.items():
+            for value in wrong_values(one):
+                with pytest.raises(ParameterError, match=re.escape(f"parameter {key}: ")) as refused:
+                    read_settings(model, {key: value})
+                assert "allowed: " in str(refused.value)
+                assert "\n" not in str(refused.value)
+
+
+def wrong_values(one):
+    """Values of the right type that the declaration does not allow."""
+    whole = one.default if isinstance(one.default, list) else [one.default]
+    if isinstance(whole[0], bool):
+        return
+    if isinstance(whole[0], str):
+        if isinstance(one.default, list):
+            yield ["x", "x"]
+        if one.choices:
+            yield ["nonsense"] if isinstance(one.default, list) else "nonsense"
+        return
+    beyond = [math.nan] if isinstance(whole[0], float) else []
+    beyond += [limit + step for limit, step in ((one.minimum, -1), (one.maximum, 1)) if math.isfinite(limit)]
+    for number in beyond:
+        value = type(whole[0])(number)
+        yield [value, *whole[1:]] if isinstance(one.default, list) else value
+    if isinstance(one.default, list):
+        yield whole[1:]
+
+
+QOS = "qos_overrides./tbm/loads/block.publisher"
+
+
+@pytest.mark.parametrize(
+    ("override", "allowed"),
+    [
+        (f"{QOS}.depth:=99999999999", "1 to 100000"),
+        (f"{QOS}.depth:=-1", "1 to 100000"),
+        (f"{QOS}.depth:=many", "INTEGER"),
+        (f"{QOS}.reliability:=sometimes", "reliable, best_effort"),
+        (f"{QOS}.durability:=eternal", "volatile, transient_local"),
+    ],
+)
+def test_a_quality_of_service_that_is_none_is_one_line(override, allowed, process):
+    code, said = process(LoadNode, "-p", override)
+    assert (code, len(said.strip().splitlines())) == (2, 1), said
+    assert override.partition(":=")[0] in said
+    assert allowed in said
+
+
+def test_log_files_that_cannot_be_written_go_elsewhere(process, monkeypatch, tmp_path):
+    (tmp_path / "file").write_text("")
+    for name, value in (("ROS_LOG_DIR", ""), ("ROS_HOME", ""), ("HOME", str(tmp_path / "file"))):
+        monkeypatch.setenv(name, value)
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
+    code, said = process(BagPlayer)
+    assert code == 2
+    warning, error = said.strip().splitlines()
+    assert f"{tmp_path}/file/.ros/log cannot be written: log files of ROS are in {tmp_path}/tbm_monitor.log." in warning
+    assert "parameter bag" in error

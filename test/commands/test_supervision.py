@@ -39,8 +39,8 @@ def run(capsys):
     return _Run(capsys)
 
 
-def test_a_node_that_speaks_is_no_line(run):
-    assert run.go_on(60, "active") == []
+def test_a_node_that_is_ready_is_one_line(run):
+    assert run.go_on(60, "active") == ["load_node: active"]
 
 
 def test_a_node_that_falls_silent_is_a_line_and_its_return(run):

@@ -54,9 +54,9 @@ def starts(results: list[WindowResult]) -> list[float]:
     return [(result.start_ns - EPOCH) / SECOND for result in results]
 
 
-def offline_rms(source: str, duration: float, window: float, edge: float) -> np.ndarray:
+def offline_rms(source: str, duration: float, window: float, edge: float, *rates: float) -> np.ndarray:
     values, rate = noise(source, duration), RATES[source]
-    whole = conditioned(np.arange(len(values)) / rate, values, rate, common_band(*RATES.values()))
+    whole = conditioned(np.arange(len(values)) / rate, values, rate, common_band(*(rates or RATES.values())))
     inside = whole[round(edge * rate) : round((edge + window) * rate)]
     return np.sqrt(np.mean(inside**2, axis=0))
 
@@ -148,7 +148,9 @@ def test_a_missing_signal_is_reported_as_coverage_zero():
     for source, other in (("model", "field"), ("field", "model")):
         results = run(WindowedComparison(2.0), list(blocks(source, 12.0)))
         assert len(results) >= 3
-        for result in results:
+        for result, edge in zip(results, starts(results), strict=True):
+            alone = offline_rms(source, 12.0, 2.0, edge, RATES[source])  # in the band of its own rate
+            np.testing.assert_allclose(getattr(result, f"{source}_rms"), alone, rtol=0.01)
             assert result.coverage == 0.0
             assert getattr(result, f"{source}_coverage") == 1.0
             assert np.isnan(getattr(result, f"{other}_rms")).all()

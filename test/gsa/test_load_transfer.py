@@ -151,7 +151,7 @@ def factor_names():
 
 
 def test_teeth_move_a_line_to_where_a_run_has_it():
-    # A tenth of the teeth's variation, so that the second order is 1 %; one line of one component, no error of the teeth.
+    # A tenth of the variation, so that the second order is 1 %; one line of one component, no error of the teeth.
     raw = load_machine("dz101").base.model_dump()
     raw["driveshaft"]["mesh"].update(variation=0.1, error_factor=0.0)
     for name in COMPONENTS:

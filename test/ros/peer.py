@@ -10,7 +10,6 @@ import os
 import sys
 import time
 from contextlib import AbstractContextManager, ExitStack, suppress
-from importlib import import_module
 from pathlib import Path
 
 import rclpy
@@ -25,8 +24,7 @@ from rosgraph_msgs.msg import Clock
 
 from tbm_msgs_py.nodes import messages, qos
 from tbm_msgs_py.nodes.managed import STATUS_PERIOD
-from tbm_msgs_py.nodes.parameters import AUTOSTART
-from tbm_msgs_py.nodes.registry import NODES
+from tbm_msgs_py.nodes.parameters import node_parameters
 
 NOT_OURS = ("qos_overrides", "use_sim_time", "start_type_description")  # parameters that rclpy declares
 TRANSITIONS = {"configure": 1, "cleanup": 2, "activate": 3, "deactivate": 4}
@@ -225,7 +223,7 @@ class Peer:
         """
         names = self.call(ListParameters, f"{namespace}/{node}/list_parameters").result.names
         own = [name for name in names if not name.startswith(NOT_OURS)]
-        known = {one.name: one for one in (AUTOSTART, *import_module(NODES[node].module).PARAMETERS)}
+        known = node_parameters(node)
         assert set(own) == set(known)
         request = DescribeParameters.Request(names=own)
         found = self.call(DescribeParameters, f"{namespace}/{node}/describe_parameters", request).descriptors

@@ -366,7 +366,7 @@ def test_frames_marks_and_stamps_that_are_none_are_said(host_node, peer, tmp_pat
         "comparison girder": "frame_id 'right' beside 'left', which alone is used",
         "comparison shield": "linear_acceleration_covariance[0] is -1, the driver's word for not measured",
         "comparison gripper": "and 1000000000 ns is no ROS time",
-        "inputs": "test point 'belt' is none of the machine's",
+        "analysis_node": "test point 'belt' is none of the machine's",
     }
     peer.wait_for(lambda: all(text in peer.text(f"tbm: {name}") for name, text in said.items()), step=publish)
 

@@ -1,13 +1,12 @@
 """Where nodes write: what is set over ROS, by whoever reaches the domain, makes files below the root only."""
 
-from importlib import import_module
-
 import pytest
 
 rclpy = pytest.importorskip("rclpy")
 
 from tbm_gsa.app.nodes.analysis_node import AnalysisNode  # noqa: E402
 from tbm_msgs_py.nodes.bag_recorder import BagRecorder  # noqa: E402
+from tbm_msgs_py.nodes.parameters import node_parameters  # noqa: E402
 from tbm_msgs_py.nodes.registry import NODES  # noqa: E402
 
 pytestmark = pytest.mark.ros
@@ -19,9 +18,7 @@ WRITTEN += [(BagRecorder, "/tbm/bag_recorder", "output")]
 
 
 def test_every_path_written_to_is_confined():
-    texts = [
-        one for node in NODES.values() for one in import_module(node.module).PARAMETERS if type(one.default) is str
-    ]
+    texts = [one for node in NODES for one in node_parameters(node).values() if type(one.default) is str]
     open_to_all = {one.name for one in texts if one.changes != "start" and not one.written}
     assert open_to_all == NOT_WRITTEN
     assert {one.name for one in texts if one.written} == {name for _, _, name in WRITTEN}

@@ -9,7 +9,12 @@ rclpy = pytest.importorskip("rclpy")
 from peer import Peer  # noqa: E402
 from rcl_interfaces.msg import Parameter as ParameterMessage  # noqa: E402
 from rcl_interfaces.msg import ParameterValue  # noqa: E402
-from rcl_interfaces.srv import SetParameters  # noqa: E402
+from rcl_interfaces.srv import (  # noqa: E402
+    GetParameters,
+    ListParameters,
+    SetParameters,
+    SetParametersAtomically,
+)
 from std_msgs.msg import Empty  # noqa: E402
 
 from tbm_gsa.app.nodes.analysis_node import AnalysisNode  # noqa: E402
@@ -18,7 +23,7 @@ from tbm_msgs_py import Bag  # noqa: E402
 from tbm_msgs_py.nodes.bag_player import BagPlayer  # noqa: E402
 from tbm_msgs_py.nodes.bag_recorder import BagRecorder  # noqa: E402
 from tbm_msgs_py.nodes.managed import ManagedNode  # noqa: E402
-from tbm_msgs_py.nodes.parameters import Parameter  # noqa: E402
+from tbm_msgs_py.nodes.parameters import NodeSettings, live_parameter  # noqa: E402
 
 pytestmark = pytest.mark.ros
 
@@ -26,14 +31,18 @@ OK, WARN, ERROR = range(3)
 ERRORS = {"refuses": ValueError, "breaks": KeyError}
 
 
-class Faulty(ManagedNode):
+class FaultySettings(NodeSettings):
+    fails: str = live_parameter("", "hook that fails, and how")
+
+
+class Faulty(ManagedNode[FaultySettings]):
     """Node whose hooks fail when a parameter says so."""
 
     def __init__(self, **options):
-        super().__init__("faulty", [Parameter("fails", "", "hook that fails, and how", changes="running")], **options)
+        super().__init__("faulty", FaultySettings, **options)
 
     def hook(self, name):
-        failing, _, how = self.value("fails").partition(" ")
+        failing, _, how = self.settings.fails.partition(" ")
         if failing == name:
             raise ERRORS[how](name)
 
@@ -95,6 +104,34 @@ def wait_until_told(peer, node, level, text):
 
 def publishers(peer, topic):
     return {known.node_name for known in peer.node.get_publishers_info_by_topic(topic)}
+
+
+def present_values(peer, name):
+    """Parameters of a node, those of rclpy included, as `ros2 param dump` asks for them."""
+    names = peer.call(ListParameters, f"/tbm/{name}/list_parameters").result.names
+    values = peer.call(GetParameters, f"/tbm/{name}/get_parameters", GetParameters.Request(names=names)).values
+    return [ParameterMessage(name=key, value=value) for key, value in zip(names, values, strict=True)]
+
+
+def test_a_dumped_file_can_be_loaded_back(nodes):
+    """Into the running node, most of whose parameters are fixed: to their present values they may be set."""
+    peer, _, _ = nodes
+    assert peer.transition("/tbm/bag_player", "configure")
+    dumped = present_values(peer, "bag_player")
+    assert {"use_sim_time", "qos_overrides./diagnostics.publisher.depth", "summary", "bag"} <= {
+        one.name for one in dumped
+    }
+    results = peer.call(
+        SetParameters, "/tbm/bag_player/set_parameters", SetParameters.Request(parameters=dumped)
+    ).results
+    assert [one.reason for one in results if not one.successful] == []
+    request = SetParametersAtomically.Request(parameters=dumped)
+    assert peer.call(SetParametersAtomically, "/tbm/bag_player/set_parameters_atomically", request).result.successful
+    assert present_values(peer, "bag_player") == dumped
+    for name, value in (("loop", True), ("summary", "elsewhere")):
+        (reason,) = peer.set_parameters("/tbm/bag_player", **{name: value})
+        assert reason
+    assert peer.transition("/tbm/bag_player", "cleanup")
 
 
 @pytest.mark.parametrize("name", ["bag_player", "bag_recorder", "live_view"])

@@ -9,7 +9,6 @@ import shutil
 import signal
 import subprocess
 import sys
-from importlib import import_module
 from pathlib import Path
 from xml.etree import ElementTree
 
@@ -24,15 +23,12 @@ from sensor_msgs.msg import JointState  # noqa: E402
 from tbm_gsa.app.cli.commands import load  # noqa: E402
 from tbm_msgs_py import OperatingPoint, topics  # noqa: E402
 from tbm_msgs_py.nodes import messages  # noqa: E402
-from tbm_msgs_py.nodes.parameters import AUTOSTART  # noqa: E402
+from tbm_msgs_py.nodes.parameters import node_parameters  # noqa: E402
 from tbm_msgs_py.nodes.registry import MACHINE_NODES, NODES  # noqa: E402
 
 SOURCE = Path(__file__).parents[2]
 LAUNCH, CONFIG = SOURCE / "launch", SOURCE / "config"
-PARAMETERS = {
-    node: {parameter.name: parameter for parameter in (AUTOSTART, *import_module(entry.module).PARAMETERS)}
-    for node, entry in NODES.items()
-}
+PARAMETERS = {node: node_parameters(node) for node in NODES}
 NO_TOPICS = {topics.NAMESPACE, topics.RUN_GSA, topics.CANCEL_GSA}
 NAMED = {text for name, text in vars(topics).items() if name.isupper() and name[0] != "_" and isinstance(text, str)}
 OF_THE_MACHINE = NAMED - NO_TOPICS

@@ -38,6 +38,9 @@ def test_run_takes_a_file_and_options(command, tmp_path):
     assert code == 0, err
     document = json.loads(out)
     assert document["first_block_seconds"] > 0.0
+    lines = err.splitlines()
+    assert {f"{name}: active" for name in MACHINE_NODES} <= set(lines)
+    assert any("points, 0 compared; no alarm; logs in tbm_run/logs" in line for line in lines), err
     points = load_machine("open380").description.test_points
     assert set(document["topics"]) == {
         "/tbm/loads/block",
@@ -95,12 +98,13 @@ def test_run_follows_a_recording_and_says_what_its_nodes_do(tmp_path, peer):
         peer.host(BagPlayer, bag=shipped_bag(), loop=True, rate=2.0)
         compared = "tbm: comparison cutterhead"
         peer.wait_for(lambda: float(peer.value(compared, "relative_error_x") or "nan") >= 0.0)
-        for name, change, text in (
-            ("dynamics_node", "deactivate", "dynamics_node: inactive"),
-            ("dynamics_node", "activate", "dynamics_node: active"),
-        ):
-            assert peer.transition(f"/tbm/{name}", change)
-            peer.wait_for(lambda text=text: text in errors.read_text().splitlines())
+        expected = ["dynamics_node: active"]  # it said so when it was ready
+        for change, state in (("deactivate", "inactive"), ("activate", "active")):
+            assert peer.transition("/tbm/dynamics_node", change)
+            expected.append(f"dynamics_node: {state}")
+            peer.wait_for(
+                lambda: [line for line in errors.read_text().splitlines() if "dynamics_node: " in line] == expected
+            )
         process.send_signal(signal.SIGTERM)
         assert process.wait(DEADLINE) == 0
     finally:

@@ -2,8 +2,8 @@
 
 import pytest
 
-from tbm_gsa.app.cli.site import Site
 from tbm_msgs_py.base.errors import InputError
+from tbm_msgs_py.nodes.parameter_file import ParameterFile
 
 FILES = {
     "any namespace": "/**/load_node: {ros__parameters: {machine: a}}",
@@ -19,7 +19,7 @@ FILES = {
 def site(tmp_path, text):
     file = tmp_path / "site.yaml"
     file.write_text(text)
-    return Site(file)
+    return ParameterFile(file)
 
 
 @pytest.mark.parametrize("name", FILES)
@@ -46,7 +46,7 @@ def test_ros_reads_the_same(tmp_path, name):
 )
 def test_what_it_does_not_say(tmp_path, text):
     assert site(tmp_path, text).stated("load_node", "machine") is None
-    assert Site(None).stated("load_node", "machine") is None
+    assert ParameterFile(None).stated("load_node", "machine") is None
 
 
 def test_names_with_dots(tmp_path):

@@ -77,6 +77,7 @@ def test_values_of_the_latest_window():
     values = {pair.key: float(pair.value) for pair in status.values}
     assert values == pytest.approx(
         {
+            "alarm": 0.0,
             **{f"model_rms_{axis}": 1.0 for axis in "xyz"},
             **{f"field_rms_{axis}": 2.0 for axis in "xyz"},
             "relative_error_x": 0.5,

@@ -65,11 +65,12 @@ def test_no_result_is_taken_from_elsewhere(watch, name, values):
 
 @pytest.mark.parametrize(
     ("offsets", "counted"),
-    [([0.0], 0), ([0.0, 0.0], 0), ([0.0, 1e-12], 0), ([1.0, 0.0], 0), ([np.nan, 1.0], 0), ([0.0, 80000.0], 5)],
+    [([0.0], 0), ([0.0, 0.0], 0), ([0.0, 1e-12], 0), ([1.0, 0.0], 0), ([np.nan, 1.0], 0), ([0.0, 80000.0], 4)],
 )
 def test_blocks_without_a_length_are_not_counted(offsets, counted):
     count = BlockCount()
     for stamp in (-(2**31) * 10**9, 0, 5, 3, (2**31 - 1) * 10**9):
+        # The first is no ROS time.
         Watch._on_block(count, messages.block(ACCELERATION, stamp, offsets, np.zeros((len(offsets), 3))))
     assert count.received == counted
 

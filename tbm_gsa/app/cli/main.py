@@ -19,7 +19,7 @@ from tbm_gsa.app.cli.output import notes, results
 from tbm_gsa.app.cli.start import INTERRUPTED
 from tbm_msgs_py.base.errors import InputError, RunError
 from tbm_msgs_py.base.texts import shortened
-from tbm_msgs_py.nodes.processes import handle_signals
+from tbm_msgs_py.nodes.processes import handle_signals, leave
 
 app = typer.Typer(
     name="tbm-monitor",
@@ -86,6 +86,8 @@ def main() -> None:
             if stream is sys.stdout and code == 0 and not isinstance(error, BrokenPipeError):
                 _print_line(_line(error))
                 code = BAD_INPUT
+    if INTERRUPTED == 0:  # it is to end soon after a signal
+        leave(code)
     sys.exit(code)
 
 

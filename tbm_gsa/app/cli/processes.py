@@ -11,29 +11,39 @@ from pathlib import Path
 from types import TracebackType
 from typing import Self
 
+from tbm_gsa.app.cli.output import notes
 from tbm_gsa.app.nodes.start import child_command
 from tbm_msgs_py.base.errors import InputError, RunError
+from tbm_msgs_py.base.texts import quoted
+from tbm_msgs_py.nodes.log_folder import settle_log_folder
 from tbm_msgs_py.nodes.processes import ChildProcess, signals_ignored
 from tbm_msgs_py.nodes.transport import DISCOVERY_RANGE, avoid_shared_memory
 
 _GRACE_S = 2.2  # a command has 3 s to end, its nodes included
 _LAST_DOMAIN = 232
+_RANGES = ("LOCALHOST", "SUBNET", "SYSTEM_DEFAULT")
 
 
 def settle_ros_environment() -> None:
-    """Check the ROS domain, and keep messages on this computer and out of shared memory.
+    """Check the ROS environment, and keep messages on this computer and out of shared memory.
 
     For this process and all it starts, unless the environment says otherwise.
 
     Raises
     ------
     InputError
-        A domain whose ports do not exist: the middleware ends a process on it without a word of ours.
+        A domain whose ports do not exist: the middleware ends a process on it without a word of ours. A discovery range
+        within which no node finds another. No folder for log files.
     """
     domain = os.environ.get("ROS_DOMAIN_ID", "").strip() or "0"
     if not (domain.isascii() and domain.isdigit() and int(domain) <= _LAST_DOMAIN):
         raise InputError(f"environment ROS_DOMAIN_ID: {domain}, allowed: 0 to {_LAST_DOMAIN}")
-    os.environ.setdefault(DISCOVERY_RANGE, "LOCALHOST")
+    discovery = os.environ.setdefault(DISCOVERY_RANGE, "LOCALHOST")
+    if discovery not in _RANGES:
+        found = ", with which no node finds another" if discovery == "OFF" else ""
+        raise InputError(f"environment {DISCOVERY_RANGE}: {quoted(discovery)}{found}, allowed: {', '.join(_RANGES)}")
+    if moved := settle_log_folder():
+        notes.print(moved, highlight=False)
     avoid_shared_memory()
 
 

@@ -26,16 +26,16 @@ from tbm_gsa.app.cli.output import (
     narrow_table,
     notes,
     print_json,
-    progress_bar,
     results,
 )
 from tbm_gsa.app.cli.processes import NodeCommand, NodeProcesses, settle_ros_environment
 from tbm_gsa.app.cli.simulate import schedule_of
-from tbm_gsa.app.cli.site import Site
+from tbm_gsa.app.cli.status_line import StatusLine
 from tbm_gsa.app.cli.supervision import ACTIVE_STATUSES, Supervision, watch
 from tbm_msgs_py import topics
 from tbm_msgs_py.base.errors import InputError, RunError
 from tbm_msgs_py.base.units import R_MIN
+from tbm_msgs_py.nodes.parameter_file import ParameterFile
 from tbm_msgs_py.nodes.processes import record_signals
 
 if TYPE_CHECKING:
@@ -86,7 +86,8 @@ def run(
 ) -> None:
     """Run loads, dynamics and analysis as ROS 2 nodes and count what they publish."""
     settle_ros_environment()
-    site = Site(params)
+    site = ParameterFile(params)
+    site.check()
     if not named(context, "machine"):
         machine = site.common(_NODES, "machine", machine)
     described = load_machine(machine)
@@ -121,7 +122,7 @@ def run(
         notes.print("stopped by a signal", highlight=False)
 
 
-def _level(site: Site) -> LoadModel:
+def _level(site: ParameterFile) -> LoadModel:
     stated = site.common(_NODES[:2], "loads", LOAD_MODELS[0])
     for level in LOAD_MODELS:
         if level == stated:
@@ -142,7 +143,7 @@ def _operating_point(
     )
 
 
-def node_commands(driven: Mapping[str, object], seed: int | None, out: Path, site: Site) -> list[NodeCommand]:
+def node_commands(driven: Mapping[str, object], seed: int | None, out: Path, site: ParameterFile) -> list[NodeCommand]:
     """Return the three nodes, on the computer's clock; `driven` are parameters of the load node."""
     common: dict[str, object] = {name: driven[name] for name in ("machine", "loads")}
     analysis: dict[str, object] = {"machine": driven["machine"]}
@@ -175,7 +176,8 @@ def _run(
         for command in commands:
             nodes.start(command)
         first_block = _wait_for_blocks(watching, nodes, start, stopping, patience)
-        _follow(watching, nodes, duration, stopping)
+        with StatusLine(logs, duration) as line:
+            _follow(watching, nodes, duration, stopping, line)
         stopped = stopping()
     return first_block, stopped
 
@@ -197,20 +199,21 @@ def _wait_for_blocks(
     return time.monotonic() - start
 
 
-def _follow(watching: Watch, nodes: Supervision, duration: float | None, stopping: Callable[[], bool]) -> None:
+def _follow(
+    watching: Watch, nodes: Supervision, duration: float | None, stopping: Callable[[], bool], line: StatusLine
+) -> None:
     """Watch until every stream has the duration and all nodes have reported after it, or until stopped."""
     counts, diagnostics = watching.state.blocks.values(), watching.state.diagnostics
-    with progress_bar("running") as bar:
-        task = bar.add_task("", total=duration)
-        reached, asked = 0.0, False
-        while not stopping() and not (asked and diagnostics.keys() >= ACTIVE_STATUSES):
-            nodes.check()
-            watching.spin(_LOOK_S)
-            reached = min(count.stream_time for count in counts)
-            bar.update(task, completed=reached)
-            if duration is not None and reached >= duration and not asked:
-                diagnostics.clear()  # of before the end
-                asked = True
+    asked = False
+    while not stopping() and not (asked and diagnostics.keys() >= ACTIVE_STATUSES):
+        nodes.check()
+        watching.spin(_LOOK_S)
+        reached = min(count.stream_time for count in counts)
+        if not asked and diagnostics.keys() >= ACTIVE_STATUSES:
+            line.update(diagnostics, reached)
+        if duration is not None and reached >= duration and not asked:
+            diagnostics.clear()  # of before the end
+            asked = True
 
 
 def run_document(state: WatchState, first_block: float | None) -> dict[str, object]:

@@ -39,7 +39,7 @@ def watch(points: Iterable[str]) -> Watch:
 
 
 class Supervision:
-    """Prints a line when a node is not as it should be, and when it is again.
+    """Prints a line when a node is ready, when it is not as it should be, and when it is again.
 
     Parameters
     ----------
@@ -64,7 +64,7 @@ class Supervision:
     def start(self, command: NodeCommand) -> None:
         """Start a node."""
         self._processes.start(command)
-        self._reported[command.name] = "active"
+        self._reported[command.name] = ""
 
     def check(self) -> None:
         """Print what has changed; raise `RunError` if a node has ended."""

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import os
-from collections.abc import Mapping
 from functools import partial
 from typing import Any
 
@@ -14,11 +12,12 @@ from sensor_msgs.msg import JointState, PointCloud2
 from std_srvs.srv import Trigger
 
 from tbm_dynamics.machine.machine import Machine, load_machine
-from tbm_gsa.app.nodes.error_alarm import ErrorAlarm, axis_indices
+from tbm_gsa.app.nodes.error_alarm import ErrorAlarm
 from tbm_gsa.app.nodes.field_topics import FieldTopics
-from tbm_gsa.app.nodes.gsa_process import GsaOptions, GsaProcess, GsaStatus
-from tbm_gsa.app.nodes.history_writer import OFF, HistoryWriter, live_now
+from tbm_gsa.app.nodes.gsa_process import GsaProcess, GsaStatus
+from tbm_gsa.app.nodes.history_writer import HistoryWriter, live_now
 from tbm_gsa.app.nodes.live_comparison import LiveComparison, field_sensors
+from tbm_gsa.app.nodes.settings import AnalysisSettings
 from tbm_gsa.app.nodes.statuses import (
     comparison_status,
     gsa_result_statuses,
@@ -31,66 +30,35 @@ from tbm_gsa.comparison import WindowResult
 from tbm_gsa.comparison.streams import Side
 from tbm_gsa.history import WindowSource
 from tbm_gsa.provenance import machine_sha256
+from tbm_gsa.sensitivity.study.outputs import parse_outputs
 from tbm_msgs_py import topics
-from tbm_msgs_py.base import operating_point
-from tbm_msgs_py.base.operating_point import OperatingPointError
-from tbm_msgs_py.blocks import BlockError
+from tbm_msgs_py.base.errors import InputError
 from tbm_msgs_py.nodes import messages
-from tbm_msgs_py.nodes.fault_log import FaultLog
 from tbm_msgs_py.nodes.managed import ManagedNode
-from tbm_msgs_py.nodes.parameters import MACHINE, ROOT, Parameter, live_parameter
 from tbm_msgs_py.recordings.mapping import SensorMapping, contract_sensor
 
-_MOST_WORKERS = max(2, os.cpu_count() or 1)
-_HISTORY = "history file of the windows; empty: tbm_monitor/history.sqlite in the user's data folder; none: not kept"
-_BASELINE = "baseline in the history whose errors alarms are set against; empty: the threshold is absolute"
-_WINDOWS = "windows in a row over the threshold that raise the alarm"
-_PAUSE = "least time from the start of a study to one that an alarm starts (min)"
-_MAPPING = "mapping file of the field topics; empty: the topics of the contract, m/s², gravity removed"
-PARAMETERS = (
-    MACHINE,
-    live_parameter("window", topics.WINDOW, "length of a comparison window (s)", 0.1, 3600.0),
-    live_parameter("threshold", topics.ERROR_THRESHOLD, "relative error that counts (1)", 0.001, 100.0),
-    live_parameter("threshold_windows", topics.ERROR_WINDOWS, _WINDOWS, 1, 10000),
-    live_parameter("alarm_axes", ["x"], "axes whose error is watched; the paper compares the axial one, x"),
-    Parameter("mapping", "", _MAPPING),
-    Parameter("history", "", _HISTORY, written=True, no_path=("", OFF)),
-    ROOT,
-    Parameter("history_days", 90.0, "age at which live windows go; 0: never (d)", 0.0, 36500.0),
-    live_parameter("baseline", "", _BASELINE),
-    live_parameter("gsa.on_threshold", True, "start the sensitivity analysis when the alarm is raised"),
-    live_parameter("gsa.pause", 60.0, _PAUSE, 0.0, 100000.0),
-    live_parameter("gsa.samples", 200, "training simulations", 10, 100000),
-    live_parameter("gsa.test", 20, "test simulations", 2, 100000),
-    live_parameter("gsa.duration", 3.0, "length of a simulation (s)", 0.1, 600.0),
-    live_parameter("gsa.outputs", [""], "outputs analysed; empty: the eight indicators of Table 3"),
-    live_parameter("gsa.seed", 0, "seed of design and loads", 0, 2**31 - 1),
-    live_parameter("gsa.workers", 2, "processes, one a core at most", 1, _MOST_WORKERS),
-    live_parameter("gsa.folder", "tbm_gsa_studies", "folder that gets one folder a study", written=True, no_path=()),
-)
 
-
-class AnalysisNode(ManagedNode):
+class AnalysisNode(ManagedNode[AnalysisSettings]):
     """Lifecycle node: model and field blocks in; windowed RMS, relative error and sensitivity analysis out."""
 
     def __init__(self, **options: Any) -> None:
-        super().__init__("analysis_node", PARAMETERS, **options)
+        super().__init__("analysis_node", AnalysisSettings, **options)
 
     def configure(self) -> None:
         """Read machine and mapping, create publishers, subscriptions and services."""
-        machine = load_machine(self.value("machine"))
+        machine = load_machine(self.settings.machine)
         self._points = tuple(machine.description.test_points)
-        sensors, unused = field_sensors(self.value("mapping"), self._points)
-        self._inputs: FaultLog[str] = FaultLog(lambda text: self.get_logger().warning(text))
+        sensors, unused = field_sensors(self.settings.mapping, self._points)
         for line in unused:
-            self._inputs.report(line, line)
+            self.faults.report(line, line)
         self._history = self._open_history(machine)
-        self._baselines = {self.value("baseline"): self._history.usual_errors(self.value("baseline"))}
+        self._baselines = {self.settings.baseline: self._history.usual_errors(self.settings.baseline)}
         self._alarm = self._new_alarm()
         self._comparison = LiveComparison(
-            self._points, sensors.values(), self.value("window"), lambda text: self.get_logger().warning(text)
+            self._points, sensors.values(), self.settings.window, lambda text: self.get_logger().warning(text)
         )
-        self._gsa = GsaProcess(self._gsa_options())
+        self._check_outputs(self.settings)
+        self._gsa = GsaProcess(self.settings.machine, self.settings.gsa)
         self._gsa_published: GsaStatus | None = None
         self._gsa_quality: dict[str, object] = {}
         self._create_publishers()
@@ -99,33 +67,35 @@ class AnalysisNode(ManagedNode):
         self.create_service(Trigger, topics.RUN_GSA, self._on_run_gsa)
         self.create_service(Trigger, topics.CANCEL_GSA, self._on_cancel_gsa)
 
-    def check_parameters(self, values: Mapping[str, Any]) -> None:
-        """Refuse axes and baselines that there are not."""
-        if "alarm_axes" in values:
-            axis_indices(values["alarm_axes"])
-        if "baseline" in values:  # what was read holds until it is set again, whatever happens to the file
-            self._baselines[values["baseline"]] = self._history.usual_errors(values["baseline"])
+    def check_settings(self, settings: AnalysisSettings, names: frozenset[str]) -> None:
+        """Refuse outputs and baselines that there are not."""
+        if "gsa.outputs" in names:
+            self._check_outputs(settings)
+        if "baseline" in names:  # what was read holds until it is set again, whatever happens to the file
+            self._baselines[settings.baseline] = self._history.usual_errors(settings.baseline)
 
-    def parameters_changed(self, names: frozenset[str]) -> None:
+    def _check_outputs(self, settings: AnalysisSettings) -> None:
+        try:
+            parse_outputs(settings.gsa.outputs, self._points)
+        except InputError as error:
+            raise InputError(f"parameter gsa.outputs: {error}") from None
+
+    def settings_changed(self, names: frozenset[str]) -> None:
         """Restart with another window or alarm; a study that runs keeps its options."""
         if "window" in names:
-            self._comparison.set_window(self.value("window"))
+            self._comparison.set_window(self.settings.window)
         if not names.isdisjoint(("threshold", "threshold_windows", "alarm_axes", "baseline")):
             self._alarm = self._new_alarm()
-        self._gsa.options = self._gsa_options()
+        self._gsa.options = self.settings.gsa
 
     def _open_history(self, machine: Machine) -> HistoryWriter:
         source = WindowSource("live", self.get_fully_qualified_name(), "", machine.name, machine_sha256(machine))
-        days = float(self.value("history_days"))
-        return HistoryWriter(self.value("history"), source, self.get_logger().warning, days)
+        return HistoryWriter(self.settings.history, source, self.get_logger().warning, self.settings.history_days)
 
     def _new_alarm(self) -> ErrorAlarm:
-        threshold, windows, axes = map(self.value, ("threshold", "threshold_windows", "alarm_axes"))
-        baseline = self.value("baseline")
-        return ErrorAlarm(threshold, windows, axes, baseline, self._baselines[baseline])
-
-    def _gsa_options(self) -> GsaOptions:
-        return GsaOptions(self.value("machine"), **self.values("gsa"))
+        given = self.settings
+        usual = self._baselines[given.baseline]
+        return ErrorAlarm(given.threshold, given.threshold_windows, given.alarm_axes, given.baseline, usual)
 
     def _create_publishers(self) -> None:
         self._quantities = {
@@ -162,22 +132,19 @@ class AnalysisNode(ManagedNode):
             return
         try:
             block = messages.acceleration_block(message)
-        except BlockError as error:
+        except InputError as error:
             self._comparison.health.refuse(sensor.point, "model", str(error))
         else:
             self._on_samples("model", sensor, block.stamp_ns, block.offsets, block.values)
 
     def _on_operating_point(self, topic: str, message: JointState) -> None:
         try:
-            point = operating_point.from_joint_state(message)
-        except OperatingPointError:  # the load node reports it
+            stamp, point = messages.operating_point_from(message)
+        except InputError as error:
+            self.faults.report(topic, f"{topic}: {error}; the last one stays")
             return
-        try:
-            stamp: int | None = messages.stamp_to_ns(message.header.stamp)
-        except BlockError:
-            stamp = None
         values, now = (point.speed, point.torque, point.thrust), self.get_clock().now().nanoseconds
-        self._inputs.update(topic, self._comparison.add_operating_point(topic, stamp, values, now))
+        self.faults.update(topic, self._comparison.add_operating_point(topic, stamp, values, now))
 
     def _on_samples(
         self, signal: Side, sensor: SensorMapping, stamp: int, offsets: np.ndarray, values: np.ndarray
@@ -236,17 +203,12 @@ class AnalysisNode(ManagedNode):
             )
             for point in self._points
         ]
-        if problems := self._inputs.show():
-            text = "; ".join(problems.values())
-            statuses.append(
-                messages.status(self.status_name("inputs"), "warn", text, hardware_id=self.value("machine"))
-            )
-        history = history_status(self.status_name("history"), self.value("machine"), self._history)
+        history = history_status(self.status_name("history"), self.settings.machine, self._history)
         return [*statuses, history, self._gsa_status_now()]
 
     def _gsa_status_now(self) -> DiagnosticStatus:
         name = self.status_name("sensitivity analysis")
-        return gsa_status(name, self.value("machine"), self._gsa.status, self._gsa_quality)
+        return gsa_status(name, self.settings.machine, self._gsa.status, self._gsa_quality)
 
     def _poll_gsa(self) -> None:
         self._gsa.poll()
@@ -259,11 +221,12 @@ class AnalysisNode(ManagedNode):
             return
         now = self.get_clock().now().nanoseconds
         if before is not None and before.state == "running" != status.state:
-            self.get_logger().info(f"sensitivity analysis {status.state}: {status.report or status.reason}")
+            log = self.get_logger().error if status.state == "failed" else self.get_logger().info
+            log(f"sensitivity analysis {status.state}: {status.report or status.reason}")
             if status.state == "finished":
                 study, prefix = self._gsa.result(), self.status_name("sensitivity of")
                 self._gsa_quality = surrogate_quality(study)
-                statuses = gsa_result_statuses(prefix, self.value("machine"), study, status)
+                statuses = gsa_result_statuses(prefix, self.settings.machine, study, status)
                 self._gsa_result.publish(messages.diagnostics(now, statuses))
         self._gsa_status.publish(messages.diagnostics(now, [self._gsa_status_now()]))
         self._gsa_published = status

@@ -5,16 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 from tbm_gsa.comparison import AlarmRule, UsualError, WindowResult
-from tbm_msgs_py.base.errors import InputError
 
 _AXES = ("x", "y", "z")
-
-
-def axis_indices(axes: Sequence[str]) -> list[int]:
-    """Places of axes in x, y, z; raises InputError where there are others, or none."""
-    if not axes or not set(axes) <= set(_AXES):
-        raise InputError(f"parameter alarm_axes: {list(axes)}, allowed: one or more of x, y, z")
-    return [_AXES.index(axis) for axis in axes]
 
 
 class ErrorAlarm:
@@ -37,7 +29,7 @@ class ErrorAlarm:
     def __init__(
         self, threshold: float, windows: int, axes: Sequence[str], baseline: str, usual: Mapping[str, UsualError]
     ) -> None:
-        self._rule = AlarmRule(threshold, windows, usual, axis_indices(axes))
+        self._rule = AlarmRule(threshold, windows, usual, [_AXES.index(axis) for axis in axes])
         what = f"change of the relative error against {baseline}" if baseline else "relative error"
         self._text = f"{what} over {threshold:g} for {windows} windows"
 

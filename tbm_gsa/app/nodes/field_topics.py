@@ -11,7 +11,7 @@ import numpy as np
 from tbm_gsa.app.nodes.frame_choice import FrameChoice
 from tbm_gsa.app.nodes.live_comparison import LiveComparison
 from tbm_msgs_py import topics
-from tbm_msgs_py.blocks import BlockError
+from tbm_msgs_py.base.errors import InputError
 from tbm_msgs_py.nodes import messages, qos
 from tbm_msgs_py.nodes.following import TopicFollower
 from tbm_msgs_py.nodes.managed import ManagedNode
@@ -57,7 +57,7 @@ class FieldTopics:
 
     def __init__(
         self,
-        node: ManagedNode,
+        node: ManagedNode[Any],
         sensors: Mapping[str, SensorMapping],
         comparison: LiveComparison,
         on_samples: OnSamples,
@@ -142,7 +142,7 @@ class FieldTopics:
         sensor = self._sensors[topic]
         try:
             block = messages.acceleration_block(message)
-        except BlockError as error:
+        except InputError as error:
             self._health.refuse(sensor.point, "field", str(error))
         else:
             self._on_samples(sensor, block.stamp_ns, block.offsets, block.values)
@@ -156,7 +156,7 @@ class FieldTopics:
             return
         try:
             stamp = messages.stamp_to_ns(message.header.stamp)
-        except BlockError as error:
+        except InputError as error:
             self._health.refuse(sensor.point, "field", str(error))
             return
         self._on_samples(sensor, stamp, np.zeros(1), np.array([[vector.x, vector.y, vector.z]]))

@@ -7,12 +7,12 @@ import os
 import signal
 import sqlite3
 import time
-from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Literal
 
+from tbm_gsa.app.nodes.settings import GsaSettings
 from tbm_gsa.app.nodes.start import child_command
 from tbm_gsa.sensitivity.results import REPORT_NAME, RESULT_NAME, StudyResult
 from tbm_gsa.sensitivity.study.errors import StudyError
@@ -23,22 +23,6 @@ State = Literal["idle", "running", "finished", "failed", "cancelled"]
 _LOG_NAME = "gsa.log"
 _PRIORITY = 10  # of the study and its workers: they give way to the nodes, whatever priority those have
 _GRACE_S = 1.0  # a node has 3 s to end, its study included
-
-
-@dataclass(frozen=True)
-class GsaOptions:
-    """The machine, and the node's parameters of the group `gsa`."""
-
-    machine: str
-    on_threshold: bool
-    pause: float
-    samples: int
-    test: int
-    duration: float
-    outputs: Sequence[str]
-    seed: int
-    workers: int
-    folder: str
 
 
 @dataclass(frozen=True)
@@ -74,11 +58,13 @@ class GsaProcess:
 
     Attributes
     ----------
-    options : GsaOptions
+    machine : str
+    options : GsaSettings
     status : GsaStatus
     """
 
-    options: GsaOptions
+    machine: str
+    options: GsaSettings
     status: GsaStatus = GsaStatus()
     _started: float = -math.inf  # s, monotonic
     _process: ChildProcess | None = field(default=None, repr=False)
@@ -111,7 +97,7 @@ class GsaProcess:
     def _start(self, reason: str) -> None:
         options = self.options
         folder = _new_folder(Path(options.folder).resolve())
-        command = child_command("tbm_gsa.app.cli.main", "gsa", "run", "--json", "--machine", options.machine)
+        command = child_command("tbm_gsa.app.cli.main", "gsa", "run", "--json", "--machine", self.machine)
         command += ["--samples", str(options.samples), "--test", str(options.test), "--out", str(folder)]
         command += ["--duration", str(options.duration), "--seed", str(options.seed), "--workers", str(options.workers)]
         if options.outputs:

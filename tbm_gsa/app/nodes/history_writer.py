@@ -12,6 +12,7 @@ from operator import itemgetter
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from tbm_gsa.app.nodes.settings import OFF
 from tbm_gsa.comparison import UsualError, WindowResult
 from tbm_gsa.history import (
     History,
@@ -27,7 +28,6 @@ from tbm_gsa.history import (
 if TYPE_CHECKING:
     from rclpy.clock import Clock
 
-OFF = "none"
 WAIT_S = 0.2  # for another writer; callbacks wait meanwhile
 RETRY_S = 5.0  # between two tries to open a file that cannot be used
 MOST_WAITING = 10_000  # entries that are kept while the file is locked

@@ -69,7 +69,9 @@ class LiveComparison:
         self, points: Sequence[str], sensors: Iterable[SensorMapping], window: float, warn: Callable[[str], object]
     ) -> None:
         self.latest: dict[str, WindowResult] = {}
+        sensors = list(sensors)
         self.rotating = frozenset(sensor.point for sensor in sensors if sensor.frame == "rotating")
+        self._measured = {sensor.point: np.array(sensor.measured) for sensor in sensors}
         self.health = StreamHealth(warn)
         self._points = points
         # What the machine does, and what the model does after it.
@@ -84,16 +86,14 @@ class LiveComparison:
         """Restart at a test point."""
         self._windows.restart(point)
 
-    def add_operating_point(self, topic: str, stamp_ns: int | None, point: ArrayLike, now_ns: int) -> str:
+    def add_operating_point(self, topic: str, stamp_ns: int, point: ArrayLike, now_ns: int) -> str:
         """Add speed, torque and thrust (3,) from a stamp on, of one of the two topics.
 
-        A stamp that is none, is 0 or lies ahead of the signals is not used: the point holds from now on, and the reason
+        A stamp that is 0 or lies ahead of the signals is not used: the point holds from now on, and the reason
         is returned. One that lies behind is that of a latched message, or the clock has been set back.
         """
         reached = self._windows.latest_ns() or now_ns
-        if stamp_ns is None:
-            reason = "the stamp is no ROS time"
-        elif stamp_ns == 0 and reached > CLOCK_JUMP_NS:
+        if stamp_ns == 0 and reached > CLOCK_JUMP_NS:
             reason = "the stamp is 0"
         elif (ahead := stamp_ns - reached) > CLOCK_JUMP_NS:
             reason = f"the stamp is {ahead / NANOSECONDS:.3f} s ahead of the signals"
@@ -116,9 +116,26 @@ class LiveComparison:
         self.health.add_samples(sensor.point, source, len(offsets))
         rows = np.asarray(values, dtype=float) @ sensor.matrix().T
         results = self._windows.feed(sensor.point, source, stamp_ns, offsets, rows)
-        known = [self._without_error_unless_steady(result) for result in results if result.point in self._points]
+        known = [
+            self._without_error_unless_steady(self._without_unmeasured(result))
+            for result in results
+            if result.point in self._points
+        ]
         self.latest |= {result.point: result for result in known}
         return known
+
+    def _without_unmeasured(self, result: WindowResult) -> WindowResult:
+        """Window without figures of the field along axes that its sensor does not have."""
+        measured = self._measured.get(result.point)
+        if measured is None or measured.all():
+            return result
+        return replace(
+            result,
+            field_rms=np.where(measured, result.field_rms, np.nan),
+            relative_error=np.where(measured, result.relative_error, np.nan),
+            field_peak=np.where(measured, result.field_peak, np.nan),
+            field_kurtosis=np.where(measured, result.field_kurtosis, np.nan),
+        )
 
     def _without_error_unless_steady(self, result: WindowResult) -> WindowResult:
         """Window without its error where the machine, or the model after it, was not driven steadily."""

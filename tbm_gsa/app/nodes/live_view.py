@@ -9,6 +9,7 @@ from typing import Any
 from diagnostic_msgs.msg import DiagnosticStatus
 from rclpy.subscription import Subscription
 
+from tbm_gsa.app.nodes.settings import LiveViewSettings
 from tbm_msgs_py import topics
 from tbm_msgs_py.bags.definitions import typestore
 from tbm_msgs_py.base.errors import InputError
@@ -16,17 +17,10 @@ from tbm_msgs_py.nodes import messages, qos
 from tbm_msgs_py.nodes.fault_log import FaultLog
 from tbm_msgs_py.nodes.following import TopicFollower
 from tbm_msgs_py.nodes.managed import ManagedNode
-from tbm_msgs_py.nodes.parameters import Parameter
 from tbm_msgs_py.topics import QoS, TopicContract
 
 LOOK_S = 0.5  # between looks for topics that are not there yet
 REPEAT_S = 0.1  # between looks for clients that have missed a latched message
-
-PARAMETERS = (
-    Parameter("host", "127.0.0.1", "address the server listens at; the default is this computer only"),
-    Parameter("port", 8765, "TCP port; 0 for a free one, which the log names", 0, 65535),
-    Parameter("blocks", False, "show blocks too: no panel draws them, a recording may want them"),
-)
 
 
 class _SubscriberListener:
@@ -40,11 +34,11 @@ class _SubscriberListener:
         self._asked.put(channel.topic)
 
 
-class LiveView(ManagedNode):
+class LiveView(ManagedNode[LiveViewSettings]):
     """Passes on raw messages; nothing can be published or changed from there."""
 
     def __init__(self, **options: Any) -> None:
-        super().__init__("live_view", PARAMETERS, **options)
+        super().__init__("live_view", LiveViewSettings, **options)
 
     def configure(self) -> None:
         """Start the server."""
@@ -52,7 +46,7 @@ class LiveView(ManagedNode):
             import foxglove  # noqa: PLC0415 - an optional extra
         except ImportError:
             raise InputError("foxglove-sdk is not installed; pip install 'tbm_monitor[live]'") from None
-        host, port = self.value("host"), self.value("port")
+        host, port = self.settings.host, self.settings.port
         self._foxglove = foxglove
         self._sink = foxglove.Context()
         self._channels: dict[str, Any] = {}
@@ -97,7 +91,7 @@ class LiveView(ManagedNode):
     def _shows(self, name: str, kinds: Iterable[str]) -> bool:
         own = name.startswith(f"{self.get_namespace().rstrip('/')}/") or name == topics.DIAGNOSTICS
         block = name.endswith(("/block", topics.MODEL_MESH_FORCES))
-        return own and (self.value("blocks") or not block) and not all(self.refuses(name, kind) for kind in kinds)
+        return own and (self.settings.blocks or not block) and not all(self.refuses(name, kind) for kind in kinds)
 
     def refuses(self, topic: str, kind: str) -> str:  # noqa: ARG002
         """Refuse a type whose definition is not known here."""
@@ -145,7 +139,7 @@ class LiveView(ManagedNode):
     def statuses(self) -> list[DiagnosticStatus]:
         """Where it listens, and what it cannot show."""
         values = {"port": self._server.port, "topics": len(self._topics)}
-        address = f"{self.value('host')}:{self._server.port}"
+        address = f"{self.settings.host}:{self._server.port}"
         problems = self._faults.show().values()
         return [
             self.status("live view", "error" if problems else "ok", "; ".join(["showing", *problems]), values, address)

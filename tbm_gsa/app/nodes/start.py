@@ -14,7 +14,7 @@ from typing import NoReturn
 
 from tbm_gsa.compiled import settle_compiled_folder
 from tbm_msgs_py.base.errors import InputError
-from tbm_msgs_py.nodes.processes import end_with_parent, exit_at_once, handle_node_signals
+from tbm_msgs_py.nodes.processes import end_with_parent, exit_at_once, handle_node_signals, leave
 from tbm_msgs_py.nodes.registry import NODES
 
 _WITH_PARENT = "--with-parent"
@@ -44,7 +44,7 @@ def main() -> NoReturn:
     if name not in NODES:
         sys.exit(import_module(name).main())
     node = getattr(import_module(NODES[name].module), NODES[name].class_name)
-    sys.exit(import_module("tbm_msgs_py.nodes.running").run_node(node))  # by name, as the node: it takes time
+    leave(import_module("tbm_msgs_py.nodes.running").run_node(node))  # by name, as the node: it takes time
 
 
 if __name__ == "__main__":

@@ -35,7 +35,7 @@ def comparison_status(
     health: Condition,
 ) -> DiagnosticStatus:
     """Comparison at one test point: the latest window, what was lost, and the alarm; the worst comes first."""
-    values: dict[str, object] = {}
+    values: dict[str, object] = {"alarm": int(alarm)}
     for source, counts in (counters or {}).items():
         values |= {f"{source}_{key}": value for key, value in vars(counts).items()}
     if latest is not None:

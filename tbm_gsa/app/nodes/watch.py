@@ -20,9 +20,11 @@ from sensor_msgs.msg import JointState, PointCloud2
 from std_srvs.srv import Trigger
 
 from tbm_msgs_py import topics
+from tbm_msgs_py.base.errors import InputError
 from tbm_msgs_py.base.operating_point import OperatingPoint
-from tbm_msgs_py.blocks import BlockError
+from tbm_msgs_py.base.texts import doubled
 from tbm_msgs_py.nodes import messages, qos
+from tbm_msgs_py.nodes.matching import MatchingSubscription
 from tbm_msgs_py.nodes.processes import signals_deferred
 
 # The domain has other machines, and any node may publish: statuses of this namespace count, if they are complete.
@@ -145,14 +147,14 @@ class Watch:
         self._run_gsa.call_async(Trigger.Request())
 
     def _subscribe(self, name: str, callback: Callable[[Any], None]) -> None:
-        kind, quality = topics.contract(name)
-        self._node.create_subscription(messages.message_class(kind), name, callback, qos.profile(quality))
+        """Take what the nodes publish, with whatever quality of service their parameters say."""
+        MatchingSubscription(self._node, name, topics.contract(name), callback, self._node.get_logger().info)
 
     @staticmethod
     def _on_block(count: BlockCount, message: PointCloud2) -> None:
         try:
             block = messages.block_from(message)
-        except BlockError:  # of another publisher; the nodes report what they refuse
+        except InputError:  # of another publisher; the nodes report what they refuse
             return
         samples = len(block.offsets)
         spacing = (block.offsets[-1] - block.offsets[0]) / max(1, samples - 1)
@@ -176,9 +178,9 @@ class Watch:
 
 
 def _own(message: DiagnosticArray) -> Iterator[tuple[DiagnosticStatus, dict[str, str]]]:
-    """Statuses of this namespace, with their values."""
+    """Statuses of this namespace, with their values; not one with two values of a key."""
     for status in message.status:
-        if status.name.startswith(_OWN):
+        if status.name.startswith(_OWN) and not doubled(pair.key for pair in status.values):
             yield status, {pair.key: pair.value for pair in status.values}
 
 

@@ -1,0 +1,88 @@
+"""What `run` says while it goes on: one line, kept up to date on a terminal, now and then elsewhere."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from types import TracebackType
+from typing import Self
+
+from rich.live import Live
+from rich.text import Text
+
+from tbm_gsa.app.cli.output import notes
+from tbm_msgs_py.base.texts import listed, printable
+from tbm_msgs_py.topics import status_name
+
+PERIOD_S = 60.0
+"""Between two lines in a pipe, as to the journal of a service."""
+ALARM_S = 5.0
+"""Between two lines there that tell of other alarms."""
+_COMPARISON = status_name("comparison ")
+
+Diagnostics = Mapping[str, tuple[int, str, Mapping[str, str]]]
+"""Level, text and values by the name of the status."""
+
+
+class StatusLine:
+    """Shows the status of a run inside a `with` block.
+
+    Parameters
+    ----------
+    logs : Path
+        Folder of the logs.
+    duration : float, optional
+        Stream time at which the run ends, s.
+    clock : callable
+        Seconds.
+    """
+
+    def __init__(self, logs: Path, duration: float | None, clock: Callable[[], float] = time.monotonic) -> None:
+        self._logs, self._duration, self._clock = logs, duration, clock
+        self._live = Live(console=notes, transient=True, auto_refresh=False) if notes.is_terminal else None
+        self._printed = -math.inf
+        self._alarms: list[str] = []
+
+    def __enter__(self) -> Self:
+        if self._live:
+            self._live.start()
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        if self._live:
+            self._live.stop()
+
+    def update(self, diagnostics: Diagnostics, stream_time: float) -> None:
+        """Show how things are at a stream time, s."""
+        points = {
+            name.removeprefix(_COMPARISON): values
+            for name, (_, _, values) in sorted(diagnostics.items())
+            if name.startswith(_COMPARISON)
+        }
+        alarms = [point for point, values in points.items() if values.get("alarm") == "1"]
+        if self._live:
+            self._live.update(Text(self._text(points, alarms, stream_time), no_wrap=True), refresh=True)
+        elif self._clock() - self._printed >= (PERIOD_S if alarms == self._alarms else ALARM_S):
+            self._printed, self._alarms = self._clock(), alarms
+            notes.print(self._text(points, alarms, stream_time), highlight=False)
+
+    def _text(self, points: Mapping[str, Mapping[str, str]], alarms: list[str], stream_time: float) -> str:
+        of = "" if self._duration is None else f" of {self._duration:g}"
+        errors = [error for values in points.values() if math.isfinite(error := _axial_error(values))]
+        compared = f"{len(points)} points, {len(errors)} compared"
+        if errors:
+            compared += f", axial error {min(errors):.2f} to {max(errors):.2f}"
+        alarm = f"alarm at {listed(alarms)}" if alarms else "no alarm"
+        return printable(f"{stream_time:.0f}{of} s: {compared}; {alarm}; logs in {self._logs}")
+
+
+def _axial_error(values: Mapping[str, str]) -> float:
+    """Relative error along x; NaN without one, or where others publish nonsense under our names."""
+    try:
+        return float(values.get("relative_error_x", "nan"))
+    except ValueError:
+        return math.nan

@@ -1,0 +1,74 @@
+"""Settings of the analysis node and the live view."""
+
+from __future__ import annotations
+
+import os
+from typing import Annotated, Literal
+
+from pydantic import AfterValidator, Field
+
+from tbm_msgs_py import topics
+from tbm_msgs_py.base.fields import FrozenModel
+from tbm_msgs_py.nodes.parameters import (
+    MachineSettings,
+    Names,
+    NodeSettings,
+    WritingSettings,
+    each_once,
+    live_parameter,
+    parameter,
+)
+
+OFF = "none"
+"""History file of a node that keeps none."""
+_Axes = Annotated[tuple[Literal["x", "y", "z"], ...], Field(min_length=1), AfterValidator(each_once)]
+_MOST_WORKERS = max(2, os.cpu_count() or 1)
+
+
+class GsaSettings(FrozenModel):
+    """The sensitivity analyses that the node starts."""
+
+    on_threshold: bool = live_parameter(True, "start the sensitivity analysis when the alarm is raised")
+    pause: float = live_parameter(
+        60.0, "least time from the start of a study to one that an alarm starts (min)", low=0.0, high=100000.0
+    )
+    samples: int = live_parameter(200, "training simulations", low=10, high=100000)
+    test: int = live_parameter(20, "test simulations", low=2, high=100000)
+    duration: float = live_parameter(3.0, "length of a simulation (s)", low=0.1, high=600.0)
+    outputs: Names = live_parameter((), "outputs analysed; empty: the eight indicators of Table 3")
+    seed: int = live_parameter(0, "seed of design and loads", low=0, high=2**31 - 1)
+    workers: int = live_parameter(2, "processes, one a core at most", low=1, high=_MOST_WORKERS)
+    folder: str = live_parameter("tbm_gsa_studies", "folder that gets one folder a study", written=True, no_path=())
+
+
+class AnalysisSettings(MachineSettings, WritingSettings):
+    """Parameters of `analysis_node`."""
+
+    window: float = live_parameter(topics.WINDOW, "length of a comparison window (s)", low=0.1, high=3600.0)
+    threshold: float = live_parameter(topics.ERROR_THRESHOLD, "relative error that counts (1)", low=0.001, high=100.0)
+    threshold_windows: int = live_parameter(
+        topics.ERROR_WINDOWS, "windows in a row over the threshold that raise the alarm", low=1, high=10000
+    )
+    alarm_axes: _Axes = live_parameter(("x",), "axes whose error is watched; the paper compares the axial one, x")
+    mapping: str = parameter(
+        "", "mapping file of the field topics; empty: the topics of the contract, m/s², gravity removed"
+    )
+    history: str = parameter(
+        "",
+        "history file of the windows; empty: tbm_monitor/history.sqlite in the user's data folder; none: not kept",
+        written=True,
+        no_path=("", OFF),
+    )
+    history_days: float = parameter(90.0, "age at which live windows go; 0: never (d)", low=0.0, high=36500.0)
+    baseline: str = live_parameter(
+        "", "baseline in the history whose errors alarms are set against; empty: the threshold is absolute"
+    )
+    gsa: GsaSettings = GsaSettings()
+
+
+class LiveViewSettings(NodeSettings):
+    """Parameters of `live_view`."""
+
+    host: str = parameter("127.0.0.1", "address the server listens at; the default is this computer only")
+    port: int = parameter(8765, "TCP port; 0 for a free one, which the log names", low=0, high=65535)
+    blocks: bool = parameter(False, "show blocks too: no panel draws them, a recording may want them")
