@@ -1,0 +1,225 @@
+"""Band powers along every input that may have changed: those of the model at a few values, and between them.
+
+What an input does is computed once for a machine and a reading, at places that are even in the space of the input's
+distribution (the logarithm of stiffness and damping); logarithms between them follow Akima's curve as modified in
+scipy. Covariances of chance are those of the machine as it stands with the sizes that belong to a value: correlations
+between statistics hardly move with an input, the width of a peak does.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from concurrent.futures import ProcessPoolExecutor, as_completed
+from dataclasses import dataclass, replace
+from functools import cached_property
+from multiprocessing import get_context
+from typing import Final
+
+import numpy as np
+import scipy.interpolate
+
+from tbm_dynamics import Machine
+from tbm_gsa.explanation.band_reading import BandReading
+from tbm_gsa.explanation.load_scatter import LoadScatter, load_scatter
+from tbm_gsa.explanation.load_transfer import LoadTransfer, machine_motion
+from tbm_gsa.explanation.ranges import explaining_inputs
+from tbm_gsa.sensitivity.study.inputs import InputSet
+from tbm_msgs_py.base.arrays import Array
+from tbm_msgs_py.base.errors import InputError
+
+KNOTS: Final = 7
+"""Values along an input; the machine's own comes in if it is none of them."""
+WORKERS: Final = 2
+_SAME: Final = 1e-3  # of the range, by which a value is still the machine's own
+_FELT: Final = 1e-12  # of a statistic's power: what is less is rounding
+
+Progress = Callable[[int, int], None]
+"""Called with how many machines are done, and of how many."""
+
+
+@dataclass(frozen=True, eq=False)
+class CurveTable:
+    """Machines along one input; v values, r groups of loads, k statistics.
+
+    Attributes
+    ----------
+    unit : ndarray, shape (v,)
+        Values in the unit interval of the input's distribution, ascending.
+    gain, modulated : ndarray, shape (v, r, k)
+        As in `LoadTransfer`.
+    meshes : ndarray, shape (v, k)
+    spread : ndarray, shape (v, r, k)
+        Standard deviation of what each group does alone at a factor of 1, times the root of the duration.
+    """
+
+    unit: Array
+    gain: Array
+    modulated: Array
+    meshes: Array
+    spread: Array
+
+
+@dataclass(frozen=True, eq=False)
+class CauseCurves:
+    """Band powers of a machine along every input that may have changed.
+
+    Attributes
+    ----------
+    inputs : InputSet
+    nominal : LoadScatter
+        Of the machine as it stands.
+    tables : mapping of str to CurveTable
+        By code of the input.
+    """
+
+    inputs: InputSet
+    nominal: LoadScatter
+    tables: Mapping[str, CurveTable]
+
+    def at(self, code: str, value: float) -> LoadScatter:
+        """Band powers and their scatter with one input at a value.
+
+        Raises
+        ------
+        InputError
+            An input that is not explained with, or a value beyond its range.
+        """
+        if code not in self.tables:
+            raise InputError(f"input {code!r}, allowed: {', '.join(self.tables)}")
+        item = self.inputs[code]
+        if not item.lower <= value <= item.upper:
+            raise InputError(f"input {code} is {value:g}, allowed: {item.lower:g} to {item.upper:g}")
+        return self.along(code, float(item.distribution.to_unit(value)))
+
+    def along(self, code: str, unit: float) -> LoadScatter:
+        """Band powers and their scatter with one input at a place 0 to 1 of its distribution."""
+        before = self.nominal.transfer
+        gain, share, meshes, spread = self._curves[code](unit)
+        transfer = LoadTransfer(
+            statistics=before.statistics,
+            gain=before.gain * np.exp(gain),
+            modulated=before.gain * np.exp(gain) * share.clip(0.0, 1.0),
+            meshes=before.meshes * np.exp(meshes[0]),
+        )
+        sizes = np.vstack([np.exp(spread), np.exp(meshes[:1]), np.ones_like(meshes[:1])])
+        lines = np.exp(gain)
+        return replace(
+            self.nominal,
+            transfer=transfer,
+            falling=_scaled(self.nominal.falling, sizes),
+            staying=_scaled(self.nominal.staying, lines),
+        )
+
+    @cached_property
+    def _curves(self) -> dict[str, Callable[[float], Array]]:
+        """By code: what a machine has over the one as it stands at a place, (4, r, k).
+
+        Logarithms of gain, meshes (the same in every row) and spread; share that is modulated.
+        """
+        before, spread = self.nominal.transfer, spread_of(self.nominal)
+        found = {}
+        for code, table in self.tables.items():
+            meshes = _log_ratio(table.meshes, before.meshes)[:, None] + np.zeros_like(table.gain)
+            share = table.modulated / np.maximum(table.gain, np.finfo(float).tiny)
+            parts = [_log_ratio(table.gain, before.gain), share, meshes, _log_ratio(table.spread, spread)]
+            found[code] = scipy.interpolate.Akima1DInterpolator(
+                table.unit, np.stack(parts, axis=1), axis=0, method="makima"
+            )
+        return found
+
+
+def cause_curves(
+    machine: Machine, reading: BandReading, workers: int = WORKERS, progress: Progress = lambda *_: None
+) -> CauseCurves:
+    """Compute the curves of a machine at its operating point.
+
+    Parameters
+    ----------
+    machine : Machine
+    reading : BandReading
+    workers : int
+        Processes; with one, it is done here.
+    progress : callable, optional
+    """
+    inputs = explaining_inputs(machine)
+    nominal = load_scatter(machine_motion(machine, reading))
+    own = _Row.of(nominal)
+    units, jobs = {}, []
+    for item, place in zip(inputs.inputs, inputs.to_unit([[one.initial for one in inputs.inputs]])[0], strict=True):
+        even = np.linspace(0.0, 1.0, KNOTS)
+        units[item.code] = np.sort(np.append(even[np.abs(even - place) > _SAME], place))
+        values = item.distribution.from_unit(units[item.code])
+        jobs += [
+            (item.code, number, float(value))
+            for number, (value, unit) in enumerate(zip(values, units[item.code], strict=True))
+            if unit != place
+        ]
+    rows = {code: [own] * len(unit) for code, unit in units.items()}
+    for (code, number), row in _computed(machine, reading, jobs, workers, progress):
+        rows[code][number] = row
+    return CauseCurves(inputs, nominal, {code: _Row.table(units[code], found) for code, found in rows.items()})
+
+
+@dataclass(frozen=True, eq=False)
+class _Row:
+    """One machine of a table."""
+
+    gain: Array
+    modulated: Array
+    meshes: Array
+    spread: Array
+
+    @classmethod
+    def of(cls, scatter: LoadScatter) -> _Row:
+        transfer = scatter.transfer
+        return cls(transfer.gain, transfer.modulated, transfer.meshes, spread_of(scatter))
+
+    @staticmethod
+    def table(unit: Array, rows: list[_Row]) -> CurveTable:
+        names = ("gain", "modulated", "meshes", "spread")
+        return CurveTable(unit, **{name: np.array([getattr(row, name) for row in rows]) for name in names})
+
+
+Job = tuple[str, int, float]
+Done = tuple[tuple[str, int], _Row]
+
+
+def _computed(machine: Machine, reading: BandReading, jobs: list[Job], workers: int, progress: Progress) -> list[Done]:
+    """Rows of machines, by code and number."""
+    if workers == 1:
+        return [((code, number), _row(machine, reading, code, value)) for code, number, value in jobs]
+    found = []
+    with ProcessPoolExecutor(workers, get_context("spawn")) as pool:
+        ends = {pool.submit(_row, machine, reading, code, value): (code, number) for code, number, value in jobs}
+        for end in as_completed(ends):
+            found.append((ends[end], end.result()))
+            progress(len(found), len(jobs))
+    return found
+
+
+def _row(machine: Machine, reading: BandReading, code: str, value: float) -> _Row:
+    return _Row.of(load_scatter(machine_motion(machine.with_inputs(**{code: value}), reading)))
+
+
+def spread_of(scatter: LoadScatter) -> Array:
+    """Return the standard deviation of the band powers of each group alone, times the root of the duration, (r, k)."""
+    groups = np.arange(len(scatter.transfer.gain))
+    own = np.diagonal(scatter.falling[groups, groups], axis1=1, axis2=2)
+    return np.asarray(np.sqrt(own.clip(0.0)))
+
+
+def _log_ratio(values: Array, before: Array) -> Array:
+    """Logarithm of values (v, …, k) over those before (…, k); 0 where what is there is rounding of a larger one."""
+    least = _FELT * before.reshape(-1, before.shape[-1]).max(axis=0)
+    felt = (before > least) & (values > 0.0).all(axis=0)
+    ratio = np.where(felt, values, 1.0) / np.where(felt, before, 1.0)
+    return np.asarray(np.log(ratio))
+
+
+def _scaled(covariances: Array, sizes: Array) -> Array:
+    """Covariances (s, s, k, k) with the sizes (s, k) of each source, the same if sources and statistics change places.
+
+    Element (s, t, k, l) belongs to the powers of s and t in both statistics.
+    """
+    one = np.einsum("sk,tl->stkl", sizes, sizes)
+    return np.asarray(covariances * 0.5 * (one + one.swapaxes(0, 1)))

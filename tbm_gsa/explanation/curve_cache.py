@@ -1,0 +1,97 @@
+"""Curves kept on disk, so that the next explanation of a machine is ready at once."""
+
+from __future__ import annotations
+
+import hashlib
+import io
+import json
+import os
+import zipfile
+import zlib
+from contextlib import suppress
+from dataclasses import asdict
+from pathlib import Path
+from typing import Final
+
+import numpy as np
+
+from tbm_dynamics import Machine
+from tbm_gsa.explanation.band_reading import BandReading
+from tbm_gsa.explanation.cause_curves import KNOTS, WORKERS, CauseCurves, CurveTable, Progress, cause_curves
+from tbm_gsa.explanation.load_scatter import LoadScatter
+from tbm_gsa.explanation.load_transfer import LoadTransfer
+from tbm_gsa.explanation.ranges import explaining_inputs
+from tbm_gsa.provenance import package_versions
+from tbm_msgs_py.base.files import write_whole
+
+FORMAT: Final = 1
+"""Raised with whatever changes what the curves of a machine are."""
+KEPT: Final = 16
+"""Files of 2 MB; the oldest goes."""
+_DAMAGED: Final = (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile, zlib.error)
+_TABLE: Final = ("unit", "gain", "modulated", "meshes", "spread")
+_SCATTER: Final = ("falling", "staying", "width")
+_TRANSFER: Final = ("gain", "modulated", "meshes")
+
+
+def cache_folder() -> Path:
+    """``tbm_monitor/curves`` in the user's cache folder (``$XDG_CACHE_HOME``)."""
+    given = os.environ.get("XDG_CACHE_HOME")
+    return (Path(given) if given else Path(os.path.expanduser("~/.cache"))) / "tbm_monitor" / "curves"  # noqa: PTH111
+
+
+def cached_curves(
+    machine: Machine, reading: BandReading, workers: int = WORKERS, progress: Progress = lambda *_: None
+) -> CauseCurves:
+    """Curves of a machine at its operating point and a reading, from the disk if they are there whole.
+
+    Where the folder cannot be written they are computed each time. Parameters as those of `cause_curves`.
+    """
+    path = cache_folder() / f"{_key(machine, reading)}.npz"
+    with suppress(*_DAMAGED):
+        return _read(path, machine, reading)
+    found = cause_curves(machine, reading, workers, progress)
+    with suppress(OSError):
+        path.parent.mkdir(parents=True, exist_ok=True)
+        write_whole(path, _written(found))
+        for old in sorted(path.parent.glob("*.npz"), key=lambda one: one.stat().st_mtime)[:-KEPT]:
+            old.unlink()
+    return found
+
+
+def _key(machine: Machine, reading: BandReading) -> str:
+    """Digest of all that the curves come from."""
+    parts = {
+        "format": (FORMAT, KNOTS),
+        "machine": machine.description.model_dump_json(),
+        "reading": {
+            "sensors": {point: asdict(sensor) for point, sensor in reading.sensors.items()},
+            "numbers": (reading.bands, reading.rate_hz, asdict(reading.band), reading.segment_s),
+        },
+        "version": package_versions().get("tbm_monitor", "source"),
+    }
+    return hashlib.sha256(json.dumps(parts).encode()).hexdigest()[:32]
+
+
+def _written(curves: CauseCurves) -> bytes:
+    arrays = {f"nominal/{name}": getattr(curves.nominal, name) for name in _SCATTER}
+    arrays |= {f"transfer/{name}": getattr(curves.nominal.transfer, name) for name in _TRANSFER}
+    for code, table in curves.tables.items():
+        arrays |= {f"{code}/{name}": getattr(table, name) for name in _TABLE}
+    file = io.BytesIO()
+    np.savez_compressed(file, **arrays)
+    return file.getvalue()
+
+
+def _read(path: Path, machine: Machine, reading: BandReading) -> CauseCurves:
+    """Curves of a file, each part of which has a checksum; an error of `_DAMAGED` if it is not whole."""
+    inputs, statistics = explaining_inputs(machine), reading.statistics
+    with np.load(path, allow_pickle=False) as file:
+        transfer = LoadTransfer(statistics, **{name: file[f"transfer/{name}"] for name in _TRANSFER})
+        nominal = LoadScatter(
+            transfer, **{name: file[f"nominal/{name}"] for name in _SCATTER}, segment_s=reading.segment_s
+        )
+        tables = {
+            item.code: CurveTable(**{name: file[f"{item.code}/{name}"] for name in _TABLE}) for item in inputs.inputs
+        }
+    return CauseCurves(inputs, nominal, tables)
