@@ -20,15 +20,18 @@ import scipy.interpolate
 
 from tbm_dynamics import Machine
 from tbm_gsa.explanation.band_reading import BandReading
-from tbm_gsa.explanation.load_scatter import LoadScatter, load_scatter
-from tbm_gsa.explanation.load_transfer import LoadTransfer, machine_motion
-from tbm_gsa.explanation.ranges import explaining_inputs
-from tbm_gsa.sensitivity.study.inputs import InputSet
+from tbm_gsa.explanation.load_scatter import LoadScatter, group_spread, load_scatter
+from tbm_gsa.explanation.load_transfer import LoadTransfer, MachineMotion, machine_motion
+from tbm_gsa.explanation.ranges import DECADE, explaining_inputs
+from tbm_gsa.sensitivity.study.distributions import Distribution, LogUniform, Uniform
+from tbm_gsa.sensitivity.study.inputs import Input, InputSet
 from tbm_msgs_py.base.arrays import Array
 from tbm_msgs_py.base.errors import InputError
 
-KNOTS: Final = 7
-"""Values along an input; the machine's own comes in if it is none of them."""
+CELLS: Final[Mapping[type[Distribution], int]] = {Uniform: 2, LogUniform: 6}
+"""Parts of the range of an input, between whose ends the model is computed, and at the machine's own value."""
+CELLS_OVER_DECADES: Final = 8
+"""Sharp peaks come and go with damping, which spans more than one."""
 WORKERS: Final = 2
 _SAME: Final = 1e-3  # of the range, by which a value is still the machine's own
 _FELT: Final = 1e-12  # of a statistic's power: what is less is rounding
@@ -116,7 +119,9 @@ class CauseCurves:
 
         Logarithms of gain, meshes (the same in every row) and spread; share that is modulated.
         """
-        before, spread = self.nominal.transfer, spread_of(self.nominal)
+        before = self.nominal.transfer
+        groups = np.arange(len(before.gain))
+        spread = np.sqrt(np.diagonal(self.nominal.falling[groups, groups], axis1=1, axis2=2).clip(0.0))
         found = {}
         for code, table in self.tables.items():
             meshes = _log_ratio(table.meshes, before.meshes)[:, None] + np.zeros_like(table.gain)
@@ -142,11 +147,12 @@ def cause_curves(
     progress : callable, optional
     """
     inputs = explaining_inputs(machine)
-    nominal = load_scatter(machine_motion(machine, reading))
-    own = _Row.of(nominal)
+    motion = machine_motion(machine, reading)
+    nominal = load_scatter(motion)
+    own = _Row.of(motion)
     units, jobs = {}, []
     for item, place in zip(inputs.inputs, inputs.to_unit([[one.initial for one in inputs.inputs]])[0], strict=True):
-        even = np.linspace(0.0, 1.0, KNOTS)
+        even = np.linspace(0.0, 1.0, _cells(item) + 1)
         units[item.code] = np.sort(np.append(even[np.abs(even - place) > _SAME], place))
         values = item.distribution.from_unit(units[item.code])
         jobs += [
@@ -160,6 +166,10 @@ def cause_curves(
     return CauseCurves(inputs, nominal, {code: _Row.table(units[code], found) for code, found in rows.items()})
 
 
+def _cells(item: Input) -> int:
+    return CELLS_OVER_DECADES if item.upper > DECADE * item.lower else CELLS[type(item.distribution)]
+
+
 @dataclass(frozen=True, eq=False)
 class _Row:
     """One machine of a table."""
@@ -170,9 +180,9 @@ class _Row:
     spread: Array
 
     @classmethod
-    def of(cls, scatter: LoadScatter) -> _Row:
-        transfer = scatter.transfer
-        return cls(transfer.gain, transfer.modulated, transfer.meshes, spread_of(scatter))
+    def of(cls, motion: MachineMotion) -> _Row:
+        transfer = motion.transfer()
+        return cls(transfer.gain, transfer.modulated, transfer.meshes, group_spread(motion))
 
     @staticmethod
     def table(unit: Array, rows: list[_Row]) -> CurveTable:
@@ -198,14 +208,7 @@ def _computed(machine: Machine, reading: BandReading, jobs: list[Job], workers: 
 
 
 def _row(machine: Machine, reading: BandReading, code: str, value: float) -> _Row:
-    return _Row.of(load_scatter(machine_motion(machine.with_inputs(**{code: value}), reading)))
-
-
-def spread_of(scatter: LoadScatter) -> Array:
-    """Return the standard deviation of the band powers of each group alone, times the root of the duration, (r, k)."""
-    groups = np.arange(len(scatter.transfer.gain))
-    own = np.diagonal(scatter.falling[groups, groups], axis1=1, axis2=2)
-    return np.asarray(np.sqrt(own.clip(0.0)))
+    return _Row.of(machine_motion(machine.with_inputs(**{code: value}), reading))
 
 
 def _log_ratio(values: Array, before: Array) -> Array:

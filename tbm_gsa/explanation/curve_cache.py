@@ -17,7 +17,7 @@ import numpy as np
 
 from tbm_dynamics import Machine
 from tbm_gsa.explanation.band_reading import BandReading
-from tbm_gsa.explanation.cause_curves import KNOTS, WORKERS, CauseCurves, CurveTable, Progress, cause_curves
+from tbm_gsa.explanation.cause_curves import WORKERS, CauseCurves, CurveTable, Progress, cause_curves
 from tbm_gsa.explanation.load_scatter import LoadScatter
 from tbm_gsa.explanation.load_transfer import LoadTransfer
 from tbm_gsa.explanation.ranges import explaining_inputs
@@ -62,7 +62,7 @@ def cached_curves(
 def _key(machine: Machine, reading: BandReading) -> str:
     """Digest of all that the curves come from."""
     parts = {
-        "format": (FORMAT, KNOTS),
+        "format": FORMAT,
         "machine": machine.description.model_dump_json(),
         "reading": {
             "sensors": {point: asdict(sensor) for point, sensor in reading.sensors.items()},

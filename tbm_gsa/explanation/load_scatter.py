@@ -91,22 +91,17 @@ def load_scatter(motion: MachineMotion) -> LoadScatter:
     """Scatter of the band powers of a machine."""
     density, reading = motion.density, motion.reading
     bin_hz = float(motion.mesh_frequency[1])
-    groups = range(len(density.noise))
-    noise = [_Spectra.of(motion.noise, part) for part in density.noise]
-    lines = [_Spectra.of(motion.lines, part) for part in density.line_power]
-    beside = [part.at(_nearest(density.frequency, density.line_frequency)) for part in noise]
+    groups, sources = range(len(density.noise)), _LoadSpectra.of(motion)
+    noise, lines, on_noise, on_lines = sources.noise, sources.lines, sources.on_noise, sources.on_lines
     near = _nearest(density.frequency, motion.mesh_frequency)
     inside = np.abs(density.frequency[near] - motion.mesh_frequency) <= SPACING_HZ
     mesh, at_mesh = _Spectra.coherent(motion.mesh[inside]), [part.at(near[inside]) for part in noise]
-    on_noise, on_lines, on_bins = map(
-        reading.weights, (density.frequency, density.line_frequency, motion.mesh_frequency)
-    )
+    on_bins = reading.weights(motion.mesh_frequency)
     white = _Spectra.white(motion.mesh.shape[1])
     falling = np.zeros((len(groups) + 2, len(groups) + 2, *(2 * [len(on_bins)]), *(2 * [white.columns])))
     for r in groups:
         for s in groups:
-            falling[r, s] = SPACING_HZ * noise[r].summed(noise[s], on_noise) + beside[r].summed(lines[s], on_lines)
-            falling[r, s] += lines[r].summed(beside[s], on_lines)
+            falling[r, s] = sources.falling(r, s)
         falling[r, -2] = falling[-2, r] = at_mesh[r].summed(mesh, on_bins[:, inside])
         falling[r, -1] = SPACING_HZ * noise[r].summed(white, on_noise) + lines[r].summed(white, on_lines)
         falling[-1, r] = falling[r, -1]
@@ -124,6 +119,13 @@ def load_scatter(motion: MachineMotion) -> LoadScatter:
     )
 
 
+def group_spread(motion: MachineMotion) -> Array:
+    """Return the standard deviation of what each group of loads does alone, times the root of the duration, (r, k)."""
+    sources = _LoadSpectra.of(motion)
+    own = _read(np.array([[sources.falling(r, r)] for r in range(len(sources.noise))]), motion.reading.columns)
+    return np.asarray(np.sqrt(np.diagonal(own[:, 0], axis1=1, axis2=2).clip(0.0)))
+
+
 def _nearest(frequency: Array, wanted: Array) -> Integers:
     """Places (m,) of the frequencies (f,), ascending, that are nearest to others (m,)."""
     above = np.searchsorted(frequency, wanted).clip(1, len(frequency) - 1)
@@ -135,6 +137,34 @@ def _read(sums: Array, columns: Array) -> Array:
     found = np.einsum("ao,pq,stbcoq->stabpc", columns, columns, sums, optimize=True)
     count = found.shape[2] * found.shape[3]
     return np.asarray(found.reshape(*found.shape[:2], count, count))
+
+
+@dataclass(frozen=True, eq=False)
+class _LoadSpectra:
+    """Cross-spectra of what each group of loads does: its noise, its lines, the noise beside the lines; and weights."""
+
+    noise: list[_Spectra]
+    lines: list[_Spectra]
+    beside: list[_Spectra]
+    on_noise: Array
+    on_lines: Array
+
+    @classmethod
+    def of(cls, motion: MachineMotion) -> Self:
+        density = motion.density
+        noise = [_Spectra.of(motion.noise, part) for part in density.noise]
+        lines = [_Spectra.of(motion.lines, part) for part in density.line_power]
+        near = _nearest(density.frequency, density.line_frequency)
+        weights = map(motion.reading.weights, (density.frequency, density.line_frequency))
+        return cls(noise, lines, [part.at(near) for part in noise], *weights)
+
+    def falling(self, r: int, s: int) -> Array:
+        """Return what two groups do to the covariance of all columns that falls with time, (b, b, o, o)."""
+        return np.asarray(
+            SPACING_HZ * self.noise[r].summed(self.noise[s], self.on_noise)
+            + self.beside[r].summed(self.lines[s], self.on_lines)
+            + self.lines[r].summed(self.beside[s], self.on_lines)
+        )
 
 
 @dataclass(frozen=True, eq=False)

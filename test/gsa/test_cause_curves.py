@@ -15,6 +15,7 @@ from tbm_gsa.explanation.curve_cache import cache_folder, cached_curves
 from tbm_gsa.explanation.load_scatter import load_scatter
 from tbm_gsa.explanation.load_transfer import machine_motion
 from tbm_gsa.explanation.ranges import explaining_inputs
+from tbm_gsa.sensitivity.study.distributions import LogUniform
 from tbm_gsa.sensitivity.study.inputs import InputSet
 from tbm_msgs_py.base.errors import InputError
 
@@ -32,7 +33,7 @@ def one_input(monkeypatch, tmp_path):
     few = lambda machine: InputSet(tuple(one for one in explaining_inputs(machine).inputs if one.code == "x16"))  # noqa: E731
     for where in (module, curve_cache):
         monkeypatch.setattr(where, "explaining_inputs", few)
-    monkeypatch.setattr(module, "KNOTS", 3)
+    monkeypatch.setattr(module, "CELLS", {LogUniform: 2})
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
 
 
