@@ -21,11 +21,11 @@ import scipy.interpolate
 from tbm_dynamics import Machine
 from tbm_gsa.explanation.band_reading import BandReading
 from tbm_gsa.explanation.load_scatter import LoadScatter, group_spread, load_scatter
-from tbm_gsa.explanation.load_transfer import LoadTransfer, MachineMotion, machine_motion
+from tbm_gsa.explanation.load_transfer import MachineMotion, machine_motion
 from tbm_gsa.explanation.ranges import DECADE, explaining_inputs
 from tbm_gsa.sensitivity.study.distributions import Distribution, LogUniform, Uniform
 from tbm_gsa.sensitivity.study.inputs import Input, InputSet
-from tbm_msgs_py.base.arrays import Array
+from tbm_msgs_py.base.arrays import Array, Integers
 from tbm_msgs_py.base.errors import InputError
 
 CELLS: Final[Mapping[type[Distribution], int]] = {Uniform: 2, LogUniform: 6}
@@ -33,6 +33,8 @@ CELLS: Final[Mapping[type[Distribution], int]] = {Uniform: 2, LogUniform: 6}
 CELLS_OVER_DECADES: Final = 8
 """Sharp peaks come and go with damping, which spans more than one."""
 WORKERS: Final = 2
+_FEWEST: Final = 5  # values of which every other one makes a curve
+_ERROR_SHARE: Final = 0.5
 _SAME: Final = 1e-3  # of the range, by which a value is still the machine's own
 _FELT: Final = 1e-12  # of a statistic's power: what is less is rounding
 
@@ -60,6 +62,11 @@ class CurveTable:
     modulated: Array
     meshes: Array
     spread: Array
+
+    def only(self, places: Integers) -> CurveTable:
+        """Of some statistics (u,) alone."""
+        arrays = {name: getattr(self, name)[..., places] for name in ("gain", "modulated", "meshes", "spread")}
+        return replace(self, **arrays)
 
 
 @dataclass(frozen=True, eq=False)
@@ -96,22 +103,33 @@ class CauseCurves:
 
     def along(self, code: str, unit: float) -> LoadScatter:
         """Band powers and their scatter with one input at a place 0 to 1 of its distribution."""
-        before = self.nominal.transfer
         gain, share, meshes, spread = self._curves[code](unit)
-        transfer = LoadTransfer(
-            statistics=before.statistics,
-            gain=before.gain * np.exp(gain),
-            modulated=before.gain * np.exp(gain) * share.clip(0.0, 1.0),
-            meshes=before.meshes * np.exp(meshes[0]),
+        found = self.nominal.scaled(np.exp(gain), np.exp(meshes[0]), np.ones_like(meshes[0]), np.exp(spread))
+        modulated = found.transfer.gain * share.clip(0.0, 1.0)
+        return replace(found, transfer=replace(found.transfer, modulated=modulated))
+
+    def only(self, places: Integers) -> CauseCurves:
+        """Of some statistics (u,) alone."""
+        return CauseCurves(
+            self.inputs,
+            self.nominal.only(places),
+            {code: table.only(places) for code, table in self.tables.items()},
         )
-        sizes = np.vstack([np.exp(spread), np.exp(meshes[:1]), np.ones_like(meshes[:1])])
-        lines = np.exp(gain)
-        return replace(
-            self.nominal,
-            transfer=transfer,
-            falling=_scaled(self.nominal.falling, sizes),
-            staying=_scaled(self.nominal.staying, lines),
-        )
+
+    def error(self, code: str) -> Array:
+        """Return the standard deviation of a band power's logarithm between the values of an input, (k,).
+
+        Of every other value, from those that are left: the error of twice the distance, which is more than what is
+        wanted by four to eight times where the curve is smooth, and as large where it is rough.
+        """
+        table, factors = self.tables[code], np.ones(len(self.nominal.transfer.gain))
+        powers = np.log(np.square(factors) @ table.gain + table.meshes)
+        if len(table.unit) < _FEWEST:
+            return np.zeros(powers.shape[1])
+        coarse = scipy.interpolate.Akima1DInterpolator(table.unit[::2], powers[::2], axis=0, method="makima")
+        left = powers[1::2] - coarse(table.unit[1::2])
+        left = left[np.isfinite(left).all(axis=1)]  # the last value lies beyond the others if their number is even
+        return np.asarray(_ERROR_SHARE * np.sqrt(np.mean(np.square(left), axis=0)))
 
     @cached_property
     def _curves(self) -> dict[str, Callable[[float], Array]]:
@@ -217,12 +235,3 @@ def _log_ratio(values: Array, before: Array) -> Array:
     felt = (before > least) & (values > 0.0).all(axis=0)
     ratio = np.where(felt, values, 1.0) / np.where(felt, before, 1.0)
     return np.asarray(np.log(ratio))
-
-
-def _scaled(covariances: Array, sizes: Array) -> Array:
-    """Covariances (s, s, k, k) with the sizes (s, k) of each source, the same if sources and statistics change places.
-
-    Element (s, t, k, l) belongs to the powers of s and t in both statistics.
-    """
-    one = np.einsum("sk,tl->stkl", sizes, sizes)
-    return np.asarray(covariances * 0.5 * (one + one.swapaxes(0, 1)))

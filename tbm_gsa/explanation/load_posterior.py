@@ -8,7 +8,7 @@ for the machine (MacKay, "Information Theory, Inference and Learning Algorithms"
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -28,6 +28,8 @@ LEAST_OVER_NOISE = 2.0
 """A band power below so many times that of the sensor's noise says nothing."""
 DYNAMIC_RANGE = 1e-5
 """Nor does one so much weaker than the strongest band of its channel: leakage rules there."""
+NOISE_ERROR = 0.5
+"""And that times the share of the sensor's noise, whose density is known or estimated within so much."""
 _ROUNDS, _SETTLED = 40, 1e-8
 _INTERVAL = 1.6448536269514722  # standard deviations to either end of a 90 % interval
 
@@ -114,7 +116,12 @@ class LoadPosterior:
 
 
 def load_posterior(
-    observed: BandObservation, scatter: LoadScatter, prior: LoadFactors, model_error: float = MODEL_ERROR
+    observed: BandObservation,
+    scatter: LoadScatter,
+    prior: LoadFactors,
+    model_error: float | Array = MODEL_ERROR,
+    used: Integers | None = None,
+    start: Array | None = None,
 ) -> LoadPosterior:
     """Find the factors of the loads that explain band powers, the machine being what it is.
 
@@ -125,21 +132,26 @@ def load_posterior(
         Of the machine and the reading.
     prior : LoadFactors
         Medians, all positive, and the standard deviation of the logarithms.
-    model_error : float
+    model_error : float or ndarray, shape (k,)
         Standard deviation of a band power's logarithm beside chance.
+    used : ndarray of int, shape (u,), optional
+        Statistics to use, by default those that say something (`telling`).
+    start : ndarray, shape (r,), optional
+        Logarithms of factors to begin with, by default those of the prior.
 
     Raises
     ------
     InputError
         No band power that says anything.
     """
-    used = _telling(observed, scatter)
+    used = telling(observed, scatter) if used is None else used
     if not used.size:
         raise InputError("no band power above the sensors' noise: nothing can be said of loads or machine")
     middle, size = np.log(prior.values), prior.log_sigma
     target = np.log(observed.powers[used])
-    step = _Step(observed, scatter, used, model_error)
-    theta = middle.copy()
+    errors = np.broadcast_to(np.asarray(model_error), observed.powers.shape)[used]
+    step = _Step(replace(observed, noise=observed.noise[used]), scatter.only(used), errors)
+    theta = middle if start is None else start
     for _ in range(_ROUNDS):
         residual, slope, chance = step.at(theta, target)
         weighted = scipy.linalg.solve(chance, slope, assume_a="pos")
@@ -166,7 +178,7 @@ def load_posterior(
     )
 
 
-def _telling(observed: BandObservation, scatter: LoadScatter) -> Integers:
+def telling(observed: BandObservation, scatter: LoadScatter) -> Integers:
     """Statistics above the noise, and within the dynamic range of their channel."""
     channels = [(one.point, one.axis) for one in scatter.transfer.statistics]
     strongest: dict[tuple[str, str], float] = {}
@@ -179,24 +191,26 @@ def _telling(observed: BandObservation, scatter: LoadScatter) -> Integers:
 
 @dataclass(frozen=True, eq=False)
 class _Step:
-    """What a Gauss–Newton step needs of the used statistics."""
+    """What a Gauss–Newton step needs, of the used statistics alone."""
 
     observed: BandObservation
     scatter: LoadScatter
-    used: Integers
-    model_error: float
+    model_error: Array
 
     def at(self, theta: Array, target: Array) -> tuple[Array, Array, Array]:
         """Residual (u,), slope of the expectation (u, r) and covariance (u, u) at logarithms of factors (r,)."""
-        factors, used, noise = np.exp(theta), self.used, self.observed.noise
-        powers = self.scatter.expected(factors, noise)[used]
-        slope = 2.0 * np.square(factors)[:, None] * self.scatter.transfer.gain[:, used] / powers
-        chance = self.scatter.covariance(factors, noise, self.observed.duration_s)[np.ix_(used, used)]
+        factors, noise = np.exp(theta), self.observed.noise
+        powers = self.scatter.expected(factors, noise)
+        slope = 2.0 * np.square(factors)[:, None] * self.scatter.transfer.gain / powers
+        chance = self.scatter.covariance(factors, noise, self.observed.duration_s)
         half = np.maximum(1.0 / np.maximum(np.diag(chance), 1e-12), 0.5)  # of the degrees of freedom, one at least
         # The logarithm of a χ² law: its mean lies below that of the law's mean, and it scatters more.
         wider = np.sqrt(scipy.special.polygamma(1, half) * half)
-        shares = self.scatter.transfer.modulated_share(factors)[used]
+        moved = np.square(factors) @ self.scatter.transfer.modulated / powers
+        noisy = self.scatter.width * noise / powers
         chance = chance * np.outer(wider, wider)
-        chance += np.diag(self.model_error**2 + np.square(MODULATION_ERROR * shares))
+        chance += np.diag(
+            np.square(self.model_error) + np.square(MODULATION_ERROR * moved) + np.square(NOISE_ERROR * noisy)
+        )
         residual = target - np.log(powers) - (scipy.special.digamma(half) - np.log(half))
         return residual, slope.T, chance

@@ -72,6 +72,49 @@ class LoadScatter:
         powers = self.expected(factors, noise)
         return np.asarray(found / np.outer(powers, powers))
 
+    def only(self, places: Integers) -> Self:
+        """Of some statistics (u,) alone."""
+        pairs = np.ix_(range(len(self.falling)), range(len(self.falling)), places, places)
+        groups = pairs[0][:-2], pairs[1][:, :-2], *pairs[2:]
+        return replace(
+            self,
+            transfer=self.transfer.only(places),
+            falling=self.falling[pairs],
+            staying=self.staying[groups],
+            width=self.width[places],
+        )
+
+    def scaled(self, groups: Array, meshes: Array, noise: Array, spread: Array | None = None) -> Self:
+        """Return those of a machine or of sensors with other powers, correlations left as they are.
+
+        Parameters
+        ----------
+        groups : ndarray, shape (r, k)
+            Powers of each group of loads over those before.
+        meshes, noise : ndarray, shape (k,)
+            Likewise of the meshes and of the sensors' noise.
+        spread : ndarray, shape (r, k), optional
+            Standard deviations of the groups over those before; by default as their powers.
+        """
+        before = self.transfer
+        transfer = replace(
+            before, gain=before.gain * groups, modulated=before.modulated * groups, meshes=before.meshes * meshes
+        )
+        sizes = np.vstack([groups if spread is None else spread, meshes, noise])
+        return replace(
+            self,
+            transfer=transfer,
+            falling=_scaled(self.falling, sizes),
+            staying=_scaled(self.staying, groups),
+            width=self.width * noise,
+        )
+
+
+def _scaled(covariances: Array, sizes: Array) -> Array:
+    """Covariances (s, s, k, k) with sizes (s, k) of the sources, the same whichever source is in which statistic."""
+    one = np.einsum("sk,tl->stkl", sizes, sizes)
+    return np.asarray(covariances * 0.5 * (one + one.swapaxes(0, 1)))
+
 
 def effective_duration(duration_s: float, segment_s: float) -> float:
     """Time of an even mean with the scatter of that of half overlapping Hann segments of broad noise, s.

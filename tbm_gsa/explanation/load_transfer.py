@@ -13,7 +13,8 @@ and E what they excite under the mean loads. Momentary loss of contact is left o
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import Self
 
 import numpy as np
 import scipy.fft
@@ -25,7 +26,7 @@ from tbm_dynamics.loads.density import SPACING_HZ, LoadDensity, load_density
 from tbm_dynamics.structure.system import DIRECTIONS, System
 from tbm_gsa.explanation.band_reading import BandReading, BandStatistic, Sensor
 from tbm_gsa.explanation.mesh_modulation import modulated_powers
-from tbm_msgs_py.base.arrays import Array
+from tbm_msgs_py.base.arrays import Array, Integers
 from tbm_msgs_py.base.errors import InputError
 
 MESH_START_S, MESH_RUN_S = 1.0, 2.0
@@ -60,6 +61,17 @@ class LoadTransfer:
     def modulated_share(self, factors: Array) -> Array:
         """Share (…, k) of what the meshes move in the band powers at factors (…, r)."""
         return np.asarray(np.square(factors) @ self.modulated / self.predict(factors))
+
+    def only(self, places: Integers) -> Self:
+        """Of some statistics (u,) alone."""
+        statistics = tuple(self.statistics[place] for place in places)
+        return replace(
+            self,
+            statistics=statistics,
+            gain=self.gain[:, places],
+            modulated=self.modulated[:, places],
+            meshes=self.meshes[places],
+        )
 
 
 @dataclass(frozen=True, eq=False)
