@@ -12,16 +12,15 @@ import re
 from itertools import groupby
 from typing import Annotated, Literal, Self
 
-from pydantic import AfterValidator, Field, FiniteFloat, model_validator
+from pydantic import AfterValidator, Field, model_validator
 
 from tbm_dynamics.loads.cutters.description import CutterDescription
 from tbm_dynamics.loads.description import LoadDescription
 from tbm_dynamics.machine.drive import ConnectionType, DriveTemplate, Node, SixStiffnesses
-from tbm_msgs_py.base.fields import FrozenModel, Label, NonNegative, Positive, Source
+from tbm_msgs_py.base.fields import FrozenModel, Label, NonNegative, Positive, Source, Vector3
 from tbm_msgs_py.base.texts import LONGEST_NAME
 from tbm_msgs_py.base.units import R_MIN
 
-Vector3 = tuple[FiniteFloat, FiniteFloat, FiniteFloat]
 GROUND: Literal["ground"] = "ground"
 
 
