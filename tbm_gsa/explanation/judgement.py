@@ -56,11 +56,16 @@ class Judgement:
     blind: tuple[str, ...]
 
     @cached_property
-    def probabilities(self) -> Array:
-        """Of the findings; the four words are as likely beforehand, and what stands for one word is."""
+    def weights(self) -> Array:
+        """Logarithms; the four words are as likely beforehand, and what stands for one word is."""
         words = [VERDICT_OF[one.hypothesis.kind] for one in self.findings]
-        logs = np.array([one.log_evidence for one in self.findings]) - np.log([words.count(word) for word in words])
-        shares = np.exp(logs - logs.max())
+        logs = np.array([one.log_evidence for one in self.findings])
+        return np.asarray(logs - np.log([words.count(word) for word in words]))
+
+    @cached_property
+    def probabilities(self) -> Array:
+        """Of the findings."""
+        shares = np.exp(self.weights - self.weights.max())
         return np.asarray(shares / shares.sum())
 
     @property
@@ -79,7 +84,7 @@ class Judgement:
         """Most probable finding of the most probable word that names something."""
         named: list[Verdict] = ["rock", "machine", "sensor"]
         word = max(named, key=self.words.__getitem__)
-        ranked = sorted(zip(self.probabilities, self.findings, strict=True), key=lambda pair: -pair[0])
+        ranked = sorted(zip(self.weights, self.findings, strict=True), key=lambda pair: -pair[0])
         return next(one for _, one in ranked if VERDICT_OF[one.hypothesis.kind] == word)
 
     @cached_property

@@ -21,8 +21,8 @@ from tbm_gsa.signals.noise_floor import spectrum_floor
 from tbm_msgs_py.base.arrays import Array, Integers
 from tbm_msgs_py.base.errors import InputError
 
-SHORTEST_S: Final = 20.0
-"""Of a recording: five segments; with less the slow axial band scatters by half."""
+SHORTEST_S: Final = 15.0
+"""Of every channel: six or seven segments; with less the slow axial band scatters by half."""
 FEWEST_POINTS: Final = 2
 """Of one point nothing tells the machine from its sensor."""
 FEWEST_TELLING: Final = 4

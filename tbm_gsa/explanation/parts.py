@@ -96,10 +96,11 @@ class ExplanationParts:
 
     def causes(self) -> tuple[InputCause | NoChange, ...]:
         """Return inputs and that nothing has changed, the most probable first."""
-        pairs = zip(self.found.probabilities.tolist(), self.found.findings, strict=True)
-        kinds = ("nothing", "input")
-        ranked = sorted(((p, one) for p, one in pairs if one.hypothesis.kind in kinds), key=lambda pair: -pair[0])
-        return tuple(self._cause(one, probability) for probability, one in ranked)
+        places = [place for place, one in enumerate(self.found.findings) if one.hypothesis.kind in ("nothing", "input")]
+        places.sort(key=lambda place: -self.found.weights[place])
+        return tuple(
+            self._cause(self.found.findings[place], float(self.found.probabilities[place])) for place in places
+        )
 
     def _cause(self, found: Finding, probability: float) -> InputCause | NoChange:
         if found.hypothesis.kind == "nothing":

@@ -317,7 +317,7 @@ LACKING = {
     "2 test points, for of one nothing tells": lambda d: [
         d[part].pop("girder") for part in ("points", "spectra", "nodes", "bands")
     ],
-    "20 s without a gap at one level, the recording has 10 s": lambda d: None,
+    "15 s without a gap at one level, the recording has 10 s": lambda d: None,
     "4 s without a gap at one level at every test point": lambda d: [
         axis["field"].update(resolution_hz=1.0) for axes in d["spectra"].values() for axis in axes.values()
     ],
