@@ -81,7 +81,7 @@ def test_what_a_study_prints_fits(capsys):
 
 def test_what_the_demo_prints_fits(capsys):
     point = {"node": 43, "predicted_g": 10.234, "measured_g": 0.4, "relative_error": 24.59, "windows": 15}
-    output = {"surrogate": "krg", "r2_test": -0.123, "r2_cv": 0.997, "strongest": FIRST}
+    output = {"surrogate": "krg", "r2_test": -0.123, "r2_cv": 0.997, "determined": True, "strongest": FIRST}
     document = {"points": {"cutterhead": point}, "outputs": {LONG_OUTPUT: output}, "blocks": {}, "seconds": 1.0}
     demo.print_tables({**document, "report": "report.html"}, synthetic=True)
     pairs = [f"{code}:{share:.2f}" for code, share in FIRST.items()]

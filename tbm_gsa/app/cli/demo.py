@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Callable, Sequence
 from pathlib import Path
@@ -28,6 +29,7 @@ from tbm_gsa.app.cli.output import (
 from tbm_gsa.app.cli.processes import NodeCommand, NodeProcesses, settle_ros_environment
 from tbm_gsa.app.cli.shipped import shipped_bag
 from tbm_gsa.app.cli.supervision import ACTIVE_STATUSES, watch
+from tbm_gsa.sensitivity.results import NOT_DETERMINED, is_determined
 from tbm_gsa.sensitivity.study.outputs import parse_outputs
 from tbm_msgs_py.bags.metadata import is_synthetic
 from tbm_msgs_py.base.errors import RunError
@@ -167,8 +169,8 @@ def demo_document(machine: Machine, state: WatchState, seconds: float) -> dict[s
     -------
     dict
         ``points{point: {node, predicted_g, measured_g, relative_error, windows}}`` (axial, as the paper's Table 2),
-        ``outputs{name: {surrogate, r2_test, r2_cv, strongest{code: first index}}}``, ``blocks``, ``report``,
-        ``seconds``.
+        ``outputs{name: {surrogate, r2_test, r2_cv, determined, strongest{code: first index}}}``, ``blocks``,
+        ``report``, ``seconds``.
     """
     points = {}
     for point, node in machine.description.test_points.items():
@@ -187,6 +189,7 @@ def demo_document(machine: Machine, state: WatchState, seconds: float) -> dict[s
             "surrogate": values["surrogate"],
             "r2_test": float(values["r2_test"]),
             "r2_cv": float(values["r2_cv"]),
+            "determined": is_determined(float(values["r2_cv"])),
             "strongest": first,
         }
     return {
@@ -211,8 +214,9 @@ def print_tables(document: dict[str, Any], *, synthetic: bool) -> None:
     table = narrow_table(title, "=output", "surrogate", ">R² test", ">R² cv", "inputs")
     for name, row in document["outputs"].items():
         ranked = list(row["strongest"].items())[:_STRONGEST]
-        quality = (f"{row['r2_test']:.3f}", f"{row['r2_cv']:.3f}")
-        add_row(table, name, row["surrogate"], *quality, ranked_inputs(ranked))
+        quality = (f"{r2:.3f}" if math.isfinite(r2) else "–" for r2 in (row["r2_test"], row["r2_cv"]))
+        shown = ranked_inputs(ranked) if row["determined"] else NOT_DETERMINED
+        add_row(table, name, row["surrogate"], *quality, shown)
     results.print(table)
     results.print()
     lost = sum(count["lost"] for count in document["blocks"].values())

@@ -68,6 +68,8 @@ def explain(
 
 
 def _print(found: Explanation) -> None:
+    if found.failure_summary is not None:
+        print_sentence(f"{found.failure_summary.text()}; they are left out")
     headings = ("input", "", ">probability", ">value", ">90 % interval", ">machine's")
     table = narrow_table("What explains the recording, taken as the only change", *headings)
     for cause in found.causes[:_SHOWN]:

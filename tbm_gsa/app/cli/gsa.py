@@ -23,16 +23,18 @@ from tbm_gsa.app.cli.output import (
     narrow_table,
     notes,
     print_json,
+    print_sentence,
     progress_bar,
     ranked_inputs,
     results,
     split_names,
 )
 from tbm_gsa.app.cli.workers import Scheduler, Workers, anonymous_main, shown_progress
-from tbm_gsa.sensitivity.results import REPORT_NAME, StudyResult
+from tbm_gsa.sensitivity.results import NOT_DETERMINED, REPORT_NAME, StudyResult
 from tbm_gsa.sensitivity.study.definition import Definition, read_definition
 from tbm_gsa.sensitivity.study.design import KINDS
 from tbm_gsa.sensitivity.study.evaluate import MachineEvaluation
+from tbm_gsa.sensitivity.study.failures import REFUSED
 from tbm_gsa.sensitivity.study.inputs import PAPER_INPUTS
 from tbm_gsa.sensitivity.study.problem import Problem
 
@@ -44,6 +46,12 @@ app = typer.Typer(add_completion=False, no_args_is_help=True)
 Folder = Annotated[Path, typer.Option("--out", help="Folder of the study: store, result.json, report.html.")]
 Methods = Annotated[
     list[str] | None, typer.Option("--method", help="Surrogate to choose from: svr, krg, rbf or prs; may be repeated.")
+]
+AllowFailures = Annotated[
+    bool,
+    typer.Option(
+        "--allow-failures", help=f"Analyse what is left where more than {REFUSED:.0%} of the simulations failed."
+    ),
 ]
 
 
@@ -65,6 +73,7 @@ def run(
         typer.Option(help="Upper limit of the band of accelerations (Hz); default: a comparison's, 1000."),
     ] = None,
     method: Methods = None,
+    allow_failures: AllowFailures = False,
     workers: Workers = 2,
     scheduler: Scheduler = None,
     seed: Annotated[int, SEED_OPTION] = 0,
@@ -79,7 +88,7 @@ def run(
     evaluate = MachineEvaluation.of(machine, duration, seed, names, high_hz)
     evaluate.check({item.code: (item.lower, item.upper) for item in definition.inputs.inputs})
     problem = Problem(definition.inputs, names, samples, test, seed, evaluate.settings, design)
-    with _running(out, method, workers, scheduler) as options:
+    with _running(out, method, allow_failures, workers, scheduler) as options:
         study = run_study(problem, evaluate, out, options)
     show(study, json)
 
@@ -88,6 +97,7 @@ def run(
 def resume(
     out: Folder = Path("gsa"),
     method: Methods = None,
+    allow_failures: AllowFailures = False,
     workers: Workers = 2,
     scheduler: Scheduler = None,
     json: Annotated[bool, JSON_OPTION] = False,
@@ -95,7 +105,7 @@ def resume(
     """Go on with a study that was interrupted; nothing is simulated twice."""
     from tbm_gsa.sensitivity.study.run import resume_study  # noqa: PLC0415
 
-    with _running(out, method, workers, scheduler) as options:
+    with _running(out, method, allow_failures, workers, scheduler) as options:
         study = resume_study(out, _evaluation, options)
     show(study, json)
 
@@ -105,6 +115,7 @@ def extend(
     samples: Annotated[int, typer.Option(min=1, help="Training simulations to add.")],
     out: Folder = Path("gsa"),
     method: Methods = None,
+    allow_failures: AllowFailures = False,
     workers: Workers = 2,
     scheduler: Scheduler = None,
     json: Annotated[bool, JSON_OPTION] = False,
@@ -112,7 +123,7 @@ def extend(
     """Add training points to a study; its simulations are kept, the new points fill the gaps between them."""
     from tbm_gsa.sensitivity.study.run import resume_study  # noqa: PLC0415
 
-    with _running(out, method, workers, scheduler) as options:
+    with _running(out, method, allow_failures, workers, scheduler) as options:
         study = resume_study(out, _evaluation, options, added=samples)
     show(study, json)
 
@@ -121,13 +132,14 @@ def extend(
 def report(
     out: Folder = Path("gsa"),
     method: Methods = None,
+    allow_failures: AllowFailures = False,
     workers: Workers = 2,
     json: Annotated[bool, JSON_OPTION] = False,
 ) -> None:
     """Analyse a finished store again and write its report anew."""
     from tbm_gsa.sensitivity.study.run import report_study  # noqa: PLC0415
 
-    with _running(out, method, workers) as options:
+    with _running(out, method, allow_failures, workers) as options:
         study = report_study(out, options)
     show(study, json)
 
@@ -141,7 +153,9 @@ def _evaluation(problem: Problem) -> MachineEvaluation:
 
 
 @contextmanager
-def _running(out: Path, method: list[str] | None, workers: int, scheduler: str | None = None) -> Iterator[StudyOptions]:
+def _running(
+    out: Path, method: list[str] | None, allow_failures: bool, workers: int, scheduler: str | None = None
+) -> Iterator[StudyOptions]:
     """Options of a study under way, with its progress, of all surrogates if none is named; after Ctrl-C, a hint."""
     from tbm_gsa.app.report.gsa_page import write_study_report  # noqa: PLC0415
     from tbm_gsa.sensitivity.study.run import StudyOptions  # noqa: PLC0415
@@ -149,17 +163,26 @@ def _running(out: Path, method: list[str] | None, workers: int, scheduler: str |
     methods = tuple(method) if method else StudyOptions.methods
     try:
         with progress_bar() as bar, anonymous_main():
-            yield StudyOptions(methods, workers, scheduler, progress=shown_progress(bar), report=write_study_report)
+            yield StudyOptions(
+                methods,
+                workers,
+                scheduler,
+                progress=shown_progress(bar),
+                allow_failures=allow_failures,
+                report=write_study_report,
+            )
     except KeyboardInterrupt:
         notes.print(f"interrupted; what finished is stored: tbm-monitor gsa resume --out {out}", highlight=False)
         raise
 
 
 def show(study: FinishedStudy, json: bool) -> None:
-    """Print a study as JSON or as a table."""
+    """Print a study as JSON or as a table, what is in doubt above it."""
     if json:
         print_json(study.result.model_dump())
         return
+    for doubt in study.result.doubts():
+        print_sentence(doubt)
     results.print(strongest_table(study.result))
     results.print(f"{study.result.seconds:.1f} s")
     notes.print(f"report: {study.folder / REPORT_NAME}", highlight=False)
@@ -171,6 +194,7 @@ def strongest_table(result: StudyResult, count: int = 5) -> Table:
     table = narrow_table("Strongest inputs, first-order index S1", *headings)
     for name, output in result.outputs.items():
         ranked = sorted(output.first.items(), key=lambda item: item[1], reverse=True)[:count]
+        shown = ranked_inputs(ranked) if output.determined else NOT_DETERMINED
         quality = ("–" if r2 is None else f"{r2:.3f}" for r2 in (output.r2_test, output.r2_cv))
-        add_row(table, name, output.surrogate, *quality, ranked_inputs(ranked))
+        add_row(table, name, output.surrogate, *quality, shown)
     return table

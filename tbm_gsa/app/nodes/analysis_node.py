@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Mapping
+from dataclasses import replace
 from functools import partial
 from typing import Any
 
@@ -77,7 +78,8 @@ class AnalysisNode(ManagedNode):
 
     def configure(self) -> None:
         """Read machine and mapping, create publishers, subscriptions and services."""
-        machine = load_machine(self.value("machine"))
+        self._machine = machine = load_machine(self.value("machine"))
+        self._gsa_options().check(machine)
         self._points = tuple(machine.description.test_points)
         sensors = field_sensors(self.value("mapping"), self._points)
         self._history = self._open_history(machine)
@@ -96,11 +98,16 @@ class AnalysisNode(ManagedNode):
         self.create_service(Trigger, topics.CANCEL_GSA, self._on_cancel_gsa)
 
     def check_parameters(self, values: Mapping[str, Any]) -> None:
-        """Refuse axes and baselines that there are not."""
+        """Refuse axes, baselines and outputs of a study that there are not."""
         if "alarm_axes" in values:
             axis_indices(values["alarm_axes"])
         if "baseline" in values:  # what was read holds until it is set again, whatever happens to the file
             self._baselines[values["baseline"]] = self._history.usual_errors(values["baseline"])
+
+        study = {name.removeprefix("gsa."): value for name, value in values.items() if name.startswith("gsa.")}
+        if study:
+            study["outputs"] = [name for name in study.get("outputs", self.value("gsa.outputs")) if name]
+            replace(self._gsa_options(), **study).check(self._machine)
 
     def parameters_changed(self, names: frozenset[str]) -> None:
         """Restart with another window or alarm; a study that runs keeps its options."""
@@ -246,7 +253,8 @@ class AnalysisNode(ManagedNode):
             return
         now = self.get_clock().now().nanoseconds
         if before is not None and before.state == "running" != status.state:
-            self.get_logger().info(f"sensitivity analysis {status.state}: {status.report or status.reason}")
+            log = self.get_logger().error if status.state == "failed" else self.get_logger().info
+            log(f"sensitivity analysis {status.state}: {status.report or status.reason}")
             if status.state == "finished":
                 study, prefix = self._gsa.result(), self.status_name("sensitivity of")
                 self._gsa_quality = surrogate_quality(study)

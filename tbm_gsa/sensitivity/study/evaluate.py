@@ -11,7 +11,8 @@ from tbm_dynamics.integration.simulator import DEFAULT_STEP
 from tbm_dynamics.machine.description import MachineDescription
 from tbm_gsa.provenance import machine_sha256
 from tbm_gsa.sensitivity.study.errors import StudyError
-from tbm_gsa.sensitivity.study.outputs import Vibration, parse_outputs
+from tbm_gsa.sensitivity.study.outputs import Vibration, check_bands, parse_outputs
+from tbm_gsa.signals.conditioning import common_band
 from tbm_msgs_py.base.texts import quoted
 
 SHORTEST_VIBRATION_S = 1.0  # what the conditioning of a signal makes something of
@@ -57,6 +58,8 @@ class MachineEvaluation:
             raise StudyError(
                 f"duration {self.duration:g} s, allowed: {SHORTEST_VIBRATION_S:g} s or more for accelerations"
             )
+        compared = common_band(1.0 / DEFAULT_STEP)
+        check_bands(self._vibrations, compared.low, compared.high if self.high_hz is None else self.high_hz)
 
     @classmethod
     def of(

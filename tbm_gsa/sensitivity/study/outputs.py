@@ -7,8 +7,10 @@ from typing import Final
 
 from tbm_dynamics.indicators import INDICATORS
 from tbm_gsa.sensitivity.study.errors import StudyError
+from tbm_gsa.signals.windows import SEGMENT_S
 
 AXES: Final = ("x", "y", "z", "yz")
+RESOLUTION_HZ: Final = 1.0 / SEGMENT_S
 _NAME: Final = re.compile(
     r"(?P<statistic>rms|peak|kurtosis)_((?P<low>\d+(\.\d+)?)-(?P<high>\d+(\.\d+)?)_hz_)?(?P<point>.+)_(?P<axis>[xyz]+)"
 )
@@ -53,6 +55,26 @@ def parse_outputs(names: Sequence[str], points: Collection[str]) -> tuple[Vibrat
         A name that is neither.
     """
     return tuple(_vibration(name, points) for name in names if name not in INDICATORS)
+
+
+def check_bands(outputs: Sequence[Vibration], low_hz: float, high_hz: float) -> None:
+    """Refuse bands that are not in the one that signals are conditioned to: beyond it there is rounding noise only.
+
+    Raises
+    ------
+    StudyError
+        Such a band, or one that may lie between two frequencies of a transform.
+    """
+    for output in outputs:
+        if output.band is None:
+            continue
+        low, high = output.band
+        if not (low_hz <= low and high <= high_hz):
+            raise StudyError(
+                f"output {output.name!r}: its band, allowed: inside the compared one, {low_hz:g} to {high_hz:g} Hz"
+            )
+        if high - low < RESOLUTION_HZ:
+            raise StudyError(f"output {output.name!r}: its band, allowed: {RESOLUTION_HZ:g} Hz wide or more")
 
 
 def _vibration(name: str, points: Collection[str]) -> Vibration:

@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Final, Literal, Self
 
 import numpy as np
+from numpy.typing import NDArray
 from pydantic import ConfigDict, TypeAdapter
 
 from tbm_gsa.reading import Number, validated
@@ -180,6 +181,15 @@ class Store:
         X = np.array([self._numbers(inputs, d) for inputs, _ in rows]).reshape(len(rows), d)
         Y = np.array([self._numbers(outputs, q) for _, outputs in rows]).reshape(len(rows), q)
         return X, Y
+
+    def ended(self) -> tuple[Array, NDArray[np.bool_]]:
+        """Read the inputs (n, d) of all simulations that ended, in order, and which of them failed (n,)."""
+        rows = self._connection.execute(
+            "SELECT inputs, status FROM simulations WHERE status <> 'pending' ORDER BY row"
+        ).fetchall()
+        d = len(self.problem.inputs)
+        points = np.array([self._numbers(inputs, d) for inputs, _ in rows]).reshape(len(rows), d)
+        return points, np.array([status == "failed" for _, status in rows], dtype=np.bool_)
 
     def _numbers(self, text: str, count: int) -> list[float]:
         """Read the inputs or outputs of a simulation."""
