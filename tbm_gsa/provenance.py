@@ -17,6 +17,11 @@ def machine_sha256(machine: Machine) -> str:
     return hashlib.sha256(machine.base.model_dump_json().encode()).hexdigest()
 
 
+def machine_file(machine: Machine) -> dict[str, str]:
+    """Origin and digest of a machine, as documents without a model of their own name them."""
+    return {"origin": machine.origin, "sha256": machine_sha256(machine)}
+
+
 def package_versions() -> dict[str, str]:
     """Versions of Python and of what the numbers come from; packages that are not installed are left out."""
     found = {"python": platform.python_version()}

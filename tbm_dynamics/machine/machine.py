@@ -14,7 +14,7 @@ import numpy as np
 from tbm_dynamics.loads.cutters.description import CutterError
 from tbm_dynamics.machine.description import MachineDescription
 from tbm_dynamics.machine.inputs import apply_inputs
-from tbm_dynamics.machine.loading import read_description
+from tbm_dynamics.machine.loading import read_description, shipped_machines
 from tbm_msgs_py.base.errors import MachineError
 from tbm_msgs_py.base.operating_point import OperatingPoint
 from tbm_msgs_py.base.units import R_MIN
@@ -36,7 +36,8 @@ class Machine:
     inputs : mapping
         Inputs changed since, x1 … x25 in Table 4's units, read-only. A multiplier is relative to the file.
     origin : str
-        What error messages call it: the file or shipped name it was loaded from, else the name in the description.
+        What error messages and results call it: the shipped name or the file it was loaded from, the same by whatever
+        path or link it was named; else the name in the description.
     """
 
     base: MachineDescription
@@ -181,4 +182,6 @@ def load_machine(machine: str | Path) -> Machine:
     >>> load_machine("dz101").name
     'dz101'
     """
-    return Machine(read_description(machine), origin=str(machine))
+    described = read_description(machine)
+    shipped = str(machine) in shipped_machines()
+    return Machine(described, origin=str(machine) if shipped else str(Path(machine).resolve()))

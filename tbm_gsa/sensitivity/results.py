@@ -182,11 +182,12 @@ class OutputResult(MethodIndices, SurrogateScores):
 
 
 class SampleCounts(ResultPart):
-    """Training and test simulations that were planned, and how many of them failed."""
+    """Training and test simulations that were planned, how many of them failed, and how many have not ended."""
 
     train: int
     test: int
     failed: int
+    pending: int = 0
 
 
 class Failure(ResultPart):
@@ -225,7 +226,7 @@ class StudyResult(ResultPart):
         cls, store: Store, analysed: Analysed[OutputAnalysis], *, seconds: float, campaign_seconds: float
     ) -> StudyResult:
         """Gather the result of a finished store and its analyses; times as in the class."""
-        problem = store.problem
+        problem, counts = store.problem, store.counts()
         codes, groups = problem.inputs.codes, tuple(problem.inputs.groups)
         return StudyResult(
             outputs={name: _output(analysis, codes, groups) for name, analysis in analysed.outputs.items()},
@@ -234,7 +235,9 @@ class StudyResult(ResultPart):
             simulation_seconds=store.simulation_seconds(),
             groups=dict(problem.inputs.groups),
             inputs={item.code: item.to_dict() for item in problem.inputs.inputs},
-            samples=SampleCounts(train=problem.train, test=problem.test, failed=store.counts().failed),
+            samples=SampleCounts(
+                train=problem.train, test=problem.test, failed=counts.failed, pending=counts.total - counts.done
+            ),
             failures=tuple(Failure(row=row, reason=reason) for row, reason in store.failures()),
             failure_summary=Failures.of(store),
             skipped=dict(analysed.skipped),
@@ -252,6 +255,8 @@ class StudyResult(ResultPart):
             extrapolated = ", where indices are extrapolated" if self.failure_summary.regions else ""
             warning = "warning: " if self.failure_summary.warned else ""
             doubts.append(f"{warning}{self.failure_summary.text()}; they are left out{extrapolated}")
+        if self.samples.pending:
+            doubts.append(f"warning: {self.samples.pending} simulations have not ended; `gsa resume` goes on with them")
         doubts += [f"output {name} is left out: {reason}" for name, reason in self.skipped.items()]
         if poor := [f"{name} ({output.r2_cv:.2f})" for name, output in self.outputs.items() if not output.determined]:
             names = ", ".join(poor)

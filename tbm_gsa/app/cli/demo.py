@@ -29,8 +29,9 @@ from tbm_gsa.app.cli.output import (
 from tbm_gsa.app.cli.processes import NodeCommand, NodeProcesses, settle_ros_environment
 from tbm_gsa.app.cli.shipped import shipped_bag
 from tbm_gsa.app.cli.supervision import ACTIVE_STATUSES, watch
+from tbm_gsa.provenance import machine_file
 from tbm_gsa.sensitivity.results import NOT_DETERMINED, is_determined
-from tbm_gsa.sensitivity.study.outputs import parse_outputs
+from tbm_gsa.sensitivity.study.outputs import checked_outputs
 from tbm_msgs_py.bags.metadata import is_synthetic
 from tbm_msgs_py.base.errors import RunError
 from tbm_msgs_py.base.units import STANDARD_GRAVITY
@@ -46,6 +47,8 @@ _ASKED_S = 10.0
 _START_S = 300.0
 """Longest start of the nodes, with everything to compile."""
 _STRONGEST = 5
+_STUDY_S = 3.0
+"""Length of a simulation of the study, the default of the node."""
 
 
 def demo(
@@ -65,7 +68,7 @@ def demo(
     described = load_machine(machine)
     described.assemble()
     names = split_names(outputs)
-    parse_outputs(names, described.description.test_points)  # refused before anything starts
+    checked_outputs(names, described.description.test_points, _STUDY_S)  # refused before anything starts
     start = time.monotonic()
     with watch(described.description.test_points) as watching, NodeProcesses(out / "logs") as nodes:
         for command in node_commands(recording, machine, seed, out, samples, test, names):
@@ -77,7 +80,13 @@ def demo(
         )
         _play(watching, nodes, length)
         _finish_study(watching, nodes)
-    document = demo_document(described, watching.state, time.monotonic() - start)
+    mapping = default_mapping_file(recording.path)
+    document = {
+        **demo_document(described, watching.state, time.monotonic() - start),
+        "machine_file": machine_file(described),
+        "seed": seed,
+        "recording": {"path": str(recording.path.resolve()), "mapping": mapping and str(mapping.resolve())},
+    }
     if json:
         print_json(document)
     else:
@@ -93,6 +102,7 @@ def node_commands(
         "gsa.samples": samples,
         "gsa.test": test,
         "gsa.outputs": list(outputs) or [""],  # empty: all of them
+        "gsa.duration": _STUDY_S,
         "gsa.seed": seed,
         "gsa.folder": str(out / "studies"),
         "history": str(out / "history.sqlite"),  # not among the windows of a real machine

@@ -37,6 +37,7 @@ from tbm_gsa.sensitivity.study.evaluate import MachineEvaluation
 from tbm_gsa.sensitivity.study.failures import REFUSED
 from tbm_gsa.sensitivity.study.inputs import PAPER_INPUTS
 from tbm_gsa.sensitivity.study.problem import Problem
+from tbm_msgs_py.base.errors import InputError
 
 if TYPE_CHECKING:
     from tbm_gsa.sensitivity.study.run import FinishedStudy, StudyOptions
@@ -47,6 +48,7 @@ Folder = Annotated[Path, typer.Option("--out", help="Folder of the study: store,
 Methods = Annotated[
     list[str] | None, typer.Option("--method", help="Surrogate to choose from: svr, krg, rbf or prs; may be repeated.")
 ]
+MOST_SAMPLES = 1_000_000
 AllowFailures = Annotated[
     bool,
     typer.Option(
@@ -58,8 +60,8 @@ AllowFailures = Annotated[
 @app.command()
 def run(
     out: Folder = Path("gsa"),
-    samples: Annotated[int, typer.Option(min=10, help="Training simulations.")] = 200,
-    test: Annotated[int, typer.Option(min=2, help="Test simulations.")] = 20,
+    samples: Annotated[int, typer.Option(min=10, max=MOST_SAMPLES, help="Training simulations.")] = 200,
+    test: Annotated[int, typer.Option(min=2, max=MOST_SAMPLES, help="Test simulations.")] = 20,
     design: Annotated[str, typer.Option(help=f"Training points: {', '.join(KINDS)}.")] = "lhs",
     machine: MachineOption = DEFAULT_MACHINE,
     duration: Annotated[float, typer.Option(min=0.01, max=3600.0, help="Length of a simulation (s).")] = 3.0,
@@ -86,6 +88,8 @@ def run(
     names = split_names(outputs) or definition.outputs or INDICATORS
     load_machine(machine).assemble()  # a bad machine is refused before a folder is made
     evaluate = MachineEvaluation.of(machine, duration, seed, names, high_hz)
+    if high_hz is not None and set(names) <= set(INDICATORS):
+        raise InputError(f"--high-hz {high_hz:g}: no output is of an acceleration, allowed: with one")
     evaluate.check({item.code: (item.lower, item.upper) for item in definition.inputs.inputs})
     problem = Problem(definition.inputs, names, samples, test, seed, evaluate.settings, design)
     with _running(out, method, allow_failures, workers, scheduler) as options:
@@ -112,7 +116,7 @@ def resume(
 
 @app.command()
 def extend(
-    samples: Annotated[int, typer.Option(min=1, help="Training simulations to add.")],
+    samples: Annotated[int, typer.Option(min=1, max=MOST_SAMPLES, help="Training simulations to add.")],
     out: Folder = Path("gsa"),
     method: Methods = None,
     allow_failures: AllowFailures = False,

@@ -26,7 +26,7 @@ from tbm_gsa.app.cli.output import (
     results,
 )
 from tbm_gsa.paper.load_summary import load_run
-from tbm_gsa.provenance import machine_sha256
+from tbm_gsa.provenance import machine_file, machine_sha256
 
 
 class _MachineCommands(TyperGroup):
@@ -92,6 +92,7 @@ def check(machine: MachineOption = DEFAULT_MACHINE, json: Annotated[bool, JSON_O
     frequencies = [float(value) for value in system.natural_frequencies(_SHOWN_MODES)]
     document = {
         "machine": described.name,
+        "origin": described.origin,
         "sha256": machine_sha256(described),
         "nodes": len(system.nodes),
         "degrees_of_freedom": system.size,
@@ -127,11 +128,12 @@ def loads(
 
     if out is not None:
         check_path(out)
-    run = load_run(load_machine(machine), model, duration, seed)
+    described = load_machine(machine)
+    run = load_run(described, model, duration, seed)
     if out is not None:
         write_picture(lambda: load_figure(run), out)
     if json:
-        print_json(asdict(run.summary))
+        print_json({**asdict(run.summary), "machine_file": machine_file(described)})
     else:
         print_loads(run.summary)
     if out is not None:

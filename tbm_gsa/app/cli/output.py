@@ -15,6 +15,7 @@ from rich.segment import Segment
 from rich.table import Table
 from rich.text import Text
 
+from tbm_msgs_py.base.errors import InputError
 from tbm_msgs_py.base.files import json_text
 from tbm_msgs_py.base.texts import printable
 
@@ -71,8 +72,11 @@ def named(context: typer.Context, parameter: str) -> bool:
 
 
 def split_names(given: str | None) -> tuple[str, ...]:
-    """Names separated by commas."""
-    return tuple(name.strip() for name in (given or "").split(",") if name.strip())
+    """Names separated by commas; none where the option is not given."""
+    names = tuple(name.strip() for name in (given or "").split(","))
+    if given is not None and not all(names):
+        raise InputError(f"--outputs {given!r}: allowed: names, separated by commas")
+    return names if given is not None else ()
 
 
 def narrow_table(title: str, *headings: str) -> Table:

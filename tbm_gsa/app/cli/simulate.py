@@ -29,8 +29,11 @@ from tbm_gsa.app.cli.output import (
     progress_bar,
     results,
 )
+from tbm_gsa.provenance import machine_file
 from tbm_msgs_py.base.errors import InputError
 from tbm_msgs_py.base.units import STANDARD_GRAVITY
+
+OPERATING_POINT = ("speed_r_min", "torque_kn_m", "thrust_kn")
 
 
 def simulate(
@@ -63,12 +66,18 @@ def simulate(
     document = {
         **simulation_document(described, response, seed, duration / seconds),
         "loads": loads,
-        "schedule": None if schedule is None else str(schedule),
+        "schedule": None if schedule is None else str(schedule.resolve()),
+        "unused_rows": _unused_rows(driven, duration),
     }
     if json:
         print_json(document)
     else:
         _print_tables(document)
+
+
+def _unused_rows(schedule: Schedule | None, duration: float) -> int:
+    """Rows of a schedule that lie beyond the end of a run."""
+    return 0 if schedule is None else int(np.count_nonzero(np.asarray(schedule.time) >= duration))
 
 
 def schedule_of(file: Path | None, columns: list[str] | None, where: list[str] | None) -> Schedule | None:
@@ -87,7 +96,8 @@ def simulation_document(machine: Machine, response: Response, seed: int, real_ti
     -------
     dict
         ``indicators{RDef_A …}`` in SI units, ``rms_g`` and ``peak_g`` {point: {x, y, z}} of the accelerations without
-        their mean (g), ``mesh_force{mean, std, max}`` (N), ``real_time_factor``, ``machine``, ``seed``, ``duration``.
+        their mean (g), ``mesh_force{mean, std, max}`` (N), ``real_time_factor``, ``machine``, ``machine_file``,
+        ``operating_point`` of the machine, which a schedule replaces, ``seed``, ``duration``.
     """
     rms: dict[str, dict[str, float]] = {}
     peak: dict[str, dict[str, float]] = {}
@@ -99,6 +109,8 @@ def simulation_document(machine: Machine, response: Response, seed: int, real_ti
     force = response.mesh_force
     return {
         "machine": machine.name,
+        "machine_file": machine_file(machine),
+        "operating_point": {name: getattr(machine.description.operating_point, name) for name in OPERATING_POINT},
         "seed": seed,
         "duration": float(len(response.time) * (response.time[1] - response.time[0]))
         if len(response.time) > 1
@@ -110,6 +122,16 @@ def simulation_document(machine: Machine, response: Response, seed: int, real_ti
         "states": response.states,
         "real_time_factor": real_time_factor,
     }
+
+
+def _print_provenance(document: dict[str, Any]) -> None:
+    """Print the machine file and how the machine was driven."""
+    speed, torque, thrust = document["operating_point"].values()
+    driven = f"{speed:g} r/min, {torque:g} kN·m, {thrust:g} kN"
+    if document["schedule"] is not None:
+        unused = document["unused_rows"]
+        driven = document["schedule"] + (f" ({unused} rows lie beyond the end of the run)" if unused else "")
+    results.print(f"machine {document['machine_file']['origin']}, driven at {driven}", highlight=False)
 
 
 def _print_tables(document: dict[str, Any]) -> None:
@@ -124,4 +146,5 @@ def _print_tables(document: dict[str, Any]) -> None:
         add_row(table, point, *cells)
     results.print(table)
     results.print()
+    _print_provenance(document)
     results.print(f"real-time factor {document['real_time_factor']:.1f}, {document['states']} states")

@@ -13,14 +13,11 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Literal
 
-from tbm_dynamics.indicators import INDICATORS
 from tbm_dynamics.machine.machine import Machine
 from tbm_gsa.app.nodes.start import child_command
 from tbm_gsa.sensitivity.results import REPORT_NAME, RESULT_NAME, StudyResult
 from tbm_gsa.sensitivity.study.errors import StudyError
-from tbm_gsa.sensitivity.study.evaluate import MachineEvaluation
-from tbm_gsa.sensitivity.study.inputs import PAPER_INPUTS
-from tbm_gsa.sensitivity.study.problem import Problem
+from tbm_gsa.sensitivity.study.outputs import checked_outputs
 from tbm_gsa.sensitivity.study.store import STORE_NAME, Store
 from tbm_msgs_py.nodes.processes import ChildProcess
 
@@ -47,10 +44,8 @@ class GsaOptions:
 
     def check(self, machine: Machine) -> None:
         """Raise a StudyError where a study of the machine would refuse these options, before one is started."""
-        names, description = tuple(self.outputs) or INDICATORS, machine.description.model_dump_json()
         try:
-            evaluate = MachineEvaluation(machine.origin, description, self.duration, self.seed, names)
-            Problem(PAPER_INPUTS, names, self.samples, self.test, self.seed, evaluate.settings)
+            checked_outputs(self.outputs, machine.description.test_points, self.duration)
         except StudyError as error:
             raise StudyError(f"parameters gsa.outputs, gsa.duration: {error}") from None
 

@@ -230,6 +230,9 @@ def check_methods(methods: Sequence[str]) -> None:
     unknown = [method for method in methods if method not in SURROGATES]
     if unknown or not methods:
         raise StudyError(f"surrogates: {', '.join(unknown) or 'none'}, allowed: one or more of {', '.join(SURROGATES)}")
+    for method in methods:
+        if methods.count(method) > 1:
+            raise StudyError(f"surrogate {method}: given twice, allowed: once")
 
 
 def strongest(indices: SobolIndices, count: int = STRONGEST) -> list[int]:

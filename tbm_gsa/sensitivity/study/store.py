@@ -74,7 +74,7 @@ class Store:
     def create_or_open(cls, path: Path, problem: Problem) -> Self:
         """Open the store of a problem; write it with its design first if there is none.
 
-        Groups that differ are taken over: they say nothing about simulations.
+        Groups, and another place of the same machine file, are taken over: they say nothing about simulations.
 
         Raises
         ------
@@ -90,8 +90,11 @@ class Store:
             store._take_over(problem)
             return store
         path.parent.mkdir(parents=True, exist_ok=True)
-        with unfinished(path) as fresh, closing(_connect(fresh)) as connection:
-            _write_problem(connection, problem)  # a store exists with its whole design or not at all
+        try:
+            with unfinished(path) as fresh, closing(_connect(fresh)) as connection:
+                _write_problem(connection, problem)  # a store exists with its whole design or not at all
+        except sqlite3.Error as error:
+            raise StudyError(f"{path}: {error}, allowed: a folder that can be written to") from None
         return cls.open(path)
 
     @classmethod
@@ -103,6 +106,8 @@ class Store:
         try:
             connection.execute("PRAGMA journal_mode=WAL")
             problem = Problem.from_json(dict(connection.execute("SELECT key, value FROM problem")))
+            if not connection.execute("SELECT COUNT(*) FROM planned").fetchone()[0]:
+                raise StudyError("no simulation is planned, allowed: the store of a study with its design")
         except sqlite3.DatabaseError as error:
             connection.close()
             raise StudyError(
@@ -120,8 +125,11 @@ class Store:
     def __enter__(self) -> Self:
         return self
 
-    def __exit__(self, *_: object) -> None:
+    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: object) -> None:
+        """Close the file; an error of SQLite, such as a full disk, becomes one that names the file."""
         self.close()
+        if isinstance(error, sqlite3.Error):
+            raise StudyError(f"{self.path}: {error}; what had finished before is stored") from None
 
     def extend(self, count: int) -> None:
         """Add training points to the design, all of them or, if this is interrupted, none; see `add_points`.
