@@ -39,7 +39,8 @@ class Machine:
         Inputs changed since, read-only: x1 … x25 in Table 4's units, ``loads.axial_low`` … ``loads.moments``. A
         multiplier is relative to the file.
     origin : str
-        What error messages call it: the file or shipped name it was loaded from, else the name in the description.
+        What error messages and results call it: the shipped name or the file it was loaded from, the same by whatever
+        path or link it was named; else the name in the description.
     """
 
     base: MachineDescription

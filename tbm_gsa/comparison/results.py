@@ -57,7 +57,7 @@ class SpectralPeak(Part):
 
 
 class WindowColumns(Part):
-    """Window by window along one axis, None where a window holds no sample; `start` counts from the first sample."""
+    """Window by window along one axis, those without a sample left out; `start` counts from the first sample."""
 
     start: Numbers
     coverage: Numbers

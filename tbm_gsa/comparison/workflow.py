@@ -1,6 +1,5 @@
 """From a recording on disk to a comparison: reduce it, run the model at its levels of operation, compare."""
 
-import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
@@ -20,8 +19,7 @@ from tbm_gsa.comparison.results import (
     RecordingResult,
 )
 from tbm_gsa.comparison.units import unit_doubt
-from tbm_gsa.provenance import machine_sha256, package_versions
-from tbm_gsa.reading import MachineFile
+from tbm_gsa.provenance import machine_file, package_versions
 from tbm_gsa.signals.intervals import CONFIDENCE
 from tbm_gsa.signals.reduction import ReducedSignal, Series, SignalReducer, one_level
 from tbm_gsa.signals.settings import Settings
@@ -35,6 +33,7 @@ from tbm_msgs_py.recordings.recording_health import PointHealth
 
 LONGEST_MODEL_S = 3600.0
 SHORTEST_MODEL_S = 1.0
+SHORTEST_WINDOW_S, LONGEST_WINDOW_S = 0.01, 86_400.0
 
 Progress = Callable[[str, float | None], None]
 """Called with what is done now and the share of it, 0 to 1; None where the end is not known."""
@@ -128,7 +127,7 @@ def compare_recording(
         recording=_recording(reader, field),
         expected_lines=lines,
         machine=described.name,
-        machine_file=MachineFile(origin=described.origin, sha256=machine_sha256(described)),
+        machine_file=machine_file(described),
         sources=reader.sources,
         doubts=(*reader.doubts, *_unit_doubts(points)),
         operating_point=history.levels[0],
@@ -162,8 +161,8 @@ def _unit_doubts(points: Mapping[str, PointComparison]) -> Iterator[str]:
 def _check(model_duration: float, window_s: float, seed: int) -> None:
     if not SHORTEST_MODEL_S <= model_duration <= LONGEST_MODEL_S:
         raise InputError(f"model_duration {model_duration:g} s, allowed: {SHORTEST_MODEL_S:g} to {LONGEST_MODEL_S:g} s")
-    if not (window_s > 0.0 and math.isfinite(window_s)):
-        raise InputError(f"window {window_s:g} s, allowed: a positive length")
+    if not SHORTEST_WINDOW_S <= window_s <= LONGEST_WINDOW_S:
+        raise InputError(f"window {window_s:g} s, allowed: {SHORTEST_WINDOW_S:g} to {LONGEST_WINDOW_S:g} s")
     if not 0 <= seed < 2**31:
         raise InputError(f"seed {seed}, allowed: 0 to {2**31 - 1}")
 

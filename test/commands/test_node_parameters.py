@@ -33,6 +33,13 @@ FOLDER = "the folder of the test"  # stands for its path
 BAG, NEW = f"{FOLDER}/field", f"{FOLDER}/new"
 BAD = [
     (AnalysisNode, {"alarm_axes": "[x,w]"}, "alarm_axes"),
+    (
+        AnalysisNode,
+        {"gsa.outputs": "[nope]"},
+        "parameters gsa.outputs, gsa.duration: unknown output 'nope', allowed: RDef_A",
+    ),
+    (AnalysisNode, {"gsa.outputs": "[MF_M, MF_M]"}, "output MF_M: given twice"),
+    (AnalysisNode, {"gsa.outputs": "[rms_shield_x]", "gsa.duration": 0.5}, "duration 0.5 s, allowed: 1 s or more"),
     (AnalysisNode, {"mapping": "/nowhere.yaml"}, "/nowhere.yaml"),
     (AnalysisNode, {"history": "/dev/null/h.sqlite"}, "/dev/null/h.sqlite"),
     (AnalysisNode, {"baseline": "never_made"}, "no baseline never_made"),

@@ -175,7 +175,6 @@ def test_the_smallest_change_is_found_in_recordings(code):
     size = np.linalg.norm(moves[0])
     same, changed = np.split(moves[1:] @ moves[0] / size, 2)
     estimate, spread = (changed - same).mean() / size, 1.0 / (size * np.sqrt(runs))
-    print(code, decrease, np.exp(estimate) - 1, size, same, changed)
     assert estimate == pytest.approx(np.log1p(-decrease), abs=3.0 * spread)
     assert same.std() < 1.3
     assert settings.probability - 0.25 < np.mean(np.abs(changed) > 2.9)

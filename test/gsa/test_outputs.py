@@ -83,12 +83,23 @@ def test_indicators_are_those_of_the_run(response):
         ("RDef", "unknown output 'RDef'"),
         ("peak_1-2_hz_shield_x", "its band, allowed: of rms only"),
         ("rms_20-10_hz_shield_x", "allowed: of rms only, the lower limit below the upper"),
+        ("rms_2000-3000_hz_shield_x", "its band, allowed: inside the compared one, 0.5 to 1000 Hz"),
+        ("rms_900-1001_hz_shield_x", "its band, allowed: inside the compared one, 0.5 to 1000 Hz"),
+        ("rms_0.1-0.4_hz_shield_x", "its band, allowed: inside the compared one, 0.5 to 1000 Hz"),
+        ("rms_100.3-100.9_hz_shield_x", "its band, allowed: 1 Hz wide or more"),
     ],
 )
 def test_unknown_names_are_refused_in_one_line(name, message):
     with pytest.raises(StudyError, match=message) as caught:
         MachineEvaluation.of("dz101", 3.0, 0, (name,))
     assert "\n" not in str(caught.value)
+
+
+def test_the_band_that_is_compared_can_be_moved():
+    name = ("rms_2000-3000_hz_shield_x",)
+    assert MachineEvaluation.of("dz101", 3.0, 0, name, 3000.0).outputs == name
+    with pytest.raises(StudyError, match=r"inside the compared one, 0\.5 to 600 Hz"):
+        MachineEvaluation.of("dz101", 3.0, 0, name, HIGH_HZ)
 
 
 def test_names_with_underscores_and_fractions():

@@ -40,6 +40,7 @@ class CheckedMachine(Part):
     """What `machine check --json` prints; forces in N."""
 
     machine: str
+    origin: str
     sha256: str
     nodes: int
     degrees_of_freedom: int
@@ -110,6 +111,7 @@ def check(machine: MachineOption = DEFAULT_MACHINE, json: Annotated[bool, JSON_O
     meshes = system.couplings.drives
     found = CheckedMachine(
         machine=described.name,
+        origin=described.origin,
         sha256=machine_sha256(described),
         nodes=len(system.nodes),
         degrees_of_freedom=system.size,
@@ -149,7 +151,8 @@ def loads(
 
     if out is not None:
         check_path(out)
-    run = load_run(load_machine(machine), model, duration, seed)
+    described = load_machine(machine)
+    run = load_run(described, model, duration, seed)
     if out is not None:
         write_picture(lambda: load_figure(run), out)
     if json:
