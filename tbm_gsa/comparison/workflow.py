@@ -25,6 +25,7 @@ from tbm_gsa.signals.reduction import ReducedSignal, Series, SignalReducer, one_
 from tbm_gsa.signals.settings import Settings
 from tbm_msgs_py.bags.metadata import is_synthetic
 from tbm_msgs_py.base.errors import InputError, RecordingError
+from tbm_msgs_py.base.fields import Vector3
 from tbm_msgs_py.base.texts import listed
 from tbm_msgs_py.recordings.mapping import TopicMapping
 from tbm_msgs_py.recordings.recording import RecordingReader, open_recording
@@ -104,19 +105,22 @@ def compare_recording(
     described = machine if isinstance(machine, Machine) else load_machine(machine)
     reader = open_recording(bag, mapping)
     shared = _shared_points(reader, described)
+    placed = described.with_offsets(_stated_offsets(reader, shared))
     field, history = _read(reader, described, shared, chosen, progress)
-    machines = _machines(reader.path, history, described)
+    machines = _machines(reader.path, history, placed)
     lines = lines_of_levels(machines)
     named = {**{line.name: line.frequency_hz for line in lines}, **chosen.expected_lines}
     chosen = replace(chosen, expected_lines=named)
     predicted = _model_side(machines, field.signals, chosen, (model_duration, seed), progress)
     points, failed = _compare_each(reader, field, predicted, chosen)
+    places = placed.description.sensor_places
     result = ComparisonResult(
         window_s=chosen.window_s,
         confidence=CONFIDENCE,
         points={name: dict(point.axes) for name, point in points.items()},
         spectra={name: dict(point.spectra) for name, point in points.items()},
-        nodes={name: described.description.test_points[name] for name in points},
+        nodes={name: places[name].node for name in points},
+        offsets={name: places[name].offset for name in points if any(places[name].offset)},
         bands={name: point.band for name, point in points.items()},
         skipped={**_unknown_points(reader, described), **failed},
         left_out=tuple(reader.left_out),
@@ -172,6 +176,12 @@ def _shared_points(reader: RecordingReader, machine: Machine) -> list[str]:
             f"{machine.name}, allowed: {listed(machine.description.test_points)}"
         )
     return shared
+
+
+def _stated_offsets(reader: RecordingReader, points: Sequence[str]) -> dict[str, Vector3]:
+    """Places of sensors that the mapping states, by test point; the machine states the others."""
+    stated = {point: reader.sensors[point].offset for point in points}
+    return {point: offset for point, offset in stated.items() if offset is not None}
 
 
 def _read(

@@ -124,6 +124,7 @@ def compared_machine(comparison: ComparisonResult) -> Machine:
     machine = load_machine(origin)
     if machine_sha256(machine) != comparison.machine_file.sha256:
         raise StudyError(f"machine {origin} has changed since the comparison: compare again")
+    machine = machine.with_offsets(comparison.offsets)
     if level.source == "machine":
         return machine
     return machine.with_inputs(x1=level.speed_r_min, x2=level.torque_kn_m, x3=level.thrust_kn)

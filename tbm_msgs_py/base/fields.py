@@ -2,7 +2,7 @@
 
 from typing import Annotated, Final
 
-from pydantic import AfterValidator, BaseModel, ConfigDict, Field, PositiveFloat
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field, FiniteFloat, PositiveFloat
 
 from tbm_msgs_py.base.texts import LONGEST_LINE, LONGEST_NAME
 
@@ -22,6 +22,7 @@ def _printable(text: str) -> str:
 
 NonNegative = Annotated[float, Field(ge=0.0, allow_inf_nan=False)]
 Positive = Annotated[PositiveFloat, Field(allow_inf_nan=False)]
+Vector3 = tuple[FiniteFloat, FiniteFloat, FiniteFloat]
 Name = Annotated[str, Field(min_length=1, max_length=LONGEST_NAME)]
 Label = Annotated[Name, AfterValidator(_printable)]
 Line = Annotated[str, Field(min_length=1, max_length=LONGEST_LINE), AfterValidator(_printable)]

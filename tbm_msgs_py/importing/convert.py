@@ -106,7 +106,7 @@ def _import(sources: Sources, description: Description, out: Path, progress: Cal
     stated = {topics.absolute(topics.field_block(name)): point.written() for name, point in description.points.items()}
     if out.suffix == ".mcap" and any(sensor != contract_sensor(sensor.point) for sensor in stated.values()):
         raise RecordingError(
-            f"{out}: a bare file cannot say gravity, frame, axes, rotation and range, allowed: a new folder"
+            f"{out}: a bare file cannot say gravity, frame, axes or more of a sensor, allowed: a new folder"
         )
     warnings = sources.check_units()
     streams = {name: _stream(name, entry.columns) for name, entry in description.streams.items()}

@@ -18,7 +18,7 @@ from tbm_msgs_py.base.texts import quoted
 from tbm_msgs_py.base.units import R_MIN, STANDARD_GRAVITY
 from tbm_msgs_py.base.validation import validated
 from tbm_msgs_py.importing.layout import FileLayout, Number, Positive
-from tbm_msgs_py.recordings.mapping import SensorMapping
+from tbm_msgs_py.recordings.mapping import IN_UNITS, SensorMapping
 
 UnitT = TypeVar("UnitT", bound=str)
 # Factor to SI units, and how files write the unit.
@@ -92,15 +92,10 @@ class PointColumns(SensorMapping):
 
     def written(self) -> SensorMapping:
         """How the sensor is read from the recording: still in its own axes, in m/s²."""
-        return SensorMapping(
-            point=self.point,
-            units="m/s2",
-            gravity=self.gravity,
-            frame=self.frame,
-            axes=tuple(axis if axis and self.columns["xyz".index(axis[-1])] else None for axis in self.axes),
-            rotation=self.rotation,
-            range=None if self.range is None else self.range * self.scale,
-        )
+        stated = {name: getattr(self, name) for name in SensorMapping.model_fields}
+        in_units = {name: stated[name] and stated[name] * self.scale for name in IN_UNITS}
+        axes = tuple(axis if axis and self.columns["xyz".index(axis[-1])] else None for axis in self.axes)
+        return SensorMapping(**{**stated, **in_units, "units": "m/s2", "axes": axes, "frame_id": None})
 
 
 class QuantityColumn(FrozenModel, Generic[UnitT]):

@@ -6,14 +6,14 @@ import math
 from collections import Counter
 from collections.abc import Iterable
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated, Literal, Self
 
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, field_validator, model_validator
 
 from tbm_msgs_py.base.arrays import Array
 from tbm_msgs_py.base.errors import RecordingError
-from tbm_msgs_py.base.fields import Name
+from tbm_msgs_py.base.fields import Name, NonNegative, Positive, Vector3
 from tbm_msgs_py.base.files import real_path
 from tbm_msgs_py.base.strict_yaml import read_yaml
 from tbm_msgs_py.base.texts import LONGEST_NAME
@@ -23,6 +23,8 @@ from tbm_msgs_py.topics import OPERATING_POINT, absolute
 
 FILE_NAME = "mapping.yaml"
 _NO_SHARE = 1e-9  # of an axis that is lacking in one of the machine's
+IN_UNITS = ("range", "noise_density", "resolution")
+"""Keys of a sensor whose values are in its `units`."""
 Axis = Literal["x", "y", "z", "-x", "-y", "-z"]
 
 
@@ -45,6 +47,14 @@ class SensorMapping(BaseModel):
         Roll, pitch and yaw of the sensor in the machine, degrees, applied after `axes`.
     range : float or None
         Measuring range in `units`; samples at it count as clipped.
+    noise_density : float or None
+        White noise of each axis in `units`/√Hz, one-sided, without that of the converter.
+    resolution : float or None
+        Step of the converter in `units`.
+    band_hz : tuple of float or None
+        Lowest and highest frequency at which the sensor measures, Hz.
+    offset : tuple of float or None
+        Place in the machine's axes from the node of the test point, m, a rigid arm; by default that of the test point.
     frame_id : str or None
         Of the messages that are meant, where several sensors share the topic.
     """
@@ -57,7 +67,11 @@ class SensorMapping(BaseModel):
     frame: Literal["fixed", "rotating"]
     axes: tuple[Axis | None, Axis | None, Axis | None] = ("x", "y", "z")
     rotation: tuple[float, float, float] = (0.0, 0.0, 0.0)
-    range: Annotated[float, Field(gt=0, allow_inf_nan=False)] | None = None
+    range: Positive | None = None
+    noise_density: NonNegative | None = None
+    resolution: Positive | None = None
+    band_hz: tuple[NonNegative, Positive] | None = None
+    offset: Vector3 | None = None
     frame_id: Annotated[str, Field(max_length=LONGEST_NAME)] | None = None
 
     @field_validator("axes")
@@ -78,6 +92,21 @@ class SensorMapping(BaseModel):
             raise ValueError("an angle that is not finite, allowed: three finite angles in degrees")
         return rotation
 
+    @field_validator("band_hz")
+    @classmethod
+    def _ascending(cls, band: tuple[float, float] | None) -> tuple[float, float] | None:
+        if band and band[0] >= band[1]:
+            raise ValueError(f"{band[0]:g} to {band[1]:g} Hz, allowed: the lower limit first")
+        return band
+
+    @model_validator(mode="after")
+    def _steps_within_range(self) -> Self:
+        if self.range and self.resolution and self.resolution > self.range:
+            raise ValueError(
+                f"resolution: {self.resolution:g}, allowed: up to the range of {self.range:g} {self.units}"
+            )
+        return self
+
     @property
     def scale(self) -> float:
         """Factor from the recorded unit to m/s²."""
@@ -90,6 +119,17 @@ class SensorMapping(BaseModel):
             if axis is not None:
                 permutation[row, "xyz".index(axis[-1])] = -1.0 if axis.startswith("-") else 1.0
         return self.scale * _rotation(self.rotation) @ permutation
+
+    def noise_power_density(self, rate_hz: float) -> float | None:
+        """One-sided density of the noise of each axis, m²/s⁴/Hz: the sensor's, and that of its converter.
+
+        Rounding to steps Δ adds white noise of the power Δ²/12, spread from 0 to half the sampling rate (Widrow and
+        Kollár, "Quantization Noise", Cambridge University Press, 2008). None without a stated `noise_density`.
+        """
+        if self.noise_density is None:
+            return None
+        rounding = (self.resolution or 0.0) ** 2 / 12.0 / (0.5 * rate_hz)
+        return self.scale**2 * (self.noise_density**2 + rounding)
 
     @property
     def measured(self) -> tuple[bool, bool, bool]:

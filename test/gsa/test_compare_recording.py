@@ -12,6 +12,7 @@ from tbm_dynamics import MachineError, load_machine
 from tbm_gsa.app.cli.bag.info import info
 from tbm_gsa.comparison import ComparisonResult, Settings
 from tbm_gsa.comparison.workflow import compare_recording
+from tbm_gsa.explanation.workflow import compared_machine
 from tbm_gsa.reading import validated
 from tbm_msgs_py import ACCELERATION, OperatingPoint, RecordingError
 from tbm_msgs_py.bags.metadata import SYNTHETIC
@@ -38,6 +39,18 @@ def errors(result, point):
 
 def test_the_models_own_recording_has_no_error(own):
     assert errors(own, "cutterhead") == pytest.approx([0.0, 0.0, 0.0], abs=1e-4)
+
+
+def test_a_sensor_off_its_node_is_compared_there(tmp_path):
+    placed = load_machine("dz101").with_offsets({"shield": (0.0, 1.5, 0.5)})
+    bag = write_bag(tmp_path / "bag", {"shield": model_values(0, 2.0, placed)["shield"]}, rate=10_000)
+    sensor = {"point": "shield", "units": "m/s2", "gravity": "removed", "frame": "fixed", "offset": [0, 1.5, 0.5]}
+    (bag / "mapping.yaml").write_text(json.dumps({"topics": {"/tbm/field/shield/block": sensor}}))
+    result = compare_recording(bag, **SHORT).result
+    assert errors(result, "shield") == pytest.approx([0.0, 0.0, 0.0], abs=1e-4)
+    assert result.offsets == {"shield": (0.0, 1.5, 0.5)}
+    assert ComparisonResult.model_validate_json(result.model_dump_json()) == result
+    assert compared_machine(result).description.sensor_places == placed.description.sensor_places
 
 
 def test_half_the_model_errs_by_one(own):

@@ -1,10 +1,12 @@
 """Outputs of a study by name: against a comparison of the same run, and unknown names."""
 
+import numpy as np
 import pytest
 from compared_signals import compared as compare
 
 from tbm_dynamics import load_machine, simulate
 from tbm_dynamics.indicators import INDICATORS
+from tbm_dynamics.machine.loading import machine_text
 from tbm_gsa.sensitivity.study.errors import StudyError
 from tbm_gsa.sensitivity.study.evaluate import MachineEvaluation
 from tbm_gsa.sensitivity.study.outputs import parse_outputs
@@ -49,6 +51,16 @@ def test_statistics_are_those_of_a_comparison(compared):
     assert list(found) == list(names)
     for name, value in names.items():
         assert found[name] == pytest.approx(value, rel=1e-6), name
+
+
+def test_a_sensor_off_its_node_is_simulated_there(response, tmp_path):
+    file = tmp_path / "machine.yaml"
+    file.write_text(machine_text("dz101").replace("girder: 47", "girder: {node: 47, offset: [0, 1.2, 0]}"))
+    (found,) = MachineEvaluation.of(str(file), DURATION, 3, ("rms_girder_x",), HIGH_HZ)(SAMPLE).values()
+    motion = response.acceleration(47)
+    signal = response.time, np.column_stack([motion[:, 0] - 1.2 * motion[:, 5], motion[:, 1:3]])
+    expected = compare(signal, signal, "fixed", Settings(high_hz=HIGH_HZ)).axes["x"].model_rms
+    assert found == pytest.approx(expected, rel=1e-6)
 
 
 def test_indicators_are_those_of_the_run(response):

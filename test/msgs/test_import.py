@@ -33,7 +33,7 @@ from import_files import (
     write_hdf5,
 )
 
-from tbm_msgs_py import Bag, RecordingError, read_acceleration, read_recording
+from tbm_msgs_py import Bag, RecordingError, load_mapping, read_acceleration, read_recording
 from tbm_msgs_py.bags.definitions import typestore
 from tbm_msgs_py.base.operating_point import from_joint_state
 from tbm_msgs_py.base.units import STANDARD_GRAVITY
@@ -87,6 +87,10 @@ def test_units_axes_and_sensor_go_into_the_mapping(tmp_path):
         "frame": "rotating",
         "axes": ["-z", "x", "-y"],
         "range": 2.5,
+        "noise_density": 1e-4,
+        "resolution": 1e-3,
+        "band_hz": [0.5, 900.0],
+        "offset": [0.0, 1.2, 0.0],
     }
     stated = description(points={"shield": point})
     imported = import_recording(write_csv(tmp_path / "a.csv", columns()), stated, tmp_path / "bag")
@@ -96,6 +100,10 @@ def test_units_axes_and_sensor_go_into_the_mapping(tmp_path):
     np.testing.assert_allclose(record.values, np.column_stack([-z, x, 0 * x]), rtol=1e-6)
     assert (record.gravity, record.frame) == ("included", "rotating")
     assert record.clipped == np.count_nonzero((np.abs(VALUES[:, [0, 2]]) >= 2.5).any(axis=1))
+    (sensor,) = load_mapping(tmp_path / "bag" / "mapping.yaml").topics.values()
+    assert (sensor.band_hz, sensor.offset) == ((0.5, 900.0), (0.0, 1.2, 0.0))
+    stated_noise = stated.points["shield"].noise_power_density(8.0)
+    assert sensor.noise_power_density(8.0) == pytest.approx(stated_noise, rel=1e-12)
     assert "allowed: a new folder" in refused(tmp_path / "a.csv", stated, tmp_path / "bag.mcap")
 
 

@@ -53,6 +53,15 @@ def test_rotation_is_roll_pitch_yaw_in_the_machine():
     np.testing.assert_allclose(general @ general.T, np.eye(3), atol=1e-12)
 
 
+@pytest.mark.parametrize(("units", "scale"), [("g", 9.80665), ("m/s2", 1.0)])
+def test_noise_is_that_of_the_sensor_and_of_rounding(units, scale):
+    sensor = SensorMapping(**{**STATED, "units": units}, noise_density=1e-4, resolution=1e-3)
+    values = np.random.default_rng(1).uniform(-1.0, 1.0, 100_000)
+    rounding = np.var(np.round(values / 1e-3) * 1e-3 - values) / 2500.0  # at 5000 Hz
+    np.testing.assert_allclose(sensor.noise_power_density(5000.0), scale**2 * (1e-8 + rounding), rtol=1e-3)
+    assert SensorMapping(**STATED, resolution=1e-3).noise_power_density(5000.0) is None
+
+
 def test_block_goes_before_single_samples():
     chosen = contract_mapping(
         ["/tbm/field/shield/accel", "/tbm/field/shield/block", "/other", "/tbm/field/girder/accel"]
@@ -68,6 +77,10 @@ def test_block_goes_before_single_samples():
         ("gravity: included", "gravity: maybe", "gravity"),
         ('"-z"', "x", "axes"),
         ("range: 3.0", "range: -1", "range"),
+        ("range: 3.0", "noise_density: -1", "noise_density"),
+        ("range: 3.0", "range: 3.0\n    resolution: 4.0", "resolution"),
+        ("range: 3.0", "band_hz: [20, 5]", "band_hz.*lower limit first"),
+        ("range: 3.0", "offset: [0, .nan, 1]", "offset"),
         ("range: 3.0", "colour: red", "colour"),
         ("topics:", "topics: [", "YAML"),
     ],

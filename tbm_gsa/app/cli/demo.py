@@ -240,10 +240,10 @@ def demo_result(
 ) -> DemoResult:
     """Gather what the watch has received."""
     points = {}
-    for point, node in machine.description.test_points.items():
+    for point, place in machine.description.sensor_places.items():
         predicted, measured = (float(state.rms(point, side)[0]) for side in ("model_rms", "field_rms"))
         points[point] = DemoPoint(
-            node=node,
+            node=place.node,
             predicted_g=predicted / STANDARD_GRAVITY,
             measured_g=measured / STANDARD_GRAVITY,
             relative_error=abs(measured - predicted) / measured if measured > 0.0 else float("nan"),

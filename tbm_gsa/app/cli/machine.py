@@ -11,6 +11,7 @@ from typer.core import TyperGroup
 from tbm_dynamics import load_machine, shipped_machines
 from tbm_dynamics.loads.stepper import LoadModel
 from tbm_dynamics.machine.summary import machine_summary
+from tbm_gsa.app.cli.machine_observe import observe
 from tbm_gsa.app.cli.machine_tables import print_loads, print_tables
 from tbm_gsa.app.cli.machine_update import update
 from tbm_gsa.app.cli.output import (
@@ -163,3 +164,4 @@ def loads(
 
 
 app.command()(update)
+app.command()(observe)

@@ -9,6 +9,7 @@ from tbm_dynamics import Machine, MachineError, load_machine, simulate
 from tbm_dynamics.indicators import INDICATORS
 from tbm_dynamics.integration.simulator import DEFAULT_STEP
 from tbm_dynamics.machine.description import MachineDescription
+from tbm_dynamics.machine.sensor_place import SensorPlace
 from tbm_gsa.provenance import machine_sha256
 from tbm_gsa.sensitivity.study.errors import StudyError
 from tbm_gsa.sensitivity.study.outputs import Vibration, checked_outputs, parse_outputs
@@ -70,7 +71,7 @@ class MachineEvaluation:
     def __call__(self, sample: dict[str, float]) -> Mapping[str, float]:
         """Simulate one sample."""
         response = simulate(
-            self._machine.with_inputs(**sample), duration=self.duration, seed=self.seed, outputs=self._nodes
+            self._machine.with_inputs(**sample), duration=self.duration, seed=self.seed, outputs=self._motion
         )
         found = response.indicators()
         if self._vibrations:
@@ -145,16 +146,15 @@ class MachineEvaluation:
         return parse_outputs(self.outputs, self._points)
 
     @cached_property
-    def _points(self) -> Mapping[str, int]:
+    def _points(self) -> Mapping[str, int | SensorPlace]:
         """Test points of the machine."""
         return self._machine.description.test_points
 
     @cached_property
-    def _nodes(self) -> tuple[int, ...]:
-        """Nodes whose motion the outputs need; the indicators need the ring gear and the first pinion."""
+    def _motion(self) -> tuple[int | SensorPlace, ...]:
+        """Nodes and places whose motion the outputs need; the indicators need the ring gear and the first pinion."""
         drive = self._machine.description.driveshaft
-        nodes = [drive.ring_node, drive.pinion_nodes_from + 1, *(self._points[v.point] for v in self._vibrations)]
-        return tuple(dict.fromkeys(nodes))
+        return (drive.ring_node, drive.pinion_nodes_from + 1, *(self._points[v.point] for v in self._vibrations))
 
     @property
     def _machine(self) -> Machine:
