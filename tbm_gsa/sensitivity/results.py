@@ -132,7 +132,7 @@ class MorrisTable(ResultPart):
 
 
 class SurrogateScores(ResultPart):
-    """QoS of a surrogate in cross validation and on the test points; errors in the unit of the output."""
+    """Quality of a surrogate in cross validation and on the test points; errors in the unit of the output."""
 
     transform: str
     r2_cv: NullableNumber
