@@ -14,7 +14,7 @@ from tbm_dynamics.loads.description import LoadFactors
 from tbm_gsa.explanation.cause_curves import CauseCurves
 from tbm_gsa.explanation.evidence import Finding, find
 from tbm_gsa.explanation.hypotheses import LEAST_MOVE, VERDICT_OF, VERDICTS, hypotheses, influence
-from tbm_gsa.explanation.load_posterior import MODEL_ERROR, BandObservation, LoadPosterior, load_posterior
+from tbm_gsa.explanation.load_posterior import BandObservation, LoadPosterior, load_posterior
 from tbm_gsa.explanation.observed import Observed
 from tbm_gsa.explanation.result import Fault, Verdict
 from tbm_msgs_py.base.arrays import Array, Integers
@@ -23,6 +23,8 @@ LARGEST_DEVIATION: Final = 3.3
 """Standard deviations that one band power may be off by where something is explained."""
 LEAST_SURPRISE: Final = 1e-3
 """Probability of the misfit of all of them."""
+LEAST_MODEL_ERROR: Final = 0.02
+"""Of a band power: what runs of the model differ from their prediction by. More would hide what is not explained."""
 LEAST_BAYES_FACTOR: Final = 3.0
 """Of an input or a sensor against nothing."""
 
@@ -124,7 +126,7 @@ def judge(
     observed: Observed,
     curves: CauseCurves,
     prior: LoadFactors,
-    model_error: float = MODEL_ERROR,
+    model_error: float = LEAST_MODEL_ERROR,
     progress: Progress = lambda *_: None,
 ) -> Judgement:
     """Judge a recording.

@@ -12,8 +12,7 @@ from tbm_gsa.comparison.results import ComparisonResult
 from tbm_gsa.explanation.cause_curves import WORKERS
 from tbm_gsa.explanation.curve_cache import cached_curves
 from tbm_gsa.explanation.joint import STEPS, inputs_posterior
-from tbm_gsa.explanation.judgement import judge
-from tbm_gsa.explanation.load_posterior import MODEL_ERROR
+from tbm_gsa.explanation.judgement import LEAST_MODEL_ERROR, judge
 from tbm_gsa.explanation.observed import observed
 from tbm_gsa.explanation.parts import ExplanationParts, checked_powers
 from tbm_gsa.explanation.result import RESULT_NAME, Explanation, ExplanationSettings
@@ -49,7 +48,7 @@ class ExplainOptions:
 
     samples: int = STEPS
     duration: float = 6.0
-    model_error: float = MODEL_ERROR
+    model_error: float = LEAST_MODEL_ERROR
     seed: int = 0
     workers: int = WORKERS
     progress: Progress = lambda *_: None
@@ -123,6 +122,7 @@ def compared_machine(comparison: ComparisonResult) -> Machine:
     machine = load_machine(origin)
     if machine_sha256(machine) != comparison.machine_file.sha256:
         raise StudyError(f"machine {origin} has changed since the comparison: compare again")
+    machine = machine.with_offsets(comparison.offsets)
     if level.source == "machine":
         return machine
     return machine.with_inputs(

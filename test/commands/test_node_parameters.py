@@ -33,6 +33,13 @@ FOLDER = "the folder of the test"  # stands for its path
 BAG, NEW = f"{FOLDER}/field", f"{FOLDER}/new"
 BAD = [
     (AnalysisNode, {"alarm_axes": "[x,w]"}, "alarm_axes"),
+    (
+        AnalysisNode,
+        {"gsa.outputs": "[nope]"},
+        "parameters gsa.outputs, gsa.duration: unknown output 'nope', allowed: RDef_A",
+    ),
+    (AnalysisNode, {"gsa.outputs": "[MF_M, MF_M]"}, "MF_M"),
+    (AnalysisNode, {"gsa.outputs": "[rms_shield_x]", "gsa.duration": 0.5}, "duration 0.5 s, allowed: 1 s or more"),
     (AnalysisNode, {"mapping": "/nowhere.yaml"}, "/nowhere.yaml"),
     (AnalysisNode, {"history": "/dev/null/h.sqlite"}, "/dev/null/h.sqlite"),
     (AnalysisNode, {"baseline": "never_made"}, "no baseline never_made"),
@@ -62,7 +69,6 @@ BAD = [
     (BagRecorder, {"output": NEW, "topics": "[loads/block, /tbm/loads/block]"}, "/tbm/loads/block twice"),
     (BagPlayer, {"bag": BAG, "topics": "[/a, /a]"}, "parameter topics: /a twice, allowed: each once"),
     (LoadNode, {"schedule": "a.csv", "schedule_columns": "[speed=a, speed=b]"}, "'speed' twice, allowed: each once"),
-    (AnalysisNode, {"gsa.outputs": "[nope]", "history": "none"}, "parameter gsa.outputs: unknown output 'nope'"),
     (BagRecorder, {"output": f"{NEW}.mcap", "topics": "[/a]", "split_size": 10.0}, "allowed: a new folder"),
 ]
 
@@ -163,6 +169,19 @@ def test_a_parameter_that_the_node_does_not_have_is_refused(process):
 def test_what_some_node_takes_of_a_file_is_no_fault(tmp_path, text):
     (tmp_path / "site.yaml").write_text(text)
     ParameterFile(tmp_path / "site.yaml").check()
+
+
+@pytest.mark.parametrize("there", ["load_node", "north: {load_node", "/*/deep/load_node"])
+def test_entries_for_a_node_of_another_namespace_are_refused(tmp_path, there):
+    """ROS passes over them, above all over a name without the namespace."""
+    body = ": {ros__parameters: {block_rate: 5000.0}}" + "}" * there.count("{")
+    (tmp_path / "site.yaml").write_text(there + body)
+    file = ParameterFile(tmp_path / "site.yaml")
+    file.check("/tbm/dynamics_node", "dynamics_node")
+    with pytest.raises(InputError, match="load_node: not /tbm/load_node, allowed: that, or /\\*\\*/load_node"):
+        file.check("/tbm/load_node", "load_node")
+    (tmp_path / "site.yaml").write_text(f"{there}{body}\n/tbm/load_node{': {ros__parameters: {seed: 1}}'}")
+    ParameterFile(tmp_path / "site.yaml").check("/tbm/load_node", "load_node")
 
 
 def test_a_node_by_another_name_takes_its_own_section(tmp_path):

@@ -35,7 +35,7 @@ def explain(
     ] = 6.0,
     model_error: Annotated[
         float, typer.Option(min=0.0, max=1.0, help="Relative error of a band power that the model has in any case.")
-    ] = 0.05,
+    ] = 0.02,
     workers: Workers = 2,
     seed: Annotated[int, SEED_OPTION] = 0,
     json: Annotated[bool, JSON_OPTION] = False,
