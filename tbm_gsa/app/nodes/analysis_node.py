@@ -52,7 +52,7 @@ class AnalysisNode(ManagedNode[AnalysisSettings]):
         for line in unused:
             self.faults.report(line, line)
         self._history = self._open_history(machine)
-        self._baselines = {self.settings.baseline: self._history.usual_errors(self.settings.baseline)}
+        self._baselines = {self.settings.baseline: self._history.usual_ratios(self.settings.baseline)}
         self._alarm = self._new_alarm()
         self._comparison = LiveComparison(
             self._points, sensors.values(), self.settings.window, lambda text: self.get_logger().warning(text)
@@ -72,7 +72,7 @@ class AnalysisNode(ManagedNode[AnalysisSettings]):
         if "gsa.outputs" in names:
             self._check_outputs(settings)
         if "baseline" in names:  # what was read holds until it is set again, whatever happens to the file
-            self._baselines[settings.baseline] = self._history.usual_errors(settings.baseline)
+            self._baselines[settings.baseline] = self._history.usual_ratios(settings.baseline)
 
     def _check_outputs(self, settings: AnalysisSettings) -> None:
         try:
