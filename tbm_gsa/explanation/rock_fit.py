@@ -119,9 +119,13 @@ class RockModel:
                     break
         expected, slope, shares = self._at(theta)
         residual = np.where(used, target - expected - law.shift, 0.0)
-        covariance = np.linalg.inv(slope.T @ weight @ slope + precision)
+        covariance: Array = np.asarray(np.linalg.inv(slope.T @ weight @ slope + precision), dtype=np.float64)
         left = (np.eye(len(used)) - slope @ covariance @ slope.T @ weight) * np.outer(used, used)
         return RockFit(theta, covariance, np.asarray(residual), left, slope, law.chance, shares)
+
+    def expected(self, fit: RockFit) -> Array:
+        """Logarithms (k,) of the band powers of the machine as it was commissioned, at the level of a fit."""
+        return self._at(fit.log_factors)[0]
 
     def _at(self, theta: Array) -> tuple[Array, Array, Array]:
         """Logarithms (k,) of the expected powers, their slopes (k, r) and the shares (s, k) of the sources."""

@@ -21,6 +21,7 @@ from typing import Final
 
 import numpy as np
 import scipy.linalg
+import scipy.special
 
 from tbm_gsa.explanation.rock_fit import RockFit, RockModel
 from tbm_gsa.explanation.run_length import chart_limit, even_squares
@@ -133,11 +134,14 @@ class ChartPoint:
         Squared standardised length of what is left for the machine.
     limit : float
         Of it.
+    surprise : float
+        Probability of a distance as large after any one span while the machine is what it was.
     """
 
     fit: RockFit
     distance: float
     limit: float
+    surprise: float
 
     @property
     def signals(self) -> bool:
@@ -159,6 +163,7 @@ class MachineChart:
 
     Attributes
     ----------
+    weight : float
     mean : ndarray, shape (k,)
         Weighted mean of the residuals.
     left : ndarray, shape (k, k)
@@ -169,7 +174,7 @@ class MachineChart:
 
     def __init__(self, model: RockModel, baseline: MachineBaseline, length: float, weight: float = 0.1) -> None:
         count, groups = len(baseline.offset), len(baseline.log_factors)
-        self._model, self._baseline, self._length, self._weight = model, baseline, length, weight
+        self._model, self._baseline, self._length, self.weight = model, baseline, length, weight
         self.mean = np.zeros(count)
         self.left = np.zeros((count, count))
         self.covariance = np.zeros((count, count))
@@ -189,11 +194,12 @@ class MachineChart:
         missing = float(np.trace(least))
         squares = len(root) - 2.0 * missing + float(np.square(least).sum())
         scale, freedom = even_squares(max(len(root) - missing, _LEAST_FREEDOM), max(squares, _LEAST_FREEDOM))
-        limit = scale * chart_limit(self._length, float(np.ceil(freedom)), self._weight)
-        return ChartPoint(fit, float(white @ white), limit)
+        limit = scale * chart_limit(self._length, float(np.ceil(freedom)), self.weight)
+        distance = float(white @ white)
+        return ChartPoint(fit, distance, limit, float(scipy.special.gammaincc(0.5 * freedom, 0.5 * distance / scale)))
 
     def _add(self, fit: RockFit) -> None:
-        old, new = 1.0 - self._weight, self._weight
+        old, new = 1.0 - self.weight, self.weight
         root = _root(fit.chance)
         chance = root @ self._baseline.covariance @ root.T
         self.mean = old * self.mean + new * fit.residual

@@ -23,9 +23,13 @@ from tbm_dynamics.loads.description import LoadFactors
 from tbm_gsa.explanation.band_reading import BandStatistic
 from tbm_gsa.explanation.load_scatter import LoadScatter
 from tbm_gsa.explanation.load_transfer import LoadTransfer
+from tbm_gsa.explanation.machine_state import CauseGrid, MachineState
 from tbm_gsa.explanation.rock_fit import RockModel
 from tbm_gsa.explanation.run_length import chart_limit, even_squares, run_length
+from tbm_gsa.explanation.sensor_fault import sensor_fault
 from tbm_gsa.explanation.sequential import LEAST_SPANS, MachineChart, commission
+from tbm_gsa.sensitivity.study.distributions import Uniform
+from tbm_gsa.sensitivity.study.inputs import Input
 from tbm_msgs_py.base.errors import InputError
 
 PUBLISHED = [
@@ -170,3 +174,76 @@ def test_a_baseline_of_too_little_is_refused(model):
     rows[:, 1] = np.nan
     with pytest.raises(InputError, match="every band power in some span"):
         commission(model, list(rows))
+
+
+def of_sensors(model):
+    """Four sensors of one axis with three bands each, one group of loads or two in each of them."""
+    places = range(COUNT)
+    statistics = tuple(BandStatistic(f"p{one // 3}", "x", float(one % 3), one % 3 + 1.0) for one in places)
+    gain = np.tile(model.scatter.transfer.gain[:3, ::4], (2, 4)) + 0.05
+    transfer = replace(model.scatter.transfer, statistics=statistics, gain=gain, modulated=np.zeros_like(gain))
+    falling = np.zeros_like(model.scatter.falling)
+    for one in places:
+        falling[:-2, :-2, one, one] = np.outer(gain[:, one], gain[:, one]) / 10.0
+    return replace(model, scatter=replace(model.scatter, transfer=transfer, falling=falling))
+
+
+@pytest.mark.parametrize(
+    ("shift", "kind", "gain"),
+    [
+        ([2.0 * np.log(1.2)] * 3, "gain", 1.2),
+        ([2.0 * np.log(1000.0)] * 3, "gain", 1000.0),
+        ([2.0 * np.log(0.001)] * 3, "dead", 0.001),
+        ([1.5, 0.0, 0.2], "noise", None),
+        ([0.6, -0.6, 0.0], None, None),
+    ],
+)
+def test_a_fault_of_one_sensor_is_called_that(model, shift, kind, gain):
+    """Two bands that move against each other are the machine."""
+    sensors = of_sensors(model)
+    baseline = commission(sensors, list(spans(sensors, 40, 10)))
+    rows = spans(sensors, 6, 11)
+    rows[:, 3:6] += shift
+    found = sensor_fault(sensors, baseline, list(rows))
+    assert (found and (found.kind, found.point, found.axes)) == (kind and (kind, "p1", ("x",)))
+    if gain:
+        assert found.gain == pytest.approx(gain, rel=0.1)
+        assert found.low < found.gain < found.high
+
+
+def test_a_change_at_two_sensors_is_no_sensor_s(model):
+    sensors = of_sensors(model)
+    baseline = commission(sensors, list(spans(sensors, 40, 10)))
+    rows = spans(sensors, 6, 12)
+    rows[:, [4, 7]] += 1.0
+    assert sensor_fault(sensors, baseline, list(rows)) is None
+    with pytest.raises(InputError, match="no span of time"):
+        sensor_fault(sensors, baseline, [])
+
+
+@pytest.mark.parametrize(("true", "found"), [(0.7, "b"), (1.3, "b"), (None, None)])
+def test_the_input_that_has_changed_is_named_with_its_value(model, baseline, true, found):
+    """Three inputs: the first scales one band, the second another with its square, the third nothing."""
+    transfer, unit = model.scatter.transfer, np.linspace(0.0, 1.0, 21)
+    values = 0.5 + unit
+    gain = np.tile(transfer.gain, (3, len(unit), 1, 1))
+    gain[0, :, :, 2] *= values[:, None]
+    gain[1, :, :, 5] *= np.square(values)[:, None]
+    inputs = tuple(Input(code, code, code, "", "multiplier", 1.0, Uniform(0.5, 1.5)) for code in "abc")
+    grid = CauseGrid(inputs, unit, gain, np.tile(transfer.meshes, (3, len(unit), 1)))
+    chart = MachineChart(model, baseline, 500.0)
+    state = MachineState(model, grid, chart)
+    rows = spans(model, 60, 13)
+    if true is not None:
+        rows[:, 5] += 2.0 * np.log(true)
+    for row in rows:
+        state.add(chart.update(row).fit)
+    states = {one.name: one for one in state.inputs()}
+    assert states["c"].value == pytest.approx(1.0)  # not seen: it keeps its prior
+    assert (states["c"].low, states["c"].high) == (pytest.approx(0.55), pytest.approx(1.45))
+    if found is None:
+        assert sum(one.probability for one in states.values()) < 0.5
+    else:
+        assert states[found].probability > 0.95
+        assert states[found].low < true < states[found].high
+        assert states[found].high - states[found].low < 0.3
