@@ -12,6 +12,7 @@ from dataclasses import dataclass
 from typing import Final, Literal
 
 import numpy as np
+import scipy.linalg
 from numpy.typing import NDArray
 
 from tbm_gsa.explanation.rock_fit import RockModel
@@ -102,7 +103,8 @@ def _without(
 ) -> tuple[SensorFault | None, float]:
     """Fault of channels, if the others are what they were without them, and how ordinary those are."""
     chart = MachineChart(model, baseline, _LENGTH)
-    shifts, variances, ordinary = [], [], 0.0
+    shifts, ordinary, within = [], 0.0, np.ix_(inside, inside)
+    scatter = np.zeros((int(inside.sum()), int(inside.sum())))
     for row in rows:
         others = np.where(inside, np.nan, row)
         if not np.isfinite(others).any():
@@ -111,20 +113,21 @@ def _without(
         ordinary = now.surprise
         shifts.append((row - baseline.offset - model.expected(now.fit))[inside])
         slope = now.fit.slope[inside]
-        variances.append(np.diag(now.fit.chance)[inside] + np.diag(slope @ now.fit.covariance @ slope.T))
+        scatter += now.fit.chance[within] + slope @ now.fit.covariance @ slope.T
     if ordinary < ORDINARY:
         return None, ordinary
     measured = np.isfinite(shifts).any(axis=0)
     if not measured.any():
         return None, ordinary
     shift = np.nanmean(np.array(shifts)[:, measured], axis=0)
-    spread = np.sqrt(np.mean(variances, axis=0)[measured] / len(rows))
-    return _kind(point, axes, shift, spread), ordinary
+    scatter = scatter / len(rows) ** 2 + baseline.chance[within] / baseline.spans
+    return _kind(point, axes, shift, scatter[np.ix_(measured, measured)]), ordinary
 
 
-def _kind(point: str, axes: tuple[str, ...], shift: Array, spread: Array) -> SensorFault | None:
-    """Fault that shows as shifts (b,) of the logarithms of bands, known within `spread` (b,)."""
-    weight = 1.0 / np.square(spread)
+def _kind(point: str, axes: tuple[str, ...], shift: Array, scatter: Array) -> SensorFault | None:
+    """Fault that shows as shifts (b,) of the logarithms of bands with their covariance (b, b)."""
+    spread = np.sqrt(np.diag(scatter))
+    weight = scipy.linalg.solve(scatter, np.ones(len(shift)), assume_a="pos")
     mean, sigma = float(weight @ shift / weight.sum()), float(1.0 / np.sqrt(weight.sum()))
     if abs(mean) < _SIGMAS * sigma:
         return None
