@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from tbm_dynamics.indicators import indicators
+from tbm_dynamics.machine.sensor_place import SensorPlace, place_of
 from tbm_msgs_py.base.errors import MachineError
 
 if TYPE_CHECKING:
@@ -19,7 +20,11 @@ AXES = ("x", "y", "z", "rx", "ry", "rz")
 def default_outputs(machine: Machine) -> tuple[int, ...]:
     """Nodes of the test points, the ring gear's mesh plane and the first pinion's mesh node."""
     drive = machine.description.driveshaft
-    nodes = [*machine.description.test_points.values(), drive.ring_node, drive.pinion_nodes_from + 1]
+    nodes = [
+        *(place.node for place in machine.description.sensor_places.values()),
+        drive.ring_node,
+        drive.pinion_nodes_from + 1,
+    ]
     return tuple(dict.fromkeys(nodes))
 
 
@@ -54,8 +59,8 @@ class Response:
     static_mesh_force: float
     states: int
 
-    def acceleration(self, node: int, axis: str | None = None) -> np.ndarray:
-        """Acceleration of a node, (n,) along one axis x, y, z, rx, ry, rz, or (n, 6).
+    def acceleration(self, node: int | SensorPlace, axis: str | None = None) -> np.ndarray:
+        """Acceleration of a node or a sensor's place, (n,) along one axis x, y, z, rx, ry, rz, or (n, 6).
 
         Raises
         ------
@@ -64,21 +69,22 @@ class Response:
         """
         return self._pick(self.accelerations, node, axis)
 
-    def displacement(self, node: int, axis: str | None = None) -> np.ndarray:
-        """Displacement of a node, static part included, (n,) or (n, 6); raises as `acceleration`."""
+    def displacement(self, node: int | SensorPlace, axis: str | None = None) -> np.ndarray:
+        """Displacement, static part included, (n,) or (n, 6); raises as `acceleration`."""
         return self._pick(self.displacements, node, axis)
 
-    def _pick(self, values: np.ndarray, node: int, axis: str | None) -> np.ndarray:
-        if node not in self.nodes:
+    def _pick(self, values: np.ndarray, point: int | SensorPlace, axis: str | None) -> np.ndarray:
+        place = place_of(point)
+        if place.node not in self.nodes:
             raise MachineError(
-                f"node {node}: not among the outputs {', '.join(map(str, self.nodes))}; ask for it with outputs="
+                f"node {place.node}: not among the outputs {', '.join(map(str, self.nodes))}; ask for it with outputs="
             )
-        picked = values[:, self.nodes.index(node)]
-        if axis is None:
-            return picked
-        if axis not in AXES:
+        picked = values[:, self.nodes.index(place.node)]
+        if axis is not None and axis not in AXES:
             raise MachineError(f"axis {axis!r}: allowed are {', '.join(AXES)}")
-        return picked[:, AXES.index(axis)]
+        if any(place.offset):
+            picked = np.concatenate([place.translation(picked), picked[:, 3:]], axis=1)
+        return picked if axis is None else picked[:, AXES.index(axis)]
 
     def indicators(self) -> dict[str, float]:
         """Return the eight indicators of the paper's Table 3."""

@@ -5,6 +5,7 @@ import platform
 from importlib.metadata import PackageNotFoundError, version
 
 from tbm_dynamics import Machine
+from tbm_gsa.reading import MachineFile
 
 PACKAGES = ("tbm_monitor", "numpy", "scipy", "scikit-learn", "SALib")
 
@@ -15,6 +16,11 @@ def machine_sha256(machine: Machine) -> str:
     Comments, the order of the keys and the place of the file do not change it; a stated default is no difference.
     """
     return hashlib.sha256(machine.base.model_dump_json().encode()).hexdigest()
+
+
+def machine_file(machine: Machine) -> MachineFile:
+    """Origin and digest of a machine, as results name them."""
+    return MachineFile(origin=machine.origin, sha256=machine_sha256(machine))
 
 
 def package_versions() -> dict[str, str]:

@@ -23,6 +23,7 @@ from tbm_gsa.app.cli.machine_update import UpdateResult
 from tbm_gsa.app.cli.main import app as command_line
 from tbm_gsa.app.cli.simulate import SimulationResult
 from tbm_gsa.comparison.results import ComparisonResult
+from tbm_gsa.explanation.observability_result import Observability
 from tbm_gsa.explanation.result import Explanation
 from tbm_gsa.history.summary import BaselineList, BaselineSummary, HistorySummary
 from tbm_gsa.paper.load_summary import LoadSummary
@@ -47,6 +48,7 @@ RESULTS: dict[str, type[BaseModel]] = {
     "machine check": CheckedMachine,
     "machine loads": LoadSummary,
     "machine update": UpdateResult,
+    "machine observe": Observability,
     "history": HistorySummary,
     "history baseline list": BaselineList,
     "history baseline show": BaselineSummary,

@@ -44,10 +44,10 @@ class Prediction:
 def predict(machine: Machine) -> Prediction:
     """Predict levels, axial natural frequencies and mesh-force lines of a machine."""
     system = machine.assemble()
-    points = machine.description.test_points
-    dofs = [system.dof(node, direction) for node in points.values() for direction in ("ux", "uy", "uz")]
-    response = FrequencyResponse(system, np.vstack([np.eye(system.size)[dofs], system.couplings.rows[:1]]))
-    power, components = np.zeros(len(dofs)), machine.description.loads.components
+    points = machine.description.sensor_places
+    observe = np.vstack([place.rows(system) for place in points.values()])
+    response = FrequencyResponse(system, np.vstack([observe, system.couplings.rows[:1]]))
+    power, components = np.zeros(len(observe)), machine.description.loads.components
     lines = {line.frequency: 0.0 for line in machine.description.loads.mx.lines}
     for column, (component, scale) in enumerate(zip(components, machine.load_scale(), strict=True)):
         for region in component.regions:
@@ -79,5 +79,5 @@ def _inside(low: float, high: float) -> np.ndarray:
 def _axial_frequencies(machine: Machine, system: System) -> np.ndarray:
     head = machine.description.cutterhead_bearing_gear.shafts[0]
     frequencies, shapes = system.modes
-    axial = np.abs(shapes[system.dof(machine.description.test_points["cutterhead"], "ux")])
+    axial = np.abs(machine.description.sensor_places["cutterhead"].rows(system)[0] @ shapes)
     return np.asarray(frequencies[axial * np.sqrt(head.mass) > _AXIAL_SHARE])

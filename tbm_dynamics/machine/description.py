@@ -17,6 +17,7 @@ from pydantic import AfterValidator, Field, model_validator
 from tbm_dynamics.loads.cutters.description import CutterDescription
 from tbm_dynamics.loads.description import LoadDescription
 from tbm_dynamics.machine.drive import ConnectionType, DriveTemplate, Node, SixStiffnesses
+from tbm_dynamics.machine.sensor_place import SensorPlace, TestPoint, place_of
 from tbm_msgs_py.base.fields import FrozenModel, Label, NonNegative, Positive, Source, Vector3
 from tbm_msgs_py.base.texts import LONGEST_NAME
 from tbm_msgs_py.base.units import R_MIN
@@ -196,13 +197,18 @@ class MachineDescription(FrozenModel):
     carrier_girder: Subsystem
     connections: tuple[Connection, ...]
     load_node: Node
-    test_points: dict[PointName, Node]
+    test_points: dict[PointName, TestPoint]
     loads: LoadDescription
     cutters: CutterDescription | None = None
 
     def structural_nodes(self) -> dict[int, Vector3]:
         """Positions of the nodes that are not part of a drive."""
         return {**self.cutterhead_bearing_gear.nodes, **self.carrier_girder.nodes}
+
+    @property
+    def sensor_places(self) -> dict[str, SensorPlace]:
+        """Places of the test points."""
+        return {name: place_of(point) for name, point in self.test_points.items()}
 
     def all_connections(self) -> tuple[Connection, ...]:
         """All connections inside and between the subsystems; those of the drives are in their template."""
@@ -253,7 +259,7 @@ class MachineDescription(FrozenModel):
     def _references(self) -> list[tuple[str, int]]:
         """Every place that names a node, with the node."""
         found: list[tuple[str, int]] = [("load_node", self.load_node)]
-        found += [(f"test_points.{name}", node) for name, node in self.test_points.items()]
+        found += [(f"test_points.{name}", place.node) for name, place in self.sensor_places.items()]
         for name in ("cutterhead_bearing_gear", "carrier_girder"):
             subsystem: Subsystem = getattr(self, name)
             found += [(f"{name}.shafts", node) for shaft in subsystem.shafts for node in shaft.nodes]

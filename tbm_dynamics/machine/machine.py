@@ -16,6 +16,7 @@ from tbm_dynamics.machine.description import MachineDescription
 from tbm_dynamics.machine.inputs import apply_inputs
 from tbm_dynamics.machine.loading import read_description, shipped_machines
 from tbm_msgs_py.base.errors import MachineError
+from tbm_msgs_py.base.fields import Vector3
 from tbm_msgs_py.base.files import real_path
 from tbm_msgs_py.base.operating_point import OperatingPoint
 from tbm_msgs_py.base.units import R_MIN
@@ -38,7 +39,8 @@ class Machine:
         Inputs changed since, read-only: x1 … x25 in Table 4's units, ``loads.axial_low`` … ``loads.moments``. A
         multiplier is relative to the file.
     origin : str
-        What error messages call it: the file or shipped name it was loaded from, else the name in the description.
+        What error messages and results call it: the shipped name or the file it was loaded from, the same by whatever
+        path or link it was named; else the name in the description.
     """
 
     base: MachineDescription
@@ -94,6 +96,21 @@ class Machine:
         variant = Machine(self.base, {**self.inputs, **inputs}, self.origin)
         _ = variant.description  # refuse a bad value here, where it was given
         return variant
+
+    def with_offsets(self, offsets: Mapping[str, Vector3]) -> Machine:
+        """Return the machine with test points elsewhere: m from their nodes, by name.
+
+        Raises
+        ------
+        MachineError
+            A test point that the machine does not have.
+        """
+        places, moved = self.base.sensor_places, dict(self.base.test_points)
+        for point, offset in offsets.items():
+            if point not in places:
+                raise MachineError(f"test point {point!r}: machine {self.name} has {', '.join(places)}")
+            moved[point] = places[point].at(offset).shortest
+        return Machine(self.base.model_copy(update={"test_points": moved}), self.inputs, self.origin)
 
     def check_operating_point(self, point: OperatingPoint) -> None:
         """Refuse an operating point that the machine cannot have.

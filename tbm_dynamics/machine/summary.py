@@ -24,6 +24,7 @@ from tbm_dynamics.machine.description import (
 )
 from tbm_dynamics.machine.drive import DriveBody, DriveConnection, DrivePlacement, DriveShaft, Gear, Gearbox, Mesh
 from tbm_dynamics.machine.machine import Machine
+from tbm_dynamics.machine.sensor_place import SensorPlace
 from tbm_dynamics.mesh.planetary import PlanetaryStage, stage_law
 from tbm_dynamics.structure.assembly import node_positions
 from tbm_dynamics.structure.couplings import STAGE_HARMONICS
@@ -206,6 +207,7 @@ class MachineSummary(FrozenModel):
     operating_limits: OperatingLimits | None
     nodes: tuple[NodeSummary, ...]
     places: dict[str, Source]
+    test_points: dict[str, SensorPlace]
     shafts: tuple[ShownShaft, ...]
     bodies: tuple[ShownBody, ...]
     connections: tuple[ShownConnection, ...]
@@ -237,6 +239,7 @@ def machine_summary(machine: Machine, count: int = 10) -> MachineSummary:
         operating_limits=description.operating_limits,
         nodes=tuple(_nodes(description)),
         places={name: part.source for name, part in structures},
+        test_points=description.sensor_places,
         shafts=tuple(ShownShaft(**dict(one), subsystem=name) for name, part in structures for one in part.shafts),
         bodies=tuple(ShownBody(**dict(one), subsystem=name) for name, part in structures for one in part.bodies),
         connections=tuple(ShownConnection(**dict(one), where=where) for where, group in groups for one in group),
@@ -311,12 +314,17 @@ def _nodes(description: MachineDescription) -> Iterator[NodeSummary]:
     drive = description.driveshaft
     owner = {node: name for name, part in structures_of(description) for node in part.nodes}
     roles = [(description.load_node, "loads"), (drive.ring_node, "ring gear"), (drive.mount_node, "drive mount")]
-    roles += [(node, f"test point {name}") for name, node in description.test_points.items()]
+    roles += [(place.node, _test_point(name, place)) for name, place in description.sensor_places.items()]
     for i in range(drive.count):
         roles += zip(drive_nodes(drive, i), (f"drive {i + 1} {part}" for part in DRIVE_NODES), strict=True)
     for node, place in node_positions(description).items():
         own = tuple(role for at, role in roles if at == node)
         yield NodeSummary(node, owner.get(node, "driveshaft"), tuple(place.tolist()), own)
+
+
+def _test_point(name: str, place: SensorPlace) -> str:
+    arm = ", ".join(f"{value:g}" for value in place.offset)
+    return f"test point {name}, off by ({arm}) m" if any(place.offset) else f"test point {name}"
 
 
 def _stages(machine: Machine) -> Iterator[StageSummary]:

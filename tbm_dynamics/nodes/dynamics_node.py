@@ -43,7 +43,7 @@ class DynamicsNode(ManagedNode[DynamicsSettings]):
         self._machine: Machine = load_machine(self.settings.machine)
         self._rate: float = self.settings.load_rate
         self._step = step_ns(self._rate)
-        self._points = dict(self._machine.description.test_points)
+        self._points = self._machine.description.sensor_places
         self._stream = DynamicsStream(self._machine, self._rate, self.settings.loads)
         self._pinion_radius = gear_pair(self._machine.description.driveshaft).pinion_base_radius
         self._refused = 0
@@ -145,7 +145,8 @@ class DynamicsNode(ManagedNode[DynamicsSettings]):
 
     def _publish(self, chunk: Chunk) -> None:
         """Blocks first: what is shown live can wait."""
-        points = {p: chunk.acceleration[:, self._stream.nodes.index(node), :3] for p, node in self._points.items()}
+        motion, nodes = chunk.acceleration, self._stream.nodes
+        points = {p: place.translation(motion[:, nodes.index(place.node)]) for p, place in self._points.items()}
         for point, acceleration in points.items():
             for packet in self._sensors[point].process(chunk.first_step, acceleration):
                 self._publish_packet(point, packet)

@@ -8,7 +8,7 @@ from pydantic import model_validator
 
 from tbm_dynamics.loads.stepper import LoadModel
 from tbm_dynamics.streaming.schedule import COLUMNS
-from tbm_dynamics.streaming.sensors import SensorEffects
+from tbm_dynamics.streaming.sensor_effects import SensorEffects
 from tbm_msgs_py import topics
 from tbm_msgs_py.base.fields import FrozenModel
 from tbm_msgs_py.nodes.parameters import MachineSettings, Names, live_parameter, parameter

@@ -5,59 +5,24 @@ range, quantisation, packets with a clock of their own, lost packets. The defaul
 """
 
 from dataclasses import dataclass
-from typing import Annotated, Self
 
 import numpy as np
 import scipy.signal
 from numpy.typing import ArrayLike
-from pydantic import ConfigDict, Field, model_validator
+from pydantic import Field
 from scipy.spatial.transform import Rotation
 
 from tbm_dynamics.loads.noise import hashed_generator
+from tbm_dynamics.streaming.sensor_effects import SensorEffects
 from tbm_msgs_py.base.arrays import Array
 from tbm_msgs_py.base.causal_filter import CausalFilter
 from tbm_msgs_py.base.errors import InputError
-from tbm_msgs_py.base.fields import FrozenModel
 from tbm_msgs_py.base.units import NANOSECONDS, STANDARD_GRAVITY
 
 GRAVITY = np.array([0.0, 0.0, STANDARD_GRAVITY])  # m/s²; an accelerometer at rest reads its support, upwards
 FILTER_ORDER = 8
 LIVE_ORDER = 6
 LIVE_CORNER = 0.4  # of the low-pass before a live copy, over the rate of the copy
-
-
-_Bias = Annotated[float, Field(ge=-1e4, le=1e4)]
-_Angle = Annotated[float, Field(ge=-360.0, le=360.0)]
-
-
-class SensorEffects(FrozenModel):
-    """Effects of one accelerometer on the signal; zero switches one off.
-
-    The fields describe themselves: they are parameters of the dynamics node, too. The delay of the anti-alias filter, a
-    Butterworth low-pass before sampling, stays in the signal, as in a sensor; clock errors show in the stamps only; the
-    rotation is about the machine axes in this order.
-    """
-
-    model_config = ConfigDict(allow_inf_nan=False)
-
-    range: float = Field(0.0, ge=0.0, description="full scale (m/s²), 0 is unlimited")
-    noise_density: float = Field(0.0, ge=0.0, description="noise, one-sided (m/s²/√Hz)")
-    quantisation: float = Field(0.0, ge=0.0, description="step of the converter (m/s²)")
-    bias: tuple[_Bias, _Bias, _Bias] = Field((0.0, 0.0, 0.0), description="bias of the sensor axes (m/s²)")
-    anti_alias_hz: float = Field(0.0, ge=0.0, description="corner of the anti-alias filter (Hz), 0 is none")
-    clock_offset: float = Field(0.0, ge=-3600.0, le=3600.0, description="sensor clock minus true time (s)")
-    clock_drift: float = Field(0.0, ge=-99999.0, le=99999.0, description="how much the sensor clock runs fast (ppm)")
-    dropout_probability: float = Field(0.0, ge=0.0, le=1.0, description="share of blocks lost")
-    mounting_rotation: tuple[_Angle, _Angle, _Angle] = Field(
-        (0.0, 0.0, 0.0), description="roll, pitch, yaw of the sensors in the machine axes (degrees)"
-    )
-    gravity: bool = Field(False, description="whether the sensors read gravity too")
-
-    @model_validator(mode="after")
-    def _check_step(self) -> Self:
-        if self.range and self.quantisation > self.range:
-            raise ValueError(f"quantisation {self.quantisation:g} m/s² must not exceed the range {self.range:g} m/s²")
-        return self
 
 
 class SensorParameters(SensorEffects):

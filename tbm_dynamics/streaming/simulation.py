@@ -9,6 +9,7 @@ import numpy as np
 from tbm_dynamics.integration.simulator import DEFAULT_STEP, Chunk, MethodName, Simulator
 from tbm_dynamics.loads.stepper import LoadModel
 from tbm_dynamics.machine.machine import Machine
+from tbm_dynamics.machine.sensor_place import SensorPlace, place_of
 from tbm_dynamics.response import Response, default_outputs
 from tbm_dynamics.streaming.schedule import Schedule
 from tbm_dynamics.streaming.streams import LoadStream
@@ -77,6 +78,10 @@ class ModelRun:
                 progress(part.stop / self.steps)
 
 
+def _nodes(outputs: Iterable[int | SensorPlace]) -> tuple[int, ...]:
+    return tuple(dict.fromkeys(place_of(output).node for output in outputs))
+
+
 def simulate(
     machine: Machine,
     duration: float = 3.0,
@@ -86,7 +91,7 @@ def simulate(
     method: MethodName = "reduced",
     loads: LoadModel = "spectral",
     schedule: Schedule | None = None,
-    outputs: Iterable[int] | None = None,
+    outputs: Iterable[int | SensorPlace] | None = None,
     progress: Progress | None = None,
 ) -> Response:
     """Run a machine from its static equilibrium under its loads.
@@ -105,8 +110,8 @@ def simulate(
         Table 1's spectra, or the discs' forces; the motors then hold the mean torque of the discs.
     schedule : Schedule, optional
         Operating point over time, taken every 50 ms and linear in between; the machine's own without it.
-    outputs : iterable of int, optional
-        Nodes whose motion is kept; test points, 8 and 14 by default. The indicators need the last two.
+    outputs : iterable of int or SensorPlace, optional
+        Nodes or test points whose motion is kept; test points, 8 and 14 by default. The indicators need the last two.
     progress : callable, optional
 
     Raises
@@ -117,7 +122,7 @@ def simulate(
     SimulationError
         A duration without steps, a run that diverges.
     """
-    nodes = default_outputs(machine) if outputs is None else tuple(outputs)
+    nodes = default_outputs(machine) if outputs is None else _nodes(outputs)
     run = ModelRun(machine, duration, seed, nodes, time_step=time_step, method=method, loads=loads, schedule=schedule)
     drive = machine.description.driveshaft
     whole = Chunk(0, np.empty((run.steps, 2, len(nodes), 6)), np.empty((run.steps, drive.count)))

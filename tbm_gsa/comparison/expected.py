@@ -43,7 +43,7 @@ def _axial_lines(machine: Machine) -> Iterator[ExpectedLine]:
     axial = shapes[along]
     share = np.einsum("ik,ij,jk->k", axial, system.M[np.ix_(along, along)], axial)
     loaded = shapes[system.dof(machine.description.load_node, "ux")]
-    felt = [shapes[system.dof(node, "ux")] for node in machine.description.test_points.values()]
+    felt = [place.rows(system)[0] @ shapes for place in machine.description.sensor_places.values()]
     response = np.abs(loaded * np.array(felt)).max(axis=0, initial=0.0)
     chosen = (share > MOSTLY) & (response > AUDIBLE * response.max()) & (frequency < LOW_PASS_LIMIT_HZ)
     for number, value in enumerate(frequency[chosen].tolist(), start=1):

@@ -33,10 +33,10 @@ def run_model(
     progress : callable
         Called with the share that is done, 0 to 1.
     """
-    nodes = machine.description.test_points
-    run = ModelRun(machine, duration, seed, [nodes[point] for point in reducers])
+    places = [machine.description.sensor_places[point] for point in reducers]
+    run = ModelRun(machine, duration, seed, [place.node for place in places])
     for chunk in run.chunks(progress=progress):
         time = np.arange(chunk.first_step, chunk.first_step + len(chunk.mesh_force), dtype=np.float64) * DEFAULT_STEP
-        for place, reducer in enumerate(reducers.values()):
-            reducer.feed(time, np.ascontiguousarray(chunk.acceleration[:, place, :3]))
+        for k, (place, reducer) in enumerate(zip(places, reducers.values(), strict=True)):
+            reducer.feed(time, np.ascontiguousarray(place.translation(chunk.acceleration[:, k])))
     return {point: reducer.finish() for point, reducer in reducers.items()}

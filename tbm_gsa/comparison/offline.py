@@ -24,7 +24,6 @@ from tbm_gsa.signals.intervals import error_interval
 from tbm_gsa.signals.reduction import ReducedSignal, Series
 from tbm_gsa.signals.settings import Settings, band_name
 from tbm_gsa.signals.statistics import coverage, kurtosis, ratio, relative_error, rms
-from tbm_msgs_py.base.arrays import Array
 from tbm_msgs_py.base.errors import InputError
 from tbm_msgs_py.base.units import STANDARD_GRAVITY
 
@@ -164,38 +163,30 @@ def _spectrum(statistics: SignalStatistics) -> SpectrumResult:
 def _windows(
     field: ReducedSignal, axis: int, model_rms: Mapping[int, float | None], settings: Settings
 ) -> WindowColumns:
-    """Every whole window from the first sample on, recorded or not.
+    """Every whole window that holds a sample: what was not recorded costs nothing, however long it took.
 
     The error is against the whole model run at the level, which has no window that would be simultaneous.
     """
-    length, table = settings.window_s, field.windows
+    length = settings.window_s
     # A sensor clock that drifts makes the last window short by a sample or two: it counts.
-    count = math.floor(field.duration / length + 1e-3)
-    there = table.index < count
-    place = table.index[there]
-
-    def dense(values: Array) -> Array:
-        whole = np.full(count, np.nan)
-        whole[place] = values[there]
-        return whole
-
-    def column(values: Array) -> tuple[float | None, ...]:
-        return rounded(dense(values).tolist())
-
-    level = dense(np.where(field.level < 0, np.nan, field.level)).tolist()
-    computed = np.array([model_rms.get(int(one)) if one == one else None for one in level], dtype=np.float64)  # noqa: PLR0124
+    whole = field.windows.index < math.floor(field.duration / length + 1e-3)
+    table, level = field.windows.where(whole), field.level[whole].tolist()
+    computed = np.array([model_rms.get(one) for one in level], dtype=np.float64)
     root = rms(table.count, table.moments)[:, axis]
     bands = np.sqrt(ratio(table.bands[:, :, axis], table.count[:, None]))
+    columns = {
+        "coverage": np.minimum(1.0, table.count / (field.rate_hz * length)),
+        "relative_error": relative_error(root, computed),
+        "field_rms": root,
+        "field_peak": table.peak[:, axis],
+        "field_crest_factor": ratio(table.peak[:, axis], root),
+        "field_kurtosis": kurtosis(table.count, table.moments)[:, axis],
+        "field_velocity_rms": np.sqrt(ratio(table.velocity[:, axis], table.count)),
+        "field_line_hz": table.line[:, axis],
+    }
     return WindowColumns(
-        start=rounded((length * np.arange(count, dtype=np.float64)).tolist()),
-        coverage=rounded(np.minimum(1.0, np.nan_to_num(dense(table.count)) / (field.rate_hz * length)).tolist()),
-        relative_error=rounded(relative_error(dense(root), computed).tolist()),
-        field_rms=column(root),
-        field_peak=column(table.peak[:, axis]),
-        field_crest_factor=column(ratio(table.peak[:, axis], root)),
-        field_kurtosis=column(kurtosis(table.count, table.moments)[:, axis]),
-        field_velocity_rms=column(np.sqrt(ratio(table.velocity[:, axis], table.count))),
-        field_line_hz=column(table.line[:, axis]),
-        level=tuple(None if math.isnan(one) else int(one) for one in level),
-        field_band_rms={band_name(*limits): column(bands[:, i]) for i, limits in enumerate(settings.bands)},
+        start=tuple(round(one, 9) for one in (length * table.index).tolist()),  # of months, too, to the nanosecond
+        **{name: rounded(values.tolist()) for name, values in columns.items()},
+        level=tuple(None if one < 0 else one for one in level),
+        field_band_rms={band_name(*limits): rounded(bands[:, i].tolist()) for i, limits in enumerate(settings.bands)},
     )

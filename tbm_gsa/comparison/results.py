@@ -15,6 +15,7 @@ from pydantic import Field, SerializerFunctionWrapHandler, model_serializer, mod
 
 from tbm_dynamics import Machine
 from tbm_gsa.reading import LARGEST_NUMBER, Interval, Line, MachineFile, Name, Number, Part, PathText, Seed, Size
+from tbm_msgs_py.base.fields import Vector3
 from tbm_msgs_py.recordings.channels import LeftOut
 from tbm_msgs_py.recordings.used import UsedSources
 
@@ -56,7 +57,7 @@ class SpectralPeak(Part):
 
 
 class WindowColumns(Part):
-    """Window by window along one axis, None where a window holds no sample; `start` counts from the first sample."""
+    """Window by window along one axis, those without a sample left out; `start` counts from the first sample."""
 
     start: Numbers
     coverage: Numbers
@@ -266,8 +267,8 @@ class AxialRow:
 class ComparisonResult(Part):
     """A recording held against the model; compared points in their order along the power flow.
 
-    `skipped` names points that were not compared, `left_out` messages that are not used; `sources` says what is used,
-    and `doubts` what may be wrong with it, a line each.
+    `offsets` are those of sensors that sit off their node, m. `skipped` names points that were not compared, `left_out`
+    messages that are not used; `sources` says what is used, and `doubts` what may be wrong with it, a line each.
     """
 
     window_s: Size
@@ -275,6 +276,7 @@ class ComparisonResult(Part):
     points: dict[Name, dict[Name, AxisResult]]
     spectra: dict[Name, dict[Name, AxisSpectra]]
     nodes: dict[Name, int]
+    offsets: dict[Name, Vector3] = Field(default_factory=dict)
     bands: Annotated[dict[Name, PointBand], Field(min_length=1)]
     skipped: dict[str, str]
     left_out: tuple[LeftOut, ...] = ()
@@ -301,9 +303,9 @@ class ComparisonResult(Part):
 
     @model_serializer(mode="wrap")
     def _written(self, serialise: SerializerFunctionWrapHandler) -> dict[str, object]:
-        """Leave `synthetic` out of the JSON where it is false."""
+        """Leave `synthetic` and `offsets` out of the JSON where there is none."""
         written: dict[str, object] = serialise(self)
-        return written if self.synthetic else {key: value for key, value in written.items() if key != "synthetic"}
+        return {key: value for key, value in written.items() if value or key not in ("synthetic", "offsets")}
 
     @property
     def axial_rows(self) -> list[AxialRow]:

@@ -1,6 +1,5 @@
 """From a recording on disk to a comparison: reduce it, run the model at its levels of operation, compare."""
 
-import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
@@ -20,13 +19,13 @@ from tbm_gsa.comparison.results import (
     RecordingResult,
 )
 from tbm_gsa.comparison.units import unit_doubt
-from tbm_gsa.provenance import machine_sha256, package_versions
-from tbm_gsa.reading import MachineFile
+from tbm_gsa.provenance import machine_file, package_versions
 from tbm_gsa.signals.intervals import CONFIDENCE
 from tbm_gsa.signals.reduction import ReducedSignal, Series, SignalReducer, one_level
 from tbm_gsa.signals.settings import Settings
 from tbm_msgs_py.bags.metadata import is_synthetic
 from tbm_msgs_py.base.errors import InputError, RecordingError
+from tbm_msgs_py.base.fields import Vector3
 from tbm_msgs_py.base.texts import listed
 from tbm_msgs_py.recordings.mapping import TopicMapping
 from tbm_msgs_py.recordings.recording import RecordingReader, open_recording
@@ -34,6 +33,7 @@ from tbm_msgs_py.recordings.recording_health import PointHealth
 
 LONGEST_MODEL_S = 3600.0
 SHORTEST_MODEL_S = 1.0
+SHORTEST_WINDOW_S, LONGEST_WINDOW_S = 0.01, 86_400.0
 
 Progress = Callable[[str, float | None], None]
 """Called with what is done now and the share of it, 0 to 1; None where the end is not known."""
@@ -105,26 +105,29 @@ def compare_recording(
     described = machine if isinstance(machine, Machine) else load_machine(machine)
     reader = open_recording(bag, mapping)
     shared = _shared_points(reader, described)
+    placed = described.with_offsets(_stated_offsets(reader, shared))
     field, history = _read(reader, described, shared, chosen, progress)
-    machines = _machines(reader.path, history, described)
+    machines = _machines(reader.path, history, placed)
     lines = lines_of_levels(machines)
     named = {**{line.name: line.frequency_hz for line in lines}, **chosen.expected_lines}
     chosen = replace(chosen, expected_lines=named)
     predicted = _model_side(machines, field.signals, chosen, (model_duration, seed), progress)
     points, failed = _compare_each(reader, field, predicted, chosen)
+    places = placed.description.sensor_places
     result = ComparisonResult(
         window_s=chosen.window_s,
         confidence=CONFIDENCE,
         points={name: dict(point.axes) for name, point in points.items()},
         spectra={name: dict(point.spectra) for name, point in points.items()},
-        nodes={name: described.description.test_points[name] for name in points},
+        nodes={name: places[name].node for name in points},
+        offsets={name: places[name].offset for name in points if any(places[name].offset)},
         bands={name: point.band for name, point in points.items()},
         skipped={**_unknown_points(reader, described), **failed},
         left_out=tuple(reader.left_out),
         recording=_recording(reader, field),
         expected_lines=lines,
         machine=described.name,
-        machine_file=MachineFile(origin=described.origin, sha256=machine_sha256(described)),
+        machine_file=machine_file(described),
         sources=reader.sources,
         doubts=(*reader.doubts, *_unit_doubts(points)),
         operating_point=history.levels[0],
@@ -158,8 +161,8 @@ def _unit_doubts(points: Mapping[str, PointComparison]) -> Iterator[str]:
 def _check(model_duration: float, window_s: float, seed: int) -> None:
     if not SHORTEST_MODEL_S <= model_duration <= LONGEST_MODEL_S:
         raise InputError(f"model_duration {model_duration:g} s, allowed: {SHORTEST_MODEL_S:g} to {LONGEST_MODEL_S:g} s")
-    if not (window_s > 0.0 and math.isfinite(window_s)):
-        raise InputError(f"window {window_s:g} s, allowed: a positive length")
+    if not SHORTEST_WINDOW_S <= window_s <= LONGEST_WINDOW_S:
+        raise InputError(f"window {window_s:g} s, allowed: {SHORTEST_WINDOW_S:g} to {LONGEST_WINDOW_S:g} s")
     if not 0 <= seed < 2**31:
         raise InputError(f"seed {seed}, allowed: 0 to {2**31 - 1}")
 
@@ -173,6 +176,12 @@ def _shared_points(reader: RecordingReader, machine: Machine) -> list[str]:
             f"{machine.name}, allowed: {listed(machine.description.test_points)}"
         )
     return shared
+
+
+def _stated_offsets(reader: RecordingReader, points: Sequence[str]) -> dict[str, Vector3]:
+    """Places of sensors that the mapping states, by test point; the machine states the others."""
+    stated = {point: reader.sensors[point].offset for point in points}
+    return {point: offset for point, offset in stated.items() if offset is not None}
 
 
 def _read(

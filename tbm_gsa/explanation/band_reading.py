@@ -25,19 +25,12 @@ class Sensor:
     Attributes
     ----------
     frame : {"fixed", "rotating"}
-    offset : tuple of float
-        From the node of its test point (m): a rigid arm, by which it feels rotations.
+    offset : tuple of float or None
+        From the node of its test point (m): a rigid arm, by which it feels rotations. By default that of the machine.
     """
 
     frame: Frame = "fixed"
-    offset: tuple[float, float, float] = (0.0, 0.0, 0.0)
-
-    @property
-    def arm(self) -> Array:
-        """Acceleration along x, y, z from that of the six unknowns of the node, (3, 6): u + θ × r."""
-        x, y, z = self.offset
-        turned = np.array([[0.0, z, -y], [-z, 0.0, x], [y, -x, 0.0]])
-        return np.hstack([np.eye(3), turned])
+    offset: tuple[float, float, float] | None = None
 
 
 @dataclass(frozen=True)

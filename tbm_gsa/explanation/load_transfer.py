@@ -23,7 +23,8 @@ from tbm_dynamics import Machine
 from tbm_dynamics.frequency_response import FrequencyResponse
 from tbm_dynamics.integration.simulator import DEFAULT_STEP, Simulator
 from tbm_dynamics.loads.density import SPACING_HZ, LoadDensity, load_density
-from tbm_dynamics.structure.system import DIRECTIONS, System
+from tbm_dynamics.machine.sensor_place import SensorPlace
+from tbm_dynamics.structure.system import System
 from tbm_gsa.explanation.band_reading import BandReading, BandStatistic, Sensor
 from tbm_gsa.explanation.mesh_modulation import modulated_powers
 from tbm_msgs_py.base.arrays import Array, Integers
@@ -131,10 +132,8 @@ def machine_motion(machine: Machine, reading: BandReading) -> MachineMotion:
         A test point that the machine does not have.
     """
     system, density = machine.assemble(), load_density(machine.description.loads)
-    nodes = _nodes(machine, reading.sensors)
-    observe = np.zeros((3 * len(nodes), system.size))
-    for place, (node, sensor) in enumerate(zip(nodes, reading.sensors.values(), strict=True)):
-        observe[3 * place : 3 * place + 3, [system.dof(node, direction) for direction in DIRECTIONS]] = sensor.arm
+    places = _places(machine, reading.sensors)
+    observe = np.vstack([place.rows(system) for place in places])
     response, scale = FrequencyResponse(system, observe), machine.load_scale()
     return MachineMotion(
         reading=reading,
@@ -142,24 +141,24 @@ def machine_motion(machine: Machine, reading: BandReading) -> MachineMotion:
         noise=response.accelerance(density.frequency) * scale,
         lines=response.accelerance(density.line_frequency) * scale,
         modulated=modulated_powers(response, density, scale, reading),
-        **_mesh_motion(system, nodes, reading),
+        **_mesh_motion(system, places, reading),
     )
 
 
-def _nodes(machine: Machine, sensors: Mapping[str, Sensor]) -> list[int]:
-    known = machine.description.test_points
+def _places(machine: Machine, sensors: Mapping[str, Sensor]) -> list[SensorPlace]:
+    known = machine.description.sensor_places
     for point in sensors:
         if point not in known:
             raise InputError(f"test point {point!r}: machine {machine.name} has {', '.join(known)}")
-    return [known[point] for point in sensors]
+    return [known[point].at(sensor.offset) for point, sensor in sensors.items()]
 
 
-def _mesh_motion(system: System, nodes: list[int], reading: BandReading) -> dict[str, Array]:
+def _mesh_motion(system: System, places: list[SensorPlace], reading: BandReading) -> dict[str, Array]:
     """Spectrum of a run under the mean loads, as `MachineMotion` names its parts."""
     skipped, steps = (round(seconds / DEFAULT_STEP) for seconds in (MESH_START_S, MESH_RUN_S))
     still = np.tile(system.mean_load, (skipped + steps, 1))
-    motion = Simulator(system, nodes).step(still).acceleration[skipped:]
-    values = np.hstack([motion[:, place] @ sensor.arm.T for place, sensor in enumerate(reading.sensors.values())])
+    motion = Simulator(system, [place.node for place in places]).step(still).acceleration[skipped:]
+    values = np.hstack([place.translation(motion[:, k]) for k, place in enumerate(places)])
     window = np.hanning(steps + 1)[:-1, None]
     size = np.sqrt(2.0 / (steps * np.square(window).sum()))
     count = round(_BEYOND * reading.band.high * MESH_RUN_S)

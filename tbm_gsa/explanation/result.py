@@ -23,6 +23,7 @@ from tbm_gsa.reading import (
     read_document,
 )
 from tbm_gsa.sensitivity.study.distributions import distribution_from
+from tbm_gsa.sensitivity.study.failures import Failures
 
 RESULT_NAME: Final = "explanation.json"
 LARGEST_MISFIT: Final = 2.0
@@ -143,6 +144,8 @@ class Explanation(Part):
         Of the logarithms of field over model, and in standard deviations.
     explained : bool
         Whether the first cause explains the recording.
+    failure_summary : Failures or None
+        Simulations of the campaign that failed.
     settings : ExplanationSettings
     seconds : float
     versions : dict of str to str
@@ -158,6 +161,7 @@ class Explanation(Part):
     misfit: Misfits
     standardised_misfit: Misfits
     explained: bool
+    failure_summary: Failures | None = None
     settings: ExplanationSettings
     seconds: Maybe
     versions: dict[Name, Line]

@@ -33,6 +33,7 @@ from tbm_gsa.reading import RecordingFile
 from tbm_gsa.sensitivity.study.campaign import Progress, run_campaign
 from tbm_gsa.sensitivity.study.errors import StudyError
 from tbm_gsa.sensitivity.study.evaluate import MachineEvaluation
+from tbm_gsa.sensitivity.study.failures import Failures, checked_failures
 from tbm_gsa.sensitivity.study.inputs import InputSet
 from tbm_gsa.sensitivity.study.problem import Problem
 from tbm_gsa.sensitivity.study.store import Store
@@ -108,6 +109,7 @@ def explain(comparison: ComparisonResult, folder: str | Path, options: ExplainOp
         misfit=Misfits(**{name: float(np.sqrt(np.mean(left**2))) for name, left in found.left().items()}),
         standardised_misfit=off,
         explained=explains(off.model if found.causes[0].place < 0 else off.checked),
+        failure_summary=found.failures,
         settings=_settings(evaluate, chosen),
         seconds=time.perf_counter() - start,
         versions=package_versions(),
@@ -122,6 +124,7 @@ def compared_machine(comparison: ComparisonResult) -> Machine:
     machine = load_machine(origin)
     if machine_sha256(machine) != comparison.machine_file.sha256:
         raise StudyError(f"machine {origin} has changed since the comparison: compare again")
+    machine = machine.with_offsets(comparison.offsets)
     if level.source == "machine":
         return machine
     return machine.with_inputs(x1=level.speed_r_min, x2=level.torque_kn_m, x3=level.thrust_kn)
@@ -136,7 +139,7 @@ def _find(
     options: ExplainOptions,
 ) -> _Findings:
     """Run the campaign, rank the causes, and check the first one by the model."""
-    unit, values = _campaign(folder, inputs, evaluate, options)
+    unit, values, failures = _campaign(folder, inputs, evaluate, options)
     nominal = inputs.to_unit([[item.initial for item in inputs.inputs]])[0]
     change = IndicatorChange.fit(unit, values, nominal, options.seed)
     lengths = Lengths(options.duration, comparison.recording.duration, comparison.model_duration)
@@ -146,7 +149,7 @@ def _find(
     point = with_input(nominal, first_input(causes))
     longer = replace(evaluate, duration=comparison.model_duration, seed=comparison.seed)
     checked = statistics_of(longer, inputs.sample(inputs.from_unit(point[None])[0]))
-    return _Findings(facts, inputs, change, misfit, causes, posterior, change(point[None])[0], checked)
+    return _Findings(facts, inputs, change, misfit, causes, posterior, change(point[None])[0], checked, failures)
 
 
 def _settings(evaluate: MachineEvaluation, options: ExplainOptions) -> ExplanationSettings:
@@ -156,13 +159,14 @@ def _settings(evaluate: MachineEvaluation, options: ExplainOptions) -> Explanati
 
 def _campaign(
     folder: Path, inputs: InputSet, evaluate: MachineEvaluation, options: ExplainOptions
-) -> tuple[Array, Array]:
-    """Points (n, d) of the unit cube and statistics (n, k) of the simulations that ended well."""
+) -> tuple[Array, Array, Failures | None]:
+    """Points (n, d) of the unit cube and statistics (n, k) of the simulations that ended well; those that failed."""
     problem = Problem(inputs, evaluate.outputs, options.samples, 0, options.seed, evaluate.settings)
     with Store.create_or_open(folder / STORE_NAME, problem) as store:
         run_campaign(store, evaluate, workers=options.workers, scheduler=options.scheduler, progress=options.progress)
+        failures = checked_failures(store)
         points, values = store.results("train")
-    return inputs.to_unit(points), values
+    return inputs.to_unit(points), values, failures
 
 
 @dataclass(frozen=True, eq=False)
@@ -182,6 +186,8 @@ class _Findings:
         Changes of the logarithms at the median of the first cause that is an input, by the surrogates.
     checked : ndarray, shape (k,)
         Statistics that the model itself gives there, m/s².
+    failures : Failures or None
+        Of the campaign.
     """
 
     facts: Observed
@@ -192,6 +198,7 @@ class _Findings:
     posterior: JointPosterior
     predicted: Array
     checked: Array
+    failures: Failures | None
 
     def cause(self, cause: Cause) -> InputCause | NoChange:
         """Convert a cause to units."""

@@ -11,7 +11,8 @@ import scipy  # its parts load on first use
 from tbm_dynamics import Machine
 from tbm_dynamics.loads.stepper import LoadModel, load_stepper
 from tbm_gsa.paper.published import TABLE_1, LoadRow
-from tbm_gsa.reading import Part
+from tbm_gsa.provenance import machine_file
+from tbm_gsa.reading import MachineFile, Part
 from tbm_msgs_py.base.arrays import Array
 from tbm_msgs_py.base.errors import InputError
 from tbm_msgs_py.base.operating_point import OperatingPoint
@@ -75,6 +76,7 @@ class LoadSummary(Part):
     """What `machine loads --json` prints, SI units."""
 
     machine: str
+    machine_file: MachineFile
     loads: LoadModel
     seed: int
     duration: float
@@ -118,7 +120,13 @@ def load_run(machine: Machine, level: LoadModel = "spectral", duration: float = 
     values = loads.evaluate(point, point, time, point.speed * time)
     components = {name: ComponentSummary.of(values[:, i], TABLE_1[name]) for i, name in enumerate(TABLE_1)}
     summary = LoadSummary(
-        machine=machine.name, loads=level, seed=seed, duration=duration, operating_point=point, components=components
+        machine=machine.name,
+        machine_file=machine_file(machine),
+        loads=level,
+        seed=seed,
+        duration=duration,
+        operating_point=point,
+        components=components,
     )
     return LoadRun(summary, time, values)
 

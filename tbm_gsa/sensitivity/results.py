@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Final, TypeAlias
 
@@ -12,19 +11,22 @@ from pydantic import (
     BaseModel,
     BeforeValidator,
     ConfigDict,
+    Field,
     ValidationInfo,
     WithJsonSchema,
     WrapSerializer,
+    computed_field,
 )
 
 from tbm_gsa.provenance import package_versions
 from tbm_gsa.reading import read_document
 from tbm_gsa.sensitivity.study.errors import StudyError
+from tbm_gsa.sensitivity.study.failures import Failures
 from tbm_msgs_py.base.files import write_json
 
 if TYPE_CHECKING:
     from tbm_gsa.sensitivity.sobol.indices import SobolIndices
-    from tbm_gsa.sensitivity.study.analysis import OutputAnalysis
+    from tbm_gsa.sensitivity.study.analysis import Analysed, OutputAnalysis
     from tbm_gsa.sensitivity.study.store import Store
 
 RESULT_NAME: Final = "result.json"
@@ -36,6 +38,11 @@ INDICES: Final = (
 )
 STRONGEST: Final = 5
 """Inputs that a table or figure shows of an output."""
+
+LOWEST_R2: Final = 0.5
+"""R² of the cross validation below which a surrogate does not follow its output: its indices are not determined."""
+NOT_DETERMINED: Final = "not determined"
+"""What stands in place of such an index wherever people read it; JSON keeps the number and says so beside it."""
 
 # Interactions below this share of the variance are left out.
 SMALLEST_INTERACTION: Final = 1e-3
@@ -135,6 +142,17 @@ class SurrogateScores(ResultPart):
     largest_error_cv: NullableNumber
     largest_error_test: float | None
 
+    @computed_field  # type: ignore[prop-decorator]  # of pydantic
+    @property
+    def determined(self) -> bool:
+        """Whether the surrogate follows its output, so that its indices say something of it."""
+        return is_determined(self.r2_cv)
+
+
+def is_determined(r2_cv: float) -> bool:
+    """Whether indices of a surrogate with this R² say something of its output."""
+    return r2_cv >= LOWEST_R2
+
 
 class OutputResult(MethodIndices, SurrogateScores):
     """Everything found about one output: the chosen surrogate, its indices, and what other methods find.
@@ -164,11 +182,12 @@ class OutputResult(MethodIndices, SurrogateScores):
 
 
 class SampleCounts(ResultPart):
-    """Training and test simulations that were planned, and how many of them failed."""
+    """Training and test simulations that were planned, how many of them failed, and how many have not ended."""
 
     train: int
     test: int
     failed: int
+    pending: int = 0
 
 
 class Failure(ResultPart):
@@ -181,8 +200,9 @@ class Failure(ResultPart):
 class StudyResult(ResultPart):
     """A finished study: the outputs by name, and where their numbers come from.
 
-    Times in s: `seconds` of this run, `campaign_seconds` of it for the campaign, `simulation_seconds` of processor time
-    in all simulations.
+    `failure_summary` says how many simulations failed, where and why, null without one; `skipped` why an output that
+    was asked for is not among the outputs. Times in s: `seconds` of this run, `campaign_seconds` of it for the
+    campaign, `simulation_seconds` of processor time in all simulations.
     """
 
     outputs: dict[str, OutputResult]
@@ -193,6 +213,8 @@ class StudyResult(ResultPart):
     inputs: dict[str, dict[str, str | float]]
     samples: SampleCounts
     failures: tuple[Failure, ...]
+    failure_summary: Failures | None = None
+    skipped: dict[str, str] = Field(default_factory=dict)
     design: str
     seed: int
     settings: dict[str, str | int | float]
@@ -201,26 +223,47 @@ class StudyResult(ResultPart):
 
     @classmethod
     def of(
-        cls, store: Store, analyses: Mapping[str, OutputAnalysis], *, seconds: float, campaign_seconds: float
+        cls, store: Store, analysed: Analysed[OutputAnalysis], *, seconds: float, campaign_seconds: float
     ) -> StudyResult:
         """Gather the result of a finished store and its analyses; times as in the class."""
-        problem = store.problem
+        problem, counts = store.problem, store.counts()
         codes, groups = problem.inputs.codes, tuple(problem.inputs.groups)
         return StudyResult(
-            outputs={name: _output(analysis, codes, groups) for name, analysis in analyses.items()},
+            outputs={name: _output(analysis, codes, groups) for name, analysis in analysed.outputs.items()},
             seconds=seconds,
             campaign_seconds=campaign_seconds,
             simulation_seconds=store.simulation_seconds(),
             groups=dict(problem.inputs.groups),
             inputs={item.code: item.to_dict() for item in problem.inputs.inputs},
-            samples=SampleCounts(train=problem.train, test=problem.test, failed=store.counts().failed),
+            samples=SampleCounts(
+                train=problem.train, test=problem.test, failed=counts.failed, pending=counts.total - counts.done
+            ),
             failures=tuple(Failure(row=row, reason=reason) for row, reason in store.failures()),
+            failure_summary=Failures.of(store),
+            skipped=dict(analysed.skipped),
             design=problem.design,
             seed=problem.seed,
             settings=dict(problem.settings),
             indices=INDICES,
             versions=package_versions(),
         )
+
+    def doubts(self) -> list[str]:
+        """Sentences that stand above the indices: what failed, what was left out, what is not determined."""
+        doubts = []
+        if self.failure_summary is not None:
+            extrapolated = ", where indices are extrapolated" if self.failure_summary.regions else ""
+            warning = "warning: " if self.failure_summary.warned else ""
+            doubts.append(f"{warning}{self.failure_summary.text()}; they are left out{extrapolated}")
+        if self.samples.pending:
+            doubts.append(f"warning: {self.samples.pending} simulations have not ended; `gsa resume` goes on with them")
+        doubts += [f"output {name} is left out: {reason}" for name, reason in self.skipped.items()]
+        if poor := [f"{name} ({output.r2_cv:.2f})" for name, output in self.outputs.items() if not output.determined]:
+            names = ", ".join(poor)
+            doubts.append(
+                f"{NOT_DETERMINED}, for R² of the cross validation is below {LOWEST_R2:g}: indices of {names}"
+            )
+        return doubts
 
     def write(self, path: Path) -> None:
         """Write the result as JSON, whole or not at all."""

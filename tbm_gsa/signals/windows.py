@@ -13,6 +13,7 @@ from tbm_gsa.signals.statistics import periodograms
 from tbm_msgs_py.base.arrays import Array, Integers
 
 SEGMENT_S = 1.0  # of the Fourier transforms within a window
+FEWEST_SAMPLES = 2  # of one
 
 
 @dataclass(frozen=True, eq=False)
@@ -147,7 +148,7 @@ class WindowCollector:
         gaps = [place for place, part in enumerate(self._parts) if place and not part.joined]
         parts = [part.acceleration for part in self._parts]
         runs = [np.concatenate(parts[begin:end]) for begin, end in pairwise([0, *gaps, len(parts)])]
-        long = [run for run in runs if len(run) >= self._segment]
+        long = [run for run in runs if len(run) >= self._segment >= FEWEST_SAMPLES]
         if not long:
             return np.full((len(self._bands), len(self._axes)), np.nan), np.full(len(self._axes), np.nan)
         density = sum(periodograms(part, self._rate, self._segment).sum(axis=0) for part in long)

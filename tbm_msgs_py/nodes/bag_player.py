@@ -223,7 +223,7 @@ class BagPlayer(ManagedNode[PlayerSettings]):
         while self._next is not None and self._next.log_ns <= now_ns:
             after = self._now_ns - self._next.log_ns
             # Behind its time, or by a wrong index behind a message that comes after it.
-            if after > LATE * NANOSECONDS * self.value("rate") or self._next.log_ns < self._newest_ns:
+            if after > LATE * NANOSECONDS * self.settings.rate or self._next.log_ns < self._newest_ns:
                 self._late += 1
             self._newest_ns = max(self._newest_ns, self._next.log_ns)
             self._publish(self._next)

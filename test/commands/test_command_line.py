@@ -28,7 +28,17 @@ def test_simulate(command):
     assert set(document["rms_g"]) == set(TEST_POINTS)
     assert set(document["rms_g"]["gripper"]) == {"x", "y", "z"}
     assert document["seed"] == 3
+    assert document["machine_file"]["origin"] == "dz101"
+    assert document["operating_point"] == {"speed_r_min": 5.6, "torque_kn_m": 3040.0, "thrust_kn": 12000.0}
+    assert (document["schedule"], document["unused_rows"]) == (None, 0)
     assert document["real_time_factor"] > 0.0
+
+
+def test_a_schedule_longer_than_the_run_says_so(command, tmp_path):
+    plan = tmp_path / "plan.csv"
+    plan.write_text("time_s,speed_r_min,torque_kn_m,thrust_kn\n" + "".join(f"{t},5,2000,10000\n" for t in (0, 0.05, 9)))
+    _, out, _ = command("simulate", "--duration", "0.1", "--schedule", str(plan))
+    assert f"machine dz101, driven at {plan} (1 rows lie beyond the end of the run)\n" in out
 
 
 def test_simulate_with_the_cutters(command):

@@ -44,6 +44,15 @@ OPTIONS = {
     "machine check": {"--machine": FILES},
     "machine show": {"--machine": FILES, "--count": NUMBERS, "--out": FILES},
     "machine loads": {"--duration": NUMBERS, "--machine": FILES, "--out": FILES},
+    "machine observe --points nowhere": {
+        "--points": ("girder=0,1", "girder=0,x,1", "girder=0,nan,1", ",", "girder"),
+        "--rotating": ("nowhere", "cutterhead"),
+        "--candidates": ("", "girder=1"),
+        "--duration": NUMBERS,
+        "--noise-density": NUMBERS,
+        "--model-error": NUMBERS,
+        "--machine": FILES,
+    },
     "machine update": {"--from": FILES, "--out": FILES, "--machine": FILES},
     "history --history h.sqlite": {
         "--limit": NUMBERS,

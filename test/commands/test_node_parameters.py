@@ -33,6 +33,13 @@ FOLDER = "the folder of the test"  # stands for its path
 BAG, NEW = f"{FOLDER}/field", f"{FOLDER}/new"
 BAD = [
     (AnalysisNode, {"alarm_axes": "[x,w]"}, "alarm_axes"),
+    (
+        AnalysisNode,
+        {"gsa.outputs": "[nope]"},
+        "parameters gsa.outputs, gsa.duration: unknown output 'nope', allowed: RDef_A",
+    ),
+    (AnalysisNode, {"gsa.outputs": "[MF_M, MF_M]"}, "MF_M"),
+    (AnalysisNode, {"gsa.outputs": "[rms_shield_x]", "gsa.duration": 0.5}, "duration 0.5 s, allowed: 1 s or more"),
     (AnalysisNode, {"mapping": "/nowhere.yaml"}, "/nowhere.yaml"),
     (AnalysisNode, {"history": "/dev/null/h.sqlite"}, "/dev/null/h.sqlite"),
     (AnalysisNode, {"baseline": "never_made"}, "no baseline never_made"),
@@ -62,7 +69,6 @@ BAD = [
     (BagRecorder, {"output": NEW, "topics": "[loads/block, /tbm/loads/block]"}, "/tbm/loads/block twice"),
     (BagPlayer, {"bag": BAG, "topics": "[/a, /a]"}, "parameter topics: /a twice, allowed: each once"),
     (LoadNode, {"schedule": "a.csv", "schedule_columns": "[speed=a, speed=b]"}, "'speed' twice, allowed: each once"),
-    (AnalysisNode, {"gsa.outputs": "[nope]", "history": "none"}, "parameter gsa.outputs: unknown output 'nope'"),
     (BagRecorder, {"output": f"{NEW}.mcap", "topics": "[/a]", "split_size": 10.0}, "allowed: a new folder"),
 ]
 

@@ -12,7 +12,7 @@ import yaml
 from machine_files import TEXT, numbers
 
 from tbm_dynamics import MachineError, load_machine, shipped_machines
-from tbm_dynamics.machine.loading import machine_text
+from tbm_dynamics.machine.loading import described_by, machine_text
 from tbm_dynamics.machine.writing import edited_text, updated_text
 
 CHANGES = {"x4": 2e-3, "x8": 1.1, "x16": 0.7, "x24": 1.5}
@@ -48,6 +48,15 @@ def test_only_changed_values_and_their_sources_differ():
     assert rock[1:] == pytest.approx([0.7e9] * 6)  # after the node
     assert spline == pytest.approx([1.5e10, 7.5e9, 7.5e9, 1.5e10, 7.5e10, 7.5e10])
     assert "elasticity: 210e9, poisson: 0.3, damping: 0.002," in pairs[1][1]  # the others as they were written
+
+
+def test_a_test_point_keeps_its_offset():
+    text = TEXT.replace("girder: 47", "girder: {node: 47, offset: [0, 1.2, 0]}")
+    after = edited_text(text, {("steel", "damping"): 2e-3}, "updated")
+    assert [line for line in after.splitlines() if "girder: {node" in line] == [
+        line for line in text.splitlines() if "girder: {node" in line
+    ]
+    assert described_by(after, "m").sensor_places["girder"].offset == (0.0, 1.2, 0.0)
 
 
 def test_a_written_file_reads_back_as_the_variant(tmp_path):

@@ -5,6 +5,8 @@ import time
 from dataclasses import dataclass
 from pathlib import Path
 
+import numpy as np
+
 OUTPUTS = ("force", "peak")
 LONG_S = 300.0  # until which a busy computer does anything
 
@@ -55,6 +57,14 @@ def fails_above(sample):
     if sample["x2"] > 2100.0:
         return {"force": float("nan"), "peak": 1.0}
     return analytic(sample)
+
+
+def doubtful(sample):
+    """Fails in the highest seventh of x2; one output is noise to any surrogate, one is constant."""
+    if sample["x2"] > 2285.0:
+        raise RuntimeError(f"diverged at t = {sample['x4']} s")
+    noise = float(np.random.default_rng(list(np.float64(tuple(sample.values())).view(np.uint32))).standard_normal())
+    return {**analytic(sample), "noise": noise, "still": 3.0}
 
 
 def kills_its_process(sample):

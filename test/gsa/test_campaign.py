@@ -13,7 +13,7 @@ from tbm_gsa.sensitivity.study.design import make_design
 from tbm_gsa.sensitivity.study.distributions import Uniform
 from tbm_gsa.sensitivity.study.errors import StudyCancelled, StudyError
 from tbm_gsa.sensitivity.study.inputs import PAPER_INPUTS, InputSet
-from tbm_gsa.sensitivity.study.problem import Problem
+from tbm_gsa.sensitivity.study.problem import Problem, difference
 from tbm_gsa.sensitivity.study.store import Counts, Store
 from tbm_gsa.sensitivity.study.workers import Outcome
 
@@ -115,6 +115,34 @@ def test_a_store_of_another_problem_is_refused(store, change, message):
         Store.create_or_open(store.path, replace(PROBLEM, **change))
     assert "\n" not in str(caught.value)
     assert str(store.path) in str(caught.value)
+
+
+def test_a_full_disk_is_one_line_that_names_the_store(tmp_path):
+    path = tmp_path / "store.sqlite"
+    message = r"store\.sqlite: database or disk is full; what had finished before is stored$"
+    with pytest.raises(StudyError, match=message), Store.create_or_open(path, PROBLEM) as store:
+        store.record(Outcome(1, {"force": 1.0, "peak": 2.0}, None, 0.1))
+        store._connection.execute("PRAGMA max_page_count = 1")  # as small as the file is
+        for row in range(2, 16):
+            store.record(Outcome(row, None, "x" * 10_000, 0.1))
+    with Store.open(path) as store:
+        assert store.counts().ok == 1
+
+
+def test_a_store_without_simulations_is_refused(store):
+    with store._connection as connection:
+        connection.execute("DELETE FROM simulations")
+    with pytest.raises(StudyError, match=r"store\.sqlite: no simulation is planned, allowed: the store of a study"):
+        Store.open(store.path)
+
+
+def test_a_machine_is_known_by_its_digest_not_its_path(store):
+    first = replace(PROBLEM, settings={"machine": "a.yaml", "machine_sha256": "1"})
+    moved = replace(first, settings={"machine": "/b/a.yaml", "machine_sha256": "1", "speed_r_min": 5.6})
+    assert difference(first, moved) is None
+    assert "machine_sha256 is '1' there" in difference(
+        first, replace(first, settings={"machine": "a.yaml", "machine_sha256": "2"})
+    )
 
 
 def test_what_is_no_store_is_refused(tmp_path):

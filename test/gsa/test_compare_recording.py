@@ -12,6 +12,7 @@ from tbm_dynamics import MachineError, load_machine
 from tbm_gsa.app.cli.bag.info import info
 from tbm_gsa.comparison import ComparisonResult, Settings
 from tbm_gsa.comparison.workflow import compare_recording
+from tbm_gsa.explanation.workflow import compared_machine
 from tbm_gsa.reading import validated
 from tbm_msgs_py import ACCELERATION, OperatingPoint, RecordingError
 from tbm_msgs_py.bags.metadata import SYNTHETIC
@@ -38,6 +39,18 @@ def errors(result, point):
 
 def test_the_models_own_recording_has_no_error(own):
     assert errors(own, "cutterhead") == pytest.approx([0.0, 0.0, 0.0], abs=1e-4)
+
+
+def test_a_sensor_off_its_node_is_compared_there(tmp_path):
+    placed = load_machine("dz101").with_offsets({"shield": (0.0, 1.5, 0.5)})
+    bag = write_bag(tmp_path / "bag", {"shield": model_values(0, 2.0, placed)["shield"]}, rate=10_000)
+    sensor = {"point": "shield", "units": "m/s2", "gravity": "removed", "frame": "fixed", "offset": [0, 1.5, 0.5]}
+    (bag / "mapping.yaml").write_text(json.dumps({"topics": {"/tbm/field/shield/block": sensor}}))
+    result = compare_recording(bag, **SHORT).result
+    assert errors(result, "shield") == pytest.approx([0.0, 0.0, 0.0], abs=1e-4)
+    assert result.offsets == {"shield": (0.0, 1.5, 0.5)}
+    assert ComparisonResult.model_validate_json(result.model_dump_json()) == result
+    assert compared_machine(result).description.sensor_places == placed.description.sensor_places
 
 
 def test_half_the_model_errs_by_one(own):
@@ -203,9 +216,9 @@ def test_lengths_of_the_model_run_are_bounded(duration):
         compare_recording("nowhere", model_duration=duration)
 
 
-@pytest.mark.parametrize("window", [0.0, -2.0, float("nan"), float("inf")])
-def test_windows_have_a_length(window):
-    with pytest.raises(ValueError, match=r"window .* allowed: a positive length"):
+@pytest.mark.parametrize("window", [0.0, -2.0, 1e-9, 1e300, float("nan"), float("inf")])
+def test_lengths_of_windows_are_bounded(window):
+    with pytest.raises(ValueError, match=r"window .* allowed: 0.01 to 86400 s"):
         compare_recording("nowhere", settings=Settings(window_s=window))
 
 

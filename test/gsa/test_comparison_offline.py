@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 import scipy.signal
 import scipy.stats
-from compared_signals import compared, conditioned, uniform
+from compared_signals import compared, conditioned, reduced, uniform
 
 from tbm_gsa.comparison import Settings
 from tbm_gsa.signals.conditioning import common_band
@@ -68,6 +68,19 @@ def test_gaps_lower_the_coverage_of_their_windows_only():
     expected[5] = 0.5
     np.testing.assert_allclose(axis.windows.coverage, expected, atol=2e-3)
     np.testing.assert_allclose(axis.windows.relative_error, 0.0, atol=0.03)
+
+
+def test_windows_without_samples_cost_nothing():
+    """Three bursts in sixty days: as many rows as windows that hold samples, at their exact times."""
+    days = 86_400.0 * np.array([0.0, 29.0, 60.0])
+    time, values = record(vibration(FIELD_RATE, (2.0, 1.0, 4.0))[:12_000])
+    time = np.concatenate([begin + time[:4000] for begin in days])
+    field = reduced(time, values, FIELD_RATE, common_band(FIELD_RATE), "fixed", Settings(window_s=0.25))
+    assert field.windows.index.shape == field.level.shape == (48,)
+    found = compared((time, values), computed((1.0, 1.0, 1.0)), settings=Settings(window_s=0.25)).axes["x"].windows
+    assert {len(column) for column in vars(found).values() if isinstance(column, tuple)} == {48}
+    assert found.start == tuple(begin + 0.25 * k for begin in days for k in range(16))
+    assert min(found.coverage) == 1.0
 
 
 def test_a_shorter_model_run_gives_every_window_an_error():

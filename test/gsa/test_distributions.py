@@ -104,3 +104,10 @@ def test_points_outside_the_range_are_refused(value, shown):
 def test_points_of_another_shape_are_refused(shape):
     with pytest.raises(StudyError, match=r"points of shape .*, allowed: \(n, 25\), one column per input"):
         PAPER_INPUTS.to_unit(np.ones(shape))
+
+
+@pytest.mark.parametrize("std", [1e-300, 1e300])
+def test_a_normal_law_that_no_numbers_hold_is_refused(std):
+    with pytest.raises(StudyError, match=r"std 1e.300, allowed: a size that tells values 1000 apart from each other"):
+        Normal(1000.0, 2000.0, mean=1500.0, std=std)
+    assert Normal(1000.0, 2000.0, mean=1500.0, std=1e6).from_unit(0.25) == pytest.approx(1250.0, rel=1e-3)

@@ -14,10 +14,17 @@ import pytest
 from here import simulations_here, small_samplings
 from rich.console import Console
 
+from tbm_dynamics.indicators import INDICATORS
+from tbm_dynamics.machine.loading import machine_text
 from tbm_gsa.app.cli.output import progress_bar
 from tbm_gsa.app.cli.workers import shown_progress
 from tbm_gsa.sensitivity.study import analysis
+from tbm_gsa.sensitivity.study.evaluate import MachineEvaluation
+from tbm_gsa.sensitivity.study.inputs import PAPER_INPUTS, InputSet
+from tbm_gsa.sensitivity.study.problem import Problem
+from tbm_gsa.sensitivity.study.run import StudyOptions, report_study
 from tbm_gsa.sensitivity.study.store import Store
+from tbm_gsa.sensitivity.study.workers import Outcome
 
 QUICK = ("--samples", "12", "--test", "2", "--duration", "0.02", "--method", "prs")
 LONG_S = 300.0  # until which a busy computer does anything
@@ -84,6 +91,31 @@ def test_a_study_grows(tmp_path, typed, definition, small):
     assert "5 points were added to its design; `gsa resume` goes on with it" in err
 
 
+def test_a_machine_is_one_by_whatever_path(tmp_path, monkeypatch):
+    """Relative path, link, absolute path from elsewhere: the same settings, and so the same study."""
+    (tmp_path / "away").mkdir()
+    (tmp_path / "mine.yaml").write_text(machine_text("dz101"))
+    (tmp_path / "link.yaml").symlink_to(tmp_path / "mine.yaml")
+    settings = []
+    for folder, machine in ((".", "mine.yaml"), ("away", "../link.yaml"), ("away", str(tmp_path / "mine.yaml"))):
+        monkeypatch.chdir(tmp_path / folder)
+        settings.append(MachineEvaluation.of(machine, 1.0, 0).settings)
+    assert settings[0] == settings[1] == settings[2]
+    assert settings[0]["machine"] == str(tmp_path / "mine.yaml")
+    assert settings[0]["torque_kn_m"] == 3040.0
+    assert MachineEvaluation.from_settings(settings[0], INDICATORS).settings == settings[0]
+
+
+def test_a_study_reported_before_its_end_says_so(tmp_path, small):
+    problem = Problem(InputSet(PAPER_INPUTS.inputs[:2]), ("MF_M",), train=20, test=2, seed=0)
+    with Store.create_or_open(tmp_path / "store.sqlite", problem) as store:
+        for row, sample in store.pending()[:15]:
+            store.record(Outcome(row, {"MF_M": sample["x2"]}, None, 0.1))
+    result = report_study(tmp_path, StudyOptions(("prs",), workers=1)).result
+    assert result.doubts() == ["warning: 7 simulations have not ended; `gsa resume` goes on with them"]
+    assert json.loads((tmp_path / "result.json").read_text())["samples"]["pending"] == 7
+
+
 def test_ctrl_c_ends_a_study_and_says_how_to_go_on(tmp_path, definition):
     out = tmp_path / "study"
     process = _start(
@@ -115,6 +147,10 @@ def test_ctrl_c_ends_a_study_and_says_how_to_go_on(tmp_path, definition):
         (("--design", "grid"), "unknown design 'grid', allowed: lhs, lhs-discrepancy, lhs-maximin, sobol"),
         (("--inputs", "none.yaml"), "none.yaml: cannot be read"),
         (("--samples", "5"), "10"),
+        (("--samples", "99999999999999"), "1000000"),
+        (("--outputs", "MF_M,"), "--outputs 'MF_M,': allowed: names, separated by commas"),
+        (("--high-hz", "300"), "--high-hz 300: no output is of an acceleration"),
+        (("--method", "prs"), "surrogate prs: given twice, allowed: once"),
         (("--high-hz", "6000"), "upper limit of the band 6000 Hz, allowed: 1 to below 5000 Hz"),
         (("--machine", "none"), "no such machine"),
     ],

@@ -309,6 +309,7 @@ def test_windows_of_other_kinds_and_machines_are_not_one_line():
     [
         (["--history", "nowhere.sqlite"], "nowhere.sqlite: no such history"),
         (["--history", "{file}", "--since", "soon"], "--since soon: allowed: ISO 8601"),
+        (["--history", "{file}", "--since", "2026-02-01", "--until", "2026-01-01"], "allowed: a time before another"),
         (["--history", "{file}", "--until", "2026-13-01"], "--until 2026-13-01: allowed"),
         (["--history", "{file}", "--until", "2001-01-01", "--html", "h.html"], "no windows to plot"),
         (["--history", "{file}", "--point", "none"], "{file}: no test point none, there: <i>$x_{, shield\n"),

@@ -1,10 +1,12 @@
 """Outputs of a study by name: against a comparison of the same run, and unknown names."""
 
+import numpy as np
 import pytest
 from compared_signals import compared as compare
 
 from tbm_dynamics import load_machine, simulate
 from tbm_dynamics.indicators import INDICATORS
+from tbm_dynamics.machine.loading import machine_text
 from tbm_gsa.sensitivity.study.errors import StudyError
 from tbm_gsa.sensitivity.study.evaluate import MachineEvaluation
 from tbm_gsa.sensitivity.study.outputs import parse_outputs
@@ -51,6 +53,16 @@ def test_statistics_are_those_of_a_comparison(compared):
         assert found[name] == pytest.approx(value, rel=1e-6), name
 
 
+def test_a_sensor_off_its_node_is_simulated_there(response, tmp_path):
+    file = tmp_path / "machine.yaml"
+    file.write_text(machine_text("dz101").replace("girder: 47", "girder: {node: 47, offset: [0, 1.2, 0]}"))
+    (found,) = MachineEvaluation.of(str(file), DURATION, 3, ("rms_girder_x",), HIGH_HZ)(SAMPLE).values()
+    motion = response.acceleration(47)
+    signal = response.time, np.column_stack([motion[:, 0] - 1.2 * motion[:, 5], motion[:, 1:3]])
+    expected = compare(signal, signal, "fixed", Settings(high_hz=HIGH_HZ)).axes["x"].model_rms
+    assert found == pytest.approx(expected, rel=1e-6)
+
+
 def test_indicators_are_those_of_the_run(response):
     found = MachineEvaluation.of("dz101", DURATION, 3, ("MF_M", "rms_shield_x", "RDef_A"))(SAMPLE)
     assert list(found) == ["MF_M", "rms_shield_x", "RDef_A"]
@@ -71,12 +83,23 @@ def test_indicators_are_those_of_the_run(response):
         ("RDef", "unknown output 'RDef'"),
         ("peak_1-2_hz_shield_x", "its band, allowed: of rms only"),
         ("rms_20-10_hz_shield_x", "allowed: of rms only, the lower limit below the upper"),
+        ("rms_2000-3000_hz_shield_x", "its band, allowed: inside the compared one, 0.5 to 1000 Hz"),
+        ("rms_900-1001_hz_shield_x", "its band, allowed: inside the compared one, 0.5 to 1000 Hz"),
+        ("rms_0.1-0.4_hz_shield_x", "its band, allowed: inside the compared one, 0.5 to 1000 Hz"),
+        ("rms_100.3-100.9_hz_shield_x", "its band, allowed: 1 Hz wide or more"),
     ],
 )
 def test_unknown_names_are_refused_in_one_line(name, message):
     with pytest.raises(StudyError, match=message) as caught:
         MachineEvaluation.of("dz101", 3.0, 0, (name,))
     assert "\n" not in str(caught.value)
+
+
+def test_the_band_that_is_compared_can_be_moved():
+    name = ("rms_2000-3000_hz_shield_x",)
+    assert MachineEvaluation.of("dz101", 3.0, 0, name, 3000.0).outputs == name
+    with pytest.raises(StudyError, match=r"inside the compared one, 0\.5 to 600 Hz"):
+        MachineEvaluation.of("dz101", 3.0, 0, name, HIGH_HZ)
 
 
 def test_names_with_underscores_and_fractions():

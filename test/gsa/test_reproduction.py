@@ -116,6 +116,17 @@ def test_rows_of_the_smaller_campaign_say_how_small_it_was(result):
     assert len(noted) > 80
 
 
+def test_what_no_surrogate_follows_is_no_finding(result):
+    rows = {row.id: row for row in result.result.rows}
+    study = result.studies[0]
+    poor = [name for name, output in study.outputs.items() if output.best.r2_cv < 0.5]
+    assert 0 < len(poor) < len(study.outputs)
+    for name in study.outputs:
+        row = next(row for name_, row in rows.items() if name_.endswith(f".{name}.sum"))
+        assert (row.ours == "not determined") == (row.verdict == "no number") == (name in poor)
+        assert (f"R² of {name}" in row.note) == (name in poor)
+
+
 def test_again_it_redoes_no_simulation_and_says_the_same(result, folder, monkeypatch):
     def refuse(*_):
         raise AssertionError("simulated again")

@@ -44,6 +44,15 @@ def windows(*segments, axes=XYZ, bands=((0.0, 100.0),), length=2.0):
     return collector.finish()
 
 
+@pytest.mark.parametrize("samples", [0.1, 1.0])
+def test_windows_too_short_for_a_spectrum_have_none(samples):
+    table = windows(segment(NOISE[:100]), length=samples / RATE)
+    assert len(table) == 100
+    assert np.isnan(table.bands).all()
+    assert np.isnan(table.line).all()
+    np.testing.assert_allclose(np.sqrt(table.moments[:, 1]), np.abs(NOISE[:100]))
+
+
 def spectrum(*segments, resolution=0.25, axis=(0,)):
     collector = WelchCollector(RATE, resolution, one_level())
     for part in segments:

@@ -4,6 +4,7 @@ An analysis of two outputs takes two seconds however small the study, and as muc
 with: what can be asked of one study is asked of one, and processes are started where the test is about them.
 """
 
+import csv
 import json
 import re
 import subprocess
@@ -12,15 +13,16 @@ from html.parser import HTMLParser
 
 import numpy as np
 import pytest
-from evaluations import OUTPUTS, analytic, fails_above
+import scipy.special
+from evaluations import OUTPUTS, analytic, doubtful, fails_above
 from here import simulations_here, small_samplings
 
 from tbm_gsa import fit_surrogate, sobol_closed_form
+from tbm_gsa.app.cli.gsa import show
 from tbm_gsa.app.report.gsa_page import write_study_report
 from tbm_gsa.app.report.page import render_page
 from tbm_gsa.sensitivity.results import StudyResult
 from tbm_gsa.sensitivity.study import analysis
-from tbm_gsa.sensitivity.study.campaign import run_campaign
 from tbm_gsa.sensitivity.study.errors import StudyCancelled, StudyError
 from tbm_gsa.sensitivity.study.inputs import PAPER_INPUTS, InputSet
 from tbm_gsa.sensitivity.study.problem import Problem
@@ -146,18 +148,71 @@ def test_a_cancelled_study_resumes_to_the_same_numbers(study, tmp_path, monkeypa
     assert reports[-len(ANALYSED) :] == ANALYSED
 
 
-def test_failures_and_no_test_points_are_reported(tmp_path):
+@pytest.fixture(scope="module")
+def doubted(tmp_path_factory):
+    """A study in doubt: failures at one end of x2, an output that nothing explains, a constant one, no test points."""
+    problem = Problem(THREE, ("force", "noise", "still"), train=40, test=0, seed=0)
+    options = StudyOptions(("prs",), workers=1, report=write_study_report)
+    with simulations_here(), small_samplings():
+        return run_study(problem, doubtful, tmp_path_factory.mktemp("doubted"), options)
+
+
+def test_failures_stand_above_the_indices(doubted, capsys):
+    failed, (region,) = doubted.result.failure_summary, doubted.result.failure_summary.regions
+    assert (failed.failed, failed.simulations, failed.share) == (6, 40, 0.15)
+    assert failed.of_reason == 6, "reasons that differ in numbers only are one"
+    assert (region.input, region.half, region.failed, region.simulations) == ("x2", "upper", 6, 20)
+    assert 2285.0 < region.low < region.high < 2500.0
+    # Six of 40 at an end, either one, of three inputs.
+    assert region.probability == pytest.approx(3 * 2 / scipy.special.comb(40, 6))
+    line = "warning: 6 of 40 simulations failed (15%); 6 of them in the upper half of x2, where 6 of 20 failed (from 2"
+    show(doubted, json=False)
+    shown = " ".join(capsys.readouterr().out.split())
+    page = (doubted.folder / "report.html").read_text(encoding="utf-8")
+    assert shown.startswith(line)
+    assert 0 < page.index(line) < page.index("Strongest parameters")
+    assert doubted.result.outputs["force"].r2_test is None
+    assert StudyResult.read(doubted.folder / "result.json") == doubted.result
+
+
+def test_indices_of_a_poor_surrogate_are_not_determined(doubted, capsys):
+    document = json.loads((doubted.folder / "result.json").read_text(encoding="utf-8"))["outputs"]
+    assert [document[name]["determined"] for name in ("force", "noise")] == [True, False]
+    assert document["noise"]["r2_cv"] < 0.5
+    assert document["noise"]["total"].keys() == {"x2", "x4", "x16"}
+    show(doubted, json=False)
+    row = next(line for line in capsys.readouterr().out.splitlines() if line.startswith("noise "))
+    assert row.rstrip().endswith("not determined")
+    page = (doubted.folder / "report.html").read_text(encoding="utf-8")
+    assert f"not determined: R² {document['noise']['r2_cv']:.2f}" in page
+    for name, numbers in (("indices", 6), ("convergence", 6), ("morris", 5)):
+        rows = list(csv.reader((doubted.folder / f"tables/{name}.csv").read_text().splitlines()))
+        assert {tuple(row[-numbers:]) for row in rows if row[0] == "noise"} == {("not determined",) * numbers}, name
+        assert not any("not determined" in row for row in rows if row[0] == "force"), name
+
+
+def test_a_constant_output_is_named_and_left_out(doubted):
+    assert list(doubted.result.outputs) == ["force", "noise"]
+    assert doubted.result.skipped == {"still": "the output is constant (3), allowed: one with a variance to explain"}
+    assert "output still is left out: the output is constant (3)" in (doubted.folder / "report.html").read_text()
+
+
+def test_many_failures_are_refused_unless_allowed(tmp_path):
     problem = Problem(THREE, OUTPUTS, train=40, test=0, seed=0)
-    with simulations_here(), Store.create_or_open(tmp_path / "store.sqlite", problem) as store:
-        run_campaign(store, fails_above)
+    match = r"11 of 40 simulations failed \(28%\); 11 of them in the upper half of x2, .* or --allow-failures$"
+    with simulations_here(), small_samplings(), pytest.raises(StudyError, match=match):
+        run_study(problem, fails_above, tmp_path, StudyOptions(("prs",), workers=1))
+    assert not (tmp_path / "result.json").exists()
     with small_samplings():
-        study = report_study(tmp_path, StudyOptions(("prs",), workers=1, report=write_study_report))
-    failed = study.result.samples.failed
-    assert failed == len(study.result.failures) > 0
-    text = (tmp_path / "report.html").read_text(encoding="utf-8")
-    assert f"{failed} of 40 simulations failed" in text
-    assert study.result.outputs["force"].r2_test is None
-    assert StudyResult.read(tmp_path / "result.json") == study.result
+        study = report_study(tmp_path, StudyOptions(("prs",), workers=1, allow_failures=True))
+    assert study.result.samples.failed == len(study.result.failures) == 11
+
+
+def test_when_all_fail_the_reason_is_said(tmp_path):
+    problem = Problem(THREE, OUTPUTS, train=12, test=2, seed=0)
+    match = r"all 14 simulations failed; commonest reason \(14 of 14\): KeyError: 'x1'; allowed: some that end well"
+    with simulations_here(), pytest.raises(StudyError, match=match):
+        run_study(problem, lambda sample: sample["x1"], tmp_path, StudyOptions(workers=1, allow_failures=True))
 
 
 def test_too_few_simulations_name_the_output(tmp_path):

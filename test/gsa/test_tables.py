@@ -15,6 +15,7 @@ from tbm_gsa.app.cli.output import results
 from tbm_gsa.explanation.result import Explanation, InputCause, Misfits
 from tbm_gsa.history import History, HistoryEntry, WindowSource
 from tbm_gsa.paper.reproduction.result import ReadingSummary, ReproductionResult, Row
+from tbm_gsa.reading import MachineFile
 from tbm_gsa.sensitivity.results import OutputResult, StudyResult
 from tbm_gsa.sensitivity.study.inputs import PAPER_INPUTS
 
@@ -81,9 +82,17 @@ def test_what_a_study_prints_fits(capsys):
 
 def test_what_the_demo_prints_fits(capsys):
     point = demo.DemoPoint(node=43, predicted_g=10.234, measured_g=0.4, relative_error=24.59, windows=15)
-    output = demo.DemoOutput(surrogate="krg", r2_test=-0.123, r2_cv=0.997, strongest=FIRST)
+    output = demo.DemoOutput(surrogate="krg", r2_test=-0.123, r2_cv=0.997, determined=True, strongest=FIRST)
     found = demo.DemoResult(
-        points={"cutterhead": point}, outputs={LONG_OUTPUT: output}, blocks={}, trigger="", report="r", seconds=1.0
+        points={"cutterhead": point},
+        outputs={LONG_OUTPUT: output},
+        blocks={},
+        trigger="",
+        report="r",
+        seconds=1.0,
+        machine_file=MachineFile(origin="dz101", sha256="0" * 64),
+        seed=0,
+        recording=demo.PlayedRecording(path="bag", mapping=None),
     )
     demo.print_tables(found, synthetic=True)
     pairs = [f"{code}:{share:.2f}" for code, share in FIRST.items()]

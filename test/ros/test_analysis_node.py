@@ -155,7 +155,7 @@ def test_windows_alarm_and_study(host_node, peer, tmp_path):
     node.wait_for(lambda: peer.value(GSA, "state") == "finished")
     quality = {pair.key: pair.value for pair in results[0].status[0].values}
     output = results[0].status[0].name.rpartition(" ")[2]
-    for key in ("surrogate", "r2_cv", "r2_test"):
+    for key in ("surrogate", "r2_cv", "r2_test", "determined"):
         assert peer.value(GSA, f"{key}_{output}") == quality[key]
     assert "measured level over its threshold" in peer.said["tbm: comparison shield"]
     assert peer.text("tbm: comparison girder") == "no window yet"
@@ -204,6 +204,7 @@ def test_one_study_at_a_time_cancelled_or_killed(host_node, peer, tmp_path):
     os.kill(killed[0], signal.SIGKILL)
     study.wait_for("failed")
     assert "killed" in study.text
+    assert "[ERROR]" in next(line for line in node.output.splitlines() if "analysis failed" in line)
     node.wait_for(lambda: peer.text(GSA) == study.text)
     assert peer.diagnostics[GSA].level == 2
     wait_for(lambda: not any(map(alive, killed)))

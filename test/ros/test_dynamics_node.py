@@ -12,6 +12,7 @@ from peer import stamps  # noqa: E402
 from sensor_msgs.msg import JointState, PointCloud2  # noqa: E402
 
 from tbm_dynamics import load_machine, simulate  # noqa: E402
+from tbm_dynamics.machine.loading import machine_text  # noqa: E402
 from tbm_dynamics.nodes.dynamics_node import DynamicsNode  # noqa: E402
 from tbm_msgs_py import ACCELERATION, LOADS  # noqa: E402
 from tbm_msgs_py.blocks import mesh_forces  # noqa: E402
@@ -51,19 +52,29 @@ def listen_to_model(peer):
     return received
 
 
-def test_live_equals_offline_bit_for_bit(run_node, peer):
+@pytest.fixture
+def off_axis(tmp_path):
+    """The shipped machine with a sensor that sits off its node."""
+    text = machine_text("dz101")
+    file = tmp_path / "machine.yaml"
+    file.write_text(text.replace("girder: 47", "girder: {node: 47, offset: [0, 1.2, 0]}"))
+    assert file.read_text() != text
+    return str(file)
+
+
+def test_live_equals_offline_bit_for_bit(run_node, peer, off_axis):
     loads = peer.listen(PointCloud2, "/tbm/loads/block", qos.BLOCK)
     model = listen_to_model(peer)
     accel = peer.listen(AccelStamped, "/tbm/model/shield/accel", qos.LIVE)
     drives = peer.listen(JointState, "/tbm/model/drives", qos.LIVE)
     nodes = [
-        run_node("dynamics_node", seed=5),
+        run_node("dynamics_node", seed=5, machine=off_axis),
         run_node("load_node", seed=5, wait_for_subscribers=2),
     ]
     peer.wait_for(lambda: all(len(blocks) >= 20 for blocks in model.values()))
     epoch = stamps(loads)[0]
     last = max(stamps(blocks)[-1] for blocks in model.values())
-    machine = load_machine("dz101")
+    machine = load_machine(off_axis)
     response = simulate(machine, duration=(last - epoch) / 1e9 + 0.05, seed=5)
     for name, blocks in model.items():
         decoded = [messages.block_from(message) for message in blocks]

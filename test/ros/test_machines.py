@@ -100,6 +100,7 @@ def test_parameters_at_run_time(machines):
     assert applied.speed == load_machine("dz101").operating_point.speed
     assert not peer.set_parameters("/north/dynamics_node", live_rate=20.0)
     machines.run_until(lambda: np.diff(stamps(accels))[-3:].tolist() == [50_000_000] * 3)
+    assert not peer.set_parameters("/north/analysis_node", gsa__outputs=["MF_M", "peak_shield_x"], gsa__duration=2.0)
     assert not peer.set_parameters("/north/analysis_node", threshold=0.5, window=1.0, alarm_axes=["x", "z"])
 
     for node, values, reason in (
@@ -110,6 +111,8 @@ def test_parameters_at_run_time(machines):
         ("dynamics_node", {"sensor__mounting_rotation": [400.0, 0.0, 0.0]}, "3 decimal numbers from -360 to 360"),
         ("dynamics_node", {"autostart": False}, "read-only"),
         ("analysis_node", {"alarm_axes": ["w"]}, "allowed: one or more of x, y, z"),
+        ("analysis_node", {"gsa__outputs": ["nope"]}, "unknown output 'nope', allowed: RDef_A"),
+        ("analysis_node", {"gsa__outputs": ["rms_nose_x"]}, "POINT one of cutterhead"),
         ("analysis_node", {"threshold": -1.0}, "threshold"),
         ("analysis_node", {"baseline": "never_made"}, "never_made"),
     ):

@@ -9,9 +9,12 @@ pytest.importorskip("diagnostic_msgs")
 
 from diagnostic_msgs.msg import DiagnosticStatus
 
-from tbm_gsa.app.nodes.statuses import comparison_status
+from tbm_gsa.app.nodes.gsa_process import GsaStatus
+from tbm_gsa.app.nodes.statuses import comparison_status, gsa_result_statuses, gsa_status
 from tbm_gsa.app.nodes.stream_health import Condition
 from tbm_gsa.comparison import WindowResult
+from tbm_gsa.sensitivity.results import OutputResult, StudyResult
+from tbm_gsa.sensitivity.study.failures import Failures
 
 
 def window(model=1.0, field=1.0, rms=1.0):
@@ -94,3 +97,23 @@ def test_values_of_the_latest_window():
         },
         nan_ok=True,
     )
+
+
+def test_a_study_in_doubt_says_so():
+    numbers = {"surrogate": "krg", "r2_test": None, "first": {"x1": 0.9, "x2": 0.1}, "total": {"x1": 1.0, "x2": 0.2}}
+    outputs = {name: OutputResult.model_construct(**numbers, r2_cv=r2) for name, r2 in (("a", 0.9), ("b", 0.03))}
+    sound = StudyResult.model_construct(outputs=outputs, skipped={"c": "the output is constant (3)"})
+    said = [(one.level, one.message) for one in gsa_result_statuses("of", "dz101", sound, GsaStatus("finished"))]
+    assert said == [
+        (DiagnosticStatus.OK, "x1, x2"),
+        (DiagnosticStatus.WARN, "not determined: R² 0.03"),
+        (DiagnosticStatus.ERROR, "the output is constant (3)"),
+    ]
+    failed = Failures(3, 20, 0.15, "ValueError: no", 3, ())
+    many = sound.model_copy(update={"failure_summary": failed})
+    first, second, _ = gsa_result_statuses("of", "dz101", many, GsaStatus("finished"))
+    assert first.message.startswith("x1, x2; 3 of 20 simulations failed (15%); no half of an input's range stands out")
+    values = {pair.key: pair.value for pair in second.values}
+    assert (values["determined"], values["r2_test"], values["total_x1"]) == ("False", "nan", "1")
+    running = gsa_status("gsa", "dz101", GsaStatus("running", "", 20, 40, 3), {})
+    assert (running.level, running.message) == (DiagnosticStatus.WARN, "running; 3 of 20 simulations failed")

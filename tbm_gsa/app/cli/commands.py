@@ -22,7 +22,7 @@ LINES = {
     "compare": "A recording against the model, at every test point.",
     "gsa": "Surrogate-based global sensitivity analysis.",
     "bag": "Recordings on disk.",
-    "machine": "Machine files: list, show, check, loads, update.",
+    "machine": "Machine files: list, show, check, loads, update, observe.",
     "history": "Windows of all comparisons over time, and baselines.",
     "reproduce": "Tables and figures of the paper, each with a verdict.",
     "doctor": "Whether everything that the commands need is here.",

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Callable, Sequence
 from pathlib import Path
@@ -28,8 +29,10 @@ from tbm_gsa.app.cli.output import (
 from tbm_gsa.app.cli.processes import NodeCommand, NodeProcesses, settle_ros_environment
 from tbm_gsa.app.cli.shipped import shipped_bag
 from tbm_gsa.app.cli.supervision import ACTIVE_STATUSES, watch
-from tbm_gsa.reading import Maybe, Part
-from tbm_gsa.sensitivity.study.outputs import parse_outputs
+from tbm_gsa.provenance import machine_file
+from tbm_gsa.reading import MachineFile, Maybe, Part
+from tbm_gsa.sensitivity.results import NOT_DETERMINED, is_determined
+from tbm_gsa.sensitivity.study.outputs import checked_outputs
 from tbm_msgs_py.bags.metadata import is_synthetic
 from tbm_msgs_py.base.errors import RunError
 from tbm_msgs_py.base.units import STANDARD_GRAVITY
@@ -45,6 +48,8 @@ _ASKED_S = 10.0
 _START_S = 300.0
 """Longest start of the nodes, with everything to compile."""
 _STRONGEST = 5
+_STUDY_S = 3.0
+"""Length of a simulation of the study, the default of the node."""
 
 
 class DemoPoint(Part):
@@ -63,6 +68,7 @@ class DemoOutput(Part):
     surrogate: str
     r2_test: Maybe
     r2_cv: Maybe
+    determined: bool
     strongest: dict[str, Maybe]
 
 
@@ -71,6 +77,13 @@ class BlockTotals(Part):
 
     received: int
     lost: int
+
+
+class PlayedRecording(Part):
+    """The recording that was played, and the mapping of its topics."""
+
+    path: str
+    mapping: str | None
 
 
 class DemoResult(Part):
@@ -96,6 +109,9 @@ class DemoResult(Part):
     trigger: str
     report: str | None
     seconds: float
+    machine_file: MachineFile
+    seed: int
+    recording: PlayedRecording
 
 
 def demo(
@@ -117,7 +133,7 @@ def demo(
     described = load_machine(machine)
     described.assemble()
     names = split_names("--outputs", [] if outputs is None else [outputs])
-    parse_outputs(names, described.description.test_points)  # refused before anything starts
+    checked_outputs(names, described.description.test_points, _STUDY_S)  # refused before anything starts
     start = time.monotonic()
     with watch(described.description.test_points) as watching, NodeProcesses(out / "logs") as nodes:
         for command in node_commands(recording, machine, seed, out, samples, test, names):
@@ -129,7 +145,11 @@ def demo(
         )
         _play(watching, nodes, length)
         _finish_study(watching, nodes)
-    found = demo_result(described, watching.state, time.monotonic() - start)
+    mapping = default_mapping_file(recording.path)
+    played = PlayedRecording(
+        path=str(recording.path.resolve()), mapping=None if mapping is None else str(mapping.resolve())
+    )
+    found = demo_result(described, watching.state, seed=seed, recording=played, seconds=time.monotonic() - start)
     if json:
         print_json(found)
     else:
@@ -145,6 +165,7 @@ def node_commands(
         "gsa.samples": samples,
         "gsa.test": test,
         "gsa.outputs": list(outputs) or [""],  # empty: all of them
+        "gsa.duration": _STUDY_S,
         "gsa.seed": seed,
         "gsa.folder": str(out / "studies"),
         "history": str(out / "history.sqlite"),  # not among the windows of a real machine
@@ -214,13 +235,15 @@ def _wait_while(watching: Watch, nodes: NodeProcesses, condition: Callable[[], b
         nodes.check(ending="bag_player")
 
 
-def demo_result(machine: Machine, state: WatchState, seconds: float) -> DemoResult:
+def demo_result(
+    machine: Machine, state: WatchState, *, seed: int, recording: PlayedRecording, seconds: float
+) -> DemoResult:
     """Gather what the watch has received."""
     points = {}
-    for point, node in machine.description.test_points.items():
+    for point, place in machine.description.sensor_places.items():
         predicted, measured = (float(state.rms(point, side)[0]) for side in ("model_rms", "field_rms"))
         points[point] = DemoPoint(
-            node=node,
+            node=place.node,
             predicted_g=predicted / STANDARD_GRAVITY,
             measured_g=measured / STANDARD_GRAVITY,
             relative_error=abs(measured - predicted) / measured if measured > 0.0 else float("nan"),
@@ -233,6 +256,7 @@ def demo_result(machine: Machine, state: WatchState, seconds: float) -> DemoResu
             surrogate=values["surrogate"],
             r2_test=float(values["r2_test"]),
             r2_cv=float(values["r2_cv"]),
+            determined=is_determined(float(values["r2_cv"])),
             strongest=first,
         )
     return DemoResult(
@@ -242,6 +266,9 @@ def demo_result(machine: Machine, state: WatchState, seconds: float) -> DemoResu
         trigger=state.gsa_message,
         report=state.gsa.get("report"),
         seconds=seconds,
+        machine_file=machine_file(machine),
+        seed=seed,
+        recording=recording,
     )
 
 
@@ -257,8 +284,9 @@ def print_tables(found: DemoResult, *, synthetic: bool) -> None:
     table = narrow_table(title, "=output", "surrogate", ">R² test", ">R² cv", "inputs")
     for name, output in found.outputs.items():
         ranked = list(output.strongest.items())[:_STRONGEST]
-        quality = (f"{output.r2_test:.3f}", f"{output.r2_cv:.3f}")
-        add_row(table, name, output.surrogate, *quality, ranked_inputs(ranked))
+        quality = (f"{r2:.3f}" if math.isfinite(r2) else "–" for r2 in (output.r2_test, output.r2_cv))
+        shown = ranked_inputs(ranked) if output.determined else NOT_DETERMINED
+        add_row(table, name, output.surrogate, *quality, shown)
     results.print(table)
     results.print()
     lost = sum(count.lost for count in found.blocks.values())

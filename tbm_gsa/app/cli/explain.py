@@ -29,7 +29,7 @@ _SHOWN = 8
 def explain(
     comparison: Annotated[Path, typer.Argument(help="What `tbm-monitor compare BAG --json` printed, as a file.")],
     out: Annotated[Path, typer.Option(help="Folder: store, explanation.json, explanation.html.")] = Path("explanation"),
-    samples: Annotated[int, typer.Option(min=50, help="Simulations.")] = 200,
+    samples: Annotated[int, typer.Option(min=50, max=1_000_000, help="Simulations.")] = 200,
     duration: Annotated[float, typer.Option(min=2.0, max=3600.0, help="Length of a simulation (s).")] = 6.0,
     model_error: Annotated[
         float, typer.Option(min=0.0, max=1.0, help="Relative error of a statistic that the model has in any case.")
@@ -68,6 +68,8 @@ def explain(
 
 
 def _print(found: Explanation) -> None:
+    if found.failure_summary is not None:
+        print_sentence(f"{found.failure_summary.text()}; they are left out")
     headings = ("input", "", ">probability", ">value", ">90 % interval", ">machine's")
     table = narrow_table("What explains the recording, taken as the only change", *headings)
     for cause in found.causes[:_SHOWN]:

@@ -23,18 +23,21 @@ from tbm_gsa.app.cli.output import (
     narrow_table,
     notes,
     print_json,
+    print_sentence,
     progress_bar,
     ranked_inputs,
     results,
     split_names,
 )
 from tbm_gsa.app.cli.workers import Scheduler, Workers, anonymous_main, shown_progress
-from tbm_gsa.sensitivity.results import REPORT_NAME, StudyResult
+from tbm_gsa.sensitivity.results import NOT_DETERMINED, REPORT_NAME, StudyResult
 from tbm_gsa.sensitivity.study.definition import Definition, read_definition
 from tbm_gsa.sensitivity.study.design import KINDS
 from tbm_gsa.sensitivity.study.evaluate import MachineEvaluation
+from tbm_gsa.sensitivity.study.failures import REFUSED
 from tbm_gsa.sensitivity.study.inputs import PAPER_INPUTS
 from tbm_gsa.sensitivity.study.problem import Problem
+from tbm_msgs_py.base.errors import InputError
 
 if TYPE_CHECKING:
     from tbm_gsa.sensitivity.study.run import FinishedStudy, StudyOptions
@@ -45,13 +48,20 @@ Folder = Annotated[Path, typer.Option("--out", help="Folder of the study: store,
 Methods = Annotated[
     list[str] | None, typer.Option("--method", help="Surrogate to choose from: svr, krg, rbf or prs; may be repeated.")
 ]
+MOST_SAMPLES = 1_000_000
+AllowFailures = Annotated[
+    bool,
+    typer.Option(
+        "--allow-failures", help=f"Analyse what is left where more than {REFUSED:.0%} of the simulations failed."
+    ),
+]
 
 
 @app.command()
 def run(
     out: Folder = Path("gsa"),
-    samples: Annotated[int, typer.Option(min=10, help="Training simulations.")] = 200,
-    test: Annotated[int, typer.Option(min=2, help="Test simulations.")] = 20,
+    samples: Annotated[int, typer.Option(min=10, max=MOST_SAMPLES, help="Training simulations.")] = 200,
+    test: Annotated[int, typer.Option(min=2, max=MOST_SAMPLES, help="Test simulations.")] = 20,
     design: Annotated[str, typer.Option(help=f"Training points: {', '.join(KINDS)}.")] = "lhs",
     machine: MachineOption = DEFAULT_MACHINE,
     duration: Annotated[float, typer.Option(min=0.01, max=3600.0, help="Length of a simulation (s).")] = 3.0,
@@ -65,6 +75,7 @@ def run(
         typer.Option(help="Upper limit of the band of accelerations (Hz); default: a comparison's, 1000."),
     ] = None,
     method: Methods = None,
+    allow_failures: AllowFailures = False,
     workers: Workers = 2,
     scheduler: Scheduler = None,
     seed: Annotated[int, SEED_OPTION] = 0,
@@ -77,9 +88,11 @@ def run(
     names = split_names("--outputs", [] if outputs is None else [outputs]) or definition.outputs or INDICATORS
     load_machine(machine).assemble()  # a bad machine is refused before a folder is made
     evaluate = MachineEvaluation.of(machine, duration, seed, names, high_hz)
+    if high_hz is not None and set(names) <= set(INDICATORS):
+        raise InputError(f"--high-hz {high_hz:g}: no output is of an acceleration, allowed: with one")
     evaluate.check({item.code: (item.lower, item.upper) for item in definition.inputs.inputs})
     problem = Problem(definition.inputs, names, samples, test, seed, evaluate.settings, design)
-    with _running(out, method, workers, scheduler) as options:
+    with _running(out, method, allow_failures, workers, scheduler) as options:
         study = run_study(problem, evaluate, out, options)
     show(study, json)
 
@@ -88,6 +101,7 @@ def run(
 def resume(
     out: Folder = Path("gsa"),
     method: Methods = None,
+    allow_failures: AllowFailures = False,
     workers: Workers = 2,
     scheduler: Scheduler = None,
     json: Annotated[bool, JSON_OPTION] = False,
@@ -95,16 +109,17 @@ def resume(
     """Go on with a study that was interrupted; nothing is simulated twice."""
     from tbm_gsa.sensitivity.study.run import resume_study  # noqa: PLC0415
 
-    with _running(out, method, workers, scheduler) as options:
+    with _running(out, method, allow_failures, workers, scheduler) as options:
         study = resume_study(out, _evaluation, options)
     show(study, json)
 
 
 @app.command()
 def extend(
-    samples: Annotated[int, typer.Option(min=1, help="Training simulations to add.")],
+    samples: Annotated[int, typer.Option(min=1, max=MOST_SAMPLES, help="Training simulations to add.")],
     out: Folder = Path("gsa"),
     method: Methods = None,
+    allow_failures: AllowFailures = False,
     workers: Workers = 2,
     scheduler: Scheduler = None,
     json: Annotated[bool, JSON_OPTION] = False,
@@ -112,7 +127,7 @@ def extend(
     """Add training points to a study; its simulations are kept, the new points fill the gaps between them."""
     from tbm_gsa.sensitivity.study.run import resume_study  # noqa: PLC0415
 
-    with _running(out, method, workers, scheduler) as options:
+    with _running(out, method, allow_failures, workers, scheduler) as options:
         study = resume_study(out, _evaluation, options, added=samples)
     show(study, json)
 
@@ -121,13 +136,14 @@ def extend(
 def report(
     out: Folder = Path("gsa"),
     method: Methods = None,
+    allow_failures: AllowFailures = False,
     workers: Workers = 2,
     json: Annotated[bool, JSON_OPTION] = False,
 ) -> None:
     """Analyse a finished store again and write its report anew."""
     from tbm_gsa.sensitivity.study.run import report_study  # noqa: PLC0415
 
-    with _running(out, method, workers) as options:
+    with _running(out, method, allow_failures, workers) as options:
         study = report_study(out, options)
     show(study, json)
 
@@ -141,7 +157,9 @@ def _evaluation(problem: Problem) -> MachineEvaluation:
 
 
 @contextmanager
-def _running(out: Path, method: list[str] | None, workers: int, scheduler: str | None = None) -> Iterator[StudyOptions]:
+def _running(
+    out: Path, method: list[str] | None, allow_failures: bool, workers: int, scheduler: str | None = None
+) -> Iterator[StudyOptions]:
     """Options of a study under way, with its progress, of all surrogates if none is named; after Ctrl-C, a hint."""
     from tbm_gsa.app.report.gsa_page import write_study_report  # noqa: PLC0415
     from tbm_gsa.sensitivity.study.run import StudyOptions  # noqa: PLC0415
@@ -149,17 +167,26 @@ def _running(out: Path, method: list[str] | None, workers: int, scheduler: str |
     methods = tuple(method) if method else StudyOptions.methods
     try:
         with progress_bar() as bar, anonymous_main():
-            yield StudyOptions(methods, workers, scheduler, progress=shown_progress(bar), report=write_study_report)
+            yield StudyOptions(
+                methods,
+                workers,
+                scheduler,
+                progress=shown_progress(bar),
+                allow_failures=allow_failures,
+                report=write_study_report,
+            )
     except KeyboardInterrupt:
         notes.print(f"interrupted; what finished is stored: tbm-monitor gsa resume --out {out}", highlight=False)
         raise
 
 
 def show(study: FinishedStudy, json: bool) -> None:
-    """Print a study as JSON or as a table."""
+    """Print a study as JSON or as a table, what is in doubt above it."""
     if json:
         print_json(study.result.model_dump())
         return
+    for doubt in study.result.doubts():
+        print_sentence(doubt)
     results.print(strongest_table(study.result))
     results.print(f"{study.result.seconds:.1f} s")
     notes.print(f"report: {study.folder / REPORT_NAME}", highlight=False)
@@ -171,6 +198,7 @@ def strongest_table(result: StudyResult, count: int = 5) -> Table:
     table = narrow_table("Strongest inputs, first-order index S1", *headings)
     for name, output in result.outputs.items():
         ranked = sorted(output.first.items(), key=lambda item: item[1], reverse=True)[:count]
+        shown = ranked_inputs(ranked) if output.determined else NOT_DETERMINED
         quality = ("–" if r2 is None else f"{r2:.3f}" for r2 in (output.r2_test, output.r2_cv))
-        add_row(table, name, output.surrogate, *quality, ranked_inputs(ranked))
+        add_row(table, name, output.surrogate, *quality, shown)
     return table

@@ -197,7 +197,10 @@ def _selection(
     """Build the selection that the options state."""
     described = _machine_file(machine)
     chosen = machine if described is None else machine_sha256(described)
-    return Selection(point, _stamp("--since", since), _stamp("--until", until), source, chosen)
+    begin, end = _stamp("--since", since), _stamp("--until", until)
+    if begin is not None and end is not None and begin >= end:
+        raise InputError(f"--since {since} --until {until}: allowed: a time before another")
+    return Selection(point, begin, end, source, chosen)
 
 
 def _machine_name(machine: str | None) -> str | None:

@@ -11,6 +11,7 @@ from typer.core import TyperGroup
 from tbm_dynamics import load_machine, shipped_machines
 from tbm_dynamics.loads.stepper import LoadModel
 from tbm_dynamics.machine.summary import machine_summary
+from tbm_gsa.app.cli.machine_observe import observe
 from tbm_gsa.app.cli.machine_tables import print_loads, print_tables
 from tbm_gsa.app.cli.machine_update import update
 from tbm_gsa.app.cli.output import (
@@ -39,6 +40,7 @@ class CheckedMachine(Part):
     """What `machine check --json` prints; forces in N."""
 
     machine: str
+    origin: str
     sha256: str
     nodes: int
     degrees_of_freedom: int
@@ -109,6 +111,7 @@ def check(machine: MachineOption = DEFAULT_MACHINE, json: Annotated[bool, JSON_O
     meshes = system.couplings.drives
     found = CheckedMachine(
         machine=described.name,
+        origin=described.origin,
         sha256=machine_sha256(described),
         nodes=len(system.nodes),
         degrees_of_freedom=system.size,
@@ -148,7 +151,8 @@ def loads(
 
     if out is not None:
         check_path(out)
-    run = load_run(load_machine(machine), model, duration, seed)
+    described = load_machine(machine)
+    run = load_run(described, model, duration, seed)
     if out is not None:
         write_picture(lambda: load_figure(run), out)
     if json:
@@ -160,3 +164,4 @@ def loads(
 
 
 app.command()(update)
+app.command()(observe)

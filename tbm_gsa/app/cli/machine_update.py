@@ -76,6 +76,8 @@ def accepted_causes(found: Explanation, wanted: list[str] | None) -> list[InputC
     for code in wanted:
         if code not in found.inputs:
             raise StudyError(f"--input {code}: not among the causes, allowed: {', '.join(found.inputs)}")
+        if wanted.count(code) > 1:
+            raise StudyError(f"--input {code}: given twice, allowed: once")
     return [found.inputs[wanted[0]]] if len(wanted) == 1 else found.together(wanted)
 
 

@@ -93,9 +93,9 @@ def named(context: typer.Context, parameter: str) -> bool:
 def split_names(option: str, given: Iterable[str]) -> tuple[str, ...]:
     """Names of an option that may be repeated or hold several, separated by commas; none is bad input."""
     texts = list(given)
-    names = tuple(name.strip() for text in texts for name in text.split(",") if name.strip())
-    if texts and not names:
-        raise InputError(f"{option}: no name, allowed: names, separated by commas")
+    names = tuple(name.strip() for text in texts for name in text.split(","))
+    if not all(names):
+        raise InputError(f"{option} {','.join(texts)!r}: allowed: names, separated by commas")
     return names
 
 

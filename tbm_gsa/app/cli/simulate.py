@@ -29,9 +29,12 @@ from tbm_gsa.app.cli.output import (
     progress_bar,
     results,
 )
-from tbm_gsa.reading import Maybe, Part
+from tbm_gsa.provenance import machine_file
+from tbm_gsa.reading import MachineFile, Maybe, Part
 from tbm_msgs_py.base.errors import InputError
 from tbm_msgs_py.base.units import STANDARD_GRAVITY
+
+OPERATING_POINT = ("speed_r_min", "torque_kn_m", "thrust_kn")
 
 
 class MeshForceSummary(Part):
@@ -52,11 +55,17 @@ class SimulationResult(Part):
     rms_g, peak_g : dict of str to (dict of str to float)
         By test point and axis, of the accelerations without their mean (g).
     real_time_factor : float
+    operating_point : dict of str to float
+        The machine's, which a schedule replaces.
     schedule : str or None
         File of the operating points.
+    unused_rows : int
+        Rows of it beyond the end of the run.
     """
 
     machine: str
+    machine_file: MachineFile
+    operating_point: dict[str, float]
     seed: int
     duration: float
     indicators: dict[str, Maybe]
@@ -67,6 +76,7 @@ class SimulationResult(Part):
     real_time_factor: float
     loads: LoadModel
     schedule: str | None
+    unused_rows: int
 
 
 def simulate(
@@ -98,8 +108,11 @@ def simulate(
     seconds = time.perf_counter() - start
     rms, peak = _accelerations_g(described, response)
     force = response.mesh_force
+    point = described.description.operating_point
     found = SimulationResult(
         machine=described.name,
+        machine_file=machine_file(described),
+        operating_point={name: getattr(point, name) for name in OPERATING_POINT},
         seed=seed,
         duration=float(len(response.time) * (response.time[1] - response.time[0])) if len(response.time) > 1 else 0.0,
         indicators=response.indicators(),
@@ -109,12 +122,18 @@ def simulate(
         states=response.states,
         real_time_factor=duration / seconds,
         loads=loads,
-        schedule=None if schedule is None else str(schedule),
+        schedule=None if schedule is None else str(schedule.resolve()),
+        unused_rows=_unused_rows(driven, duration),
     )
     if json:
         print_json(found)
     else:
         _print_tables(found)
+
+
+def _unused_rows(schedule: Schedule | None, duration: float) -> int:
+    """Rows of a schedule that lie beyond the end of a run."""
+    return 0 if schedule is None else int(np.count_nonzero(np.asarray(schedule.time) >= duration))
 
 
 def schedule_of(file: Path | None, columns: list[str] | None, where: list[str] | None) -> Schedule | None:
@@ -130,13 +149,24 @@ def _accelerations_g(
     machine: Machine, response: Response
 ) -> tuple[dict[str, dict[str, float]], dict[str, dict[str, float]]]:
     """RMS and peak of the accelerations without their mean, g, by test point and axis."""
-    rms, peak = {}, {}
+    rms: dict[str, dict[str, float]] = {}
+    peak: dict[str, dict[str, float]] = {}
     for point, node in machine.description.test_points.items():
         values = response.acceleration(node)[:, :3] / STANDARD_GRAVITY
         values = values - values.mean(axis=0)
         rms[point] = dict(zip("xyz", np.sqrt(np.mean(values**2, axis=0)).tolist(), strict=True))
         peak[point] = dict(zip("xyz", np.abs(values).max(axis=0).tolist(), strict=True))
     return rms, peak
+
+
+def _print_provenance(found: SimulationResult) -> None:
+    """Print the machine file and how the machine was driven."""
+    speed, torque, thrust = found.operating_point.values()
+    driven = f"{speed:g} r/min, {torque:g} kN·m, {thrust:g} kN"
+    if found.schedule is not None:
+        unused = found.unused_rows
+        driven = found.schedule + (f" ({unused} rows lie beyond the end of the run)" if unused else "")
+    results.print(f"machine {found.machine_file.origin}, driven at {driven}", highlight=False)
 
 
 def _print_tables(found: SimulationResult) -> None:
@@ -151,4 +181,5 @@ def _print_tables(found: SimulationResult) -> None:
         add_row(table, point, *(f"{rms[axis]:.3g} ({peak[axis]:.3g})" for axis in rms))
     results.print(table)
     results.print()
+    _print_provenance(found)
     results.print(f"real-time factor {found.real_time_factor:.1f}, {found.states} states")

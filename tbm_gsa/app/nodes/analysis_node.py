@@ -30,7 +30,7 @@ from tbm_gsa.comparison import WindowResult
 from tbm_gsa.comparison.streams import Side
 from tbm_gsa.history import WindowSource
 from tbm_gsa.provenance import machine_sha256
-from tbm_gsa.sensitivity.study.outputs import parse_outputs
+from tbm_gsa.sensitivity.study.outputs import checked_outputs
 from tbm_msgs_py import topics
 from tbm_msgs_py.base.errors import InputError
 from tbm_msgs_py.nodes import messages
@@ -46,7 +46,8 @@ class AnalysisNode(ManagedNode[AnalysisSettings]):
 
     def configure(self) -> None:
         """Read machine and mapping, create publishers, subscriptions and services."""
-        machine = load_machine(self.settings.machine)
+        self._machine = machine = load_machine(self.settings.machine)
+        self._check_study(self.settings)
         self._points = tuple(machine.description.test_points)
         sensors, unused = field_sensors(self.settings.mapping, self._points)
         for line in unused:
@@ -57,7 +58,6 @@ class AnalysisNode(ManagedNode[AnalysisSettings]):
         self._comparison = LiveComparison(
             self._points, sensors.values(), self.settings.window, lambda text: self.get_logger().warning(text)
         )
-        self._check_outputs(self.settings)
         self._gsa = GsaProcess(self.settings.machine, self.settings.gsa)
         self._gsa_published: GsaStatus | None = None
         self._gsa_quality: dict[str, object] = {}
@@ -68,17 +68,18 @@ class AnalysisNode(ManagedNode[AnalysisSettings]):
         self.create_service(Trigger, topics.CANCEL_GSA, self._on_cancel_gsa)
 
     def check_settings(self, settings: AnalysisSettings, names: frozenset[str]) -> None:
-        """Refuse outputs and baselines that there are not."""
-        if "gsa.outputs" in names:
-            self._check_outputs(settings)
+        """Refuse outputs of a study and baselines that there are not."""
+        if not names.isdisjoint(("gsa.outputs", "gsa.duration")):
+            self._check_study(settings)
         if "baseline" in names:  # what was read holds until it is set again, whatever happens to the file
             self._baselines[settings.baseline] = self._history.usual_ratios(settings.baseline)
 
-    def _check_outputs(self, settings: AnalysisSettings) -> None:
+    def _check_study(self, settings: AnalysisSettings) -> None:
+        """Refuse what a study of the machine would refuse, before one is started."""
         try:
-            parse_outputs(settings.gsa.outputs, self._points)
+            checked_outputs(settings.gsa.outputs, self._machine.description.test_points, settings.gsa.duration)
         except InputError as error:
-            raise InputError(f"parameter gsa.outputs: {error}") from None
+            raise InputError(f"parameters gsa.outputs, gsa.duration: {error}") from None
 
     def settings_changed(self, names: frozenset[str]) -> None:
         """Restart with another window or alarm; a study that runs keeps its options."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 
 from diagnostic_msgs.msg import DiagnosticStatus
@@ -13,7 +14,8 @@ from tbm_gsa.comparison import StreamCounters, WindowResult, dead_axes
 from tbm_gsa.comparison.results import OperatingKind
 from tbm_gsa.comparison.streams import Side
 from tbm_gsa.comparison.units import unit_doubt
-from tbm_gsa.sensitivity.results import StudyResult
+from tbm_gsa.sensitivity.results import NOT_DETERMINED, OutputResult, StudyResult
+from tbm_gsa.sensitivity.study.failures import WARNED
 from tbm_msgs_py.nodes import messages
 
 _QUANTITIES = ("model_rms", "field_rms", "relative_error", "field_crest_factor", "field_kurtosis")
@@ -101,28 +103,41 @@ def gsa_status(name: str, machine: str, status: GsaStatus, quality: Mapping[str,
     paths = {"folder": status.folder, "report": status.report}
     values |= {key: path for key, path in paths.items() if path is not None}
     values |= quality
-    level: messages.Level = "error" if status.state == "failed" else "ok"
+    many = status.failed > WARNED * status.done
+    level: messages.Level = "error" if status.state == "failed" else "warn" if many else "ok"
     text = f"{status.state}: {status.reason}" if status.reason else status.state
+    text += f"; {status.failed} of {status.done} simulations failed" if many else ""
     return messages.status(name, level, text, values, machine)
 
 
 def surrogate_quality(study: StudyResult) -> dict[str, object]:
-    """Kind, ten-fold and test R² of every output's surrogate."""
+    """Kind, ten-fold and test R² of every output's surrogate, and whether its indices are determined."""
+    return {f"{key}_{name}": value for name, output in study.outputs.items() for key, value in _quality(output).items()}
+
+
+def _quality(output: OutputResult) -> dict[str, object]:
+    """Quality of the surrogate of an output; NaN where no test points say anything."""
     return {
-        f"{key}_{name}": getattr(output, key)
-        for name, output in study.outputs.items()
-        for key in ("surrogate", "r2_cv", "r2_test")
+        "surrogate": output.surrogate,
+        "r2_test": math.nan if output.r2_test is None else output.r2_test,
+        "r2_cv": output.r2_cv,
+        "determined": output.determined,
     }
 
 
 def gsa_result_statuses(prefix: str, machine: str, study: StudyResult, status: GsaStatus) -> list[DiagnosticStatus]:
-    """One status an output: its surrogate's quality and its strongest inputs."""
+    """One status an output: its surrogate's quality and its strongest inputs; WARN where they are in doubt."""
     statuses = []
+    failures = study.failure_summary
+    doubts = [failures.text()] if failures is not None and failures.warned else []
     for name, output in study.outputs.items():
         strongest = sorted(output.first, key=output.first.__getitem__, reverse=True)[:_STRONGEST]
-        values: dict[str, object] = {key: getattr(output, key) for key in ("surrogate", "r2_test", "r2_cv")}
+        values = _quality(output)
         values |= {f"first_{code}": output.first[code] for code in strongest}
         values |= {f"total_{code}": output.total[code] for code in strongest}
         values["report"] = status.report
-        statuses.append(messages.status(f"{prefix} {name}", "ok", ", ".join(strongest), values, machine))
+        found = ", ".join(strongest) if output.determined else f"{NOT_DETERMINED}: R² {output.r2_cv:.2f}"
+        level: messages.Level = "warn" if doubts or not output.determined else "ok"
+        statuses.append(messages.status(f"{prefix} {name}", level, "; ".join([found, *doubts]), values, machine))
+    statuses += [messages.status(f"{prefix} {name}", "error", why, {}, machine) for name, why in study.skipped.items()]
     return statuses

@@ -7,9 +7,16 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from tbm_gsa.comparison.results import AxisResult, ComparisonResult, ExpectedLine, LineKind, SpectrumResult
+from tbm_gsa.comparison.results import (
+    AxisResult,
+    ComparisonResult,
+    ExpectedLine,
+    LineKind,
+    SpectrumResult,
+    WindowColumns,
+)
 from tbm_gsa.signals.reduction import Series
-from tbm_msgs_py.base.arrays import Array
+from tbm_msgs_py.base.arrays import Array, Integers
 from tbm_msgs_py.base.units import STANDARD_GRAVITY
 
 # Of Okabe and Ito, told apart by colour-blind readers too.
@@ -125,13 +132,15 @@ def windows(result: ComparisonResult) -> Figure:
     rows = figure.subplots(len(result.points), 2, squeeze=False, sharex=True)
     for (levels, errors), (name, axes) in zip(rows, result.points.items(), strict=True):
         seen = axes["x"].windows
-        middle, field = _array(seen.start) + result.window_s / 2.0, _array(seen.field_rms) / STANDARD_GRAVITY
-        model = np.array([result.model_rms(level, name, "x") for level in seen.level]) / STANDARD_GRAVITY
-        inside = np.where([level is None for level in seen.level], np.nan, field)
-        dot, percent = (
-            3.0 if len(middle) <= 100 else 1.0,
-            100.0 * _array(seen.relative_error),
-        )  # many do not run together
+        start, breaks = _array(seen.start), _breaks(seen, result.window_s)
+        model_rms = [result.model_rms(level, name, "x") for level in seen.level]
+        field, model = (
+            np.insert(_array(values) / STANDARD_GRAVITY, breaks, np.nan) for values in (seen.field_rms, model_rms)
+        )
+        middle = np.insert(start, breaks, np.nan) + result.window_s / 2.0
+        inside = np.where(np.insert([level is None for level in seen.level], breaks, True), np.nan, field)
+        percent = np.insert(100.0 * _array(seen.relative_error), breaks, np.nan)
+        dot = 3.0 if len(middle) <= 100 else 1.0  # many do not run together
         levels.plot(middle, field, "-", color=_OUTSIDE, linewidth=0.8)
         levels.plot(middle, inside, "o-", color=FIELD, markersize=dot, linewidth=1.0, label="measured")
         levels.plot(middle, model, "--", color=MODEL, linewidth=1.0, label="model, whole run at the level")
@@ -144,6 +153,11 @@ def windows(result: ComparisonResult) -> Figure:
         panel.set_xlabel("s")
     figure.legend(*rows[0, 0].get_legend_handles_labels(), loc="outside upper right", ncols=2, frameon=False)
     return figure
+
+
+def _breaks(seen: WindowColumns, length_s: float) -> Integers:
+    """Places of the windows that begin behind a hole, at which no line goes on."""
+    return np.flatnonzero(np.diff(_array(seen.start)) > 1.5 * length_s) + 1
 
 
 def _array(values: Iterable[float | None]) -> Array:

@@ -8,7 +8,7 @@ from matplotlib.axes import Axes
 from matplotlib.colors import to_rgba
 from matplotlib.figure import Figure
 
-from tbm_gsa.sensitivity.results import IndexTable, Interval, OutputResult
+from tbm_gsa.sensitivity.results import NOT_DETERMINED, IndexTable, Interval, OutputResult
 from tbm_gsa.sensitivity.study.analysis import OutputFit
 from tbm_gsa.sensitivity.study.inputs import InputSet
 from tbm_msgs_py.base.arrays import Array
@@ -23,11 +23,12 @@ SHOWN_PAIRS: Final = 6
 Results = Mapping[str, OutputResult]
 Fits = Sequence[OutputFit]
 Output = TypeVar("Output")
+Judged = TypeVar("Judged", OutputResult, OutputFit)
 
 
 def index_bars(fits: Fits, inputs: InputSet) -> Figure:
     """First-order and total indices of all inputs with intervals, one panel per output."""
-    figure, panels = _panels(_by_name(fits), height=2.6)
+    figure, panels = _determined_panels(_by_name(fits), height=2.6)
     codes, place = inputs.codes, np.arange(len(inputs), dtype=float)
     for panel, fit in panels:
         found = IndexTable.model_validate(fit.indices, context=codes)
@@ -38,13 +39,13 @@ def index_bars(fits: Fits, inputs: InputSet) -> Figure:
         tops = [high for _, high in found.total_interval.values()] or found.total.values()
         panel.set_ylim(0.0, max(0.1, 1.05 * max(tops)))
         panel.set_ylabel("index")
-    panels[0][0].legend(loc="upper right", frameon=False)
+    _legend_of_first(panels)
     return figure
 
 
 def response_curves(fits: Fits, inputs: InputSet) -> Figure:
     """Mean response along the strongest inputs, one panel per output."""
-    figure, panels = _panels(_by_name(fits), height=2.6)
+    figure, panels = _determined_panels(_by_name(fits), height=2.6)
     for panel, fit in panels:
         for curve, colour in zip(fit.curves, PALETTE, strict=False):
             item = inputs[curve.code]
@@ -103,7 +104,7 @@ def score_bars(fits: Fits) -> Figure:
 
 def interaction_bars(outputs: Results) -> Figure:
     """Largest second-order indices of every output with intervals."""
-    figure, panels = _panels(outputs, columns=4, height=2.6)
+    figure, panels = _determined_panels(outputs, columns=4, height=2.6)
     for panel, output in panels:
         pairs = {"·".join(pair.inputs): pair for pair in output.second[:SHOWN_PAIRS]}
         place = np.arange(len(pairs), dtype=float)
@@ -116,7 +117,7 @@ def interaction_bars(outputs: Results) -> Figure:
 
 def convergence(outputs: Results) -> Figure:
     """First-order indices by sampling over the base size, with bootstrap intervals, and the reference as a line."""
-    figure, panels = _panels(outputs, columns=4, height=2.8)
+    figure, panels = _determined_panels(outputs, columns=4, height=2.8)
     for panel, output in panels:
         sizes = np.array([step.samples for step in output.convergence], dtype=float)
         for rank, (code, colour) in enumerate(zip(output.convergence[0].first, PALETTE, strict=False)):
@@ -134,9 +135,9 @@ def convergence(outputs: Results) -> Figure:
 
 def uncertainty_split(outputs: Results) -> Figure:
     """Draw standard deviations of the strongest first-order indices: from the surrogate, and from sampling."""
-    figure, panels = _panels(outputs, columns=4, height=2.6)
+    figure, panels = _determined_panels(outputs, columns=4, height=2.6)
     for panel, output in panels:
-        if output.paths is None:
+        if output.paths is None or not output.scores["krg"].determined:
             continue
         codes, spread = output.strongest(), output.paths.first
         place = np.arange(len(codes), dtype=float)
@@ -144,24 +145,28 @@ def uncertainty_split(outputs: Results) -> Figure:
         _bars(panel, place + 0.2, 0.4, codes, spread.monte_carlo, {}, TOTAL, "Monte Carlo")
         panel.set_xticks(place, codes)
         panel.set_ylabel("deviation of S1")
-    if panels[0][0].patches:
-        panels[0][0].legend(frameon=False, fontsize=8)
+    _legend_of_first(panels)
     return figure
 
 
 def method_comparison(outputs: Results) -> Figure:
     """First-order indices of the strongest inputs by every surrogate, over Kriging paths, and by FAST."""
-    figure, panels = _panels(outputs, columns=2, height=2.8)
+    figure, panels = _determined_panels(outputs, columns=2, height=2.8)
     for panel, output in panels:
         codes = output.strongest()
-        series = {name: (found.first, found.first_interval) for name, found in output.by_surrogate.items()}
-        if output.paths is not None:
+        series = {
+            name: (found.first, found.first_interval)
+            for name, found in output.by_surrogate.items()
+            if output.scores[name].determined
+        }
+        if output.paths is not None and "krg" in series:
             series["krg paths"] = (output.paths.first.mean, output.paths.first.interval)
         series["FAST"] = (output.fast.first, output.fast.first_interval)
         width = 0.8 / len(series)
         for rank, ((name, (values, intervals)), colour) in enumerate(zip(series.items(), PALETTE, strict=False)):
             place = np.arange(len(codes), dtype=float) + (rank - 0.5 * (len(series) - 1)) * width
-            label = f"{name} (chosen)" if name == output.surrogate else name
+            quality = f", R² {output.scores[name].r2_cv:.2f}" if name in output.scores else ""
+            label = f"{name}{quality}{' (chosen)' if name == output.surrogate else ''}"
             _bars(panel, place, width, codes, values, intervals, colour, label)
         panel.set_xticks(range(len(codes)), codes)
         panel.set_ylabel("S1")
@@ -171,7 +176,7 @@ def method_comparison(outputs: Results) -> Figure:
 
 def morris_scatter(outputs: Results) -> Figure:
     """Mean absolute elementary effect against its deviation; the strongest inputs are named."""
-    figure, panels = _panels(outputs, columns=4, height=2.8)
+    figure, panels = _determined_panels(outputs, columns=4, height=2.8)
     for panel, output in panels:
         mean, deviation = output.morris.mean_absolute, output.morris.deviation
         panel.scatter(list(mean.values()), list(deviation.values()), s=14, color=PALETTE[0])
@@ -208,6 +213,26 @@ def _panels(
     for panel, name in zip(panels, outputs, strict=True):
         panel.set_title(name, loc="left")
     return figure, list(zip(panels, outputs.values(), strict=True))
+
+
+def _determined_panels(
+    outputs: Mapping[str, Judged], *, height: float, columns: int = COLUMNS
+) -> tuple[Figure, list[tuple[Axes, Judged]]]:
+    """Make a figure as `_panels` does; returned are the panels of outputs with indices, the others say so."""
+    figure, panels = _panels(outputs, height=height, columns=columns)
+    for panel, output in panels:
+        if not output.determined:
+            panel.set_axis_off()
+            panel.text(0.5, 0.5, NOT_DETERMINED, ha="center", va="center", transform=panel.transAxes)
+    return figure, [(panel, output) for panel, output in panels if output.determined]
+
+
+def _legend_of_first(panels: Sequence[tuple[Axes, object]]) -> None:
+    """Legend of the first panel that draws anything."""
+    for panel, _ in panels:
+        if panel.get_legend_handles_labels()[0]:
+            panel.legend(loc="upper right", frameon=False, fontsize=8)
+            return
 
 
 def _bars(

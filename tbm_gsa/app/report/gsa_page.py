@@ -6,7 +6,7 @@ from typing import Final
 from tbm_gsa.app.report import gsa_figures as figures
 from tbm_gsa.app.report.gsa_tables import gsa_tables
 from tbm_gsa.app.report.page import embed_figure, render_page
-from tbm_gsa.sensitivity.results import REPORT_NAME, TABLES_NAME, OutputResult, StudyResult
+from tbm_gsa.sensitivity.results import NOT_DETERMINED, REPORT_NAME, TABLES_NAME, OutputResult, StudyResult
 from tbm_gsa.sensitivity.study.analysis import OutputAnalysis
 from tbm_gsa.sensitivity.study.inputs import Input, InputSet
 from tbm_gsa.sensitivity.study.run import FinishedStudy
@@ -45,7 +45,9 @@ def gsa_page(result: StudyResult, analyses: Mapping[str, OutputAnalysis]) -> str
         "subtitle": f"{len(inputs)} inputs, {len(result.outputs)} outputs, "
         f"{samples.train} training and {samples.test} test points",
         "result": result,
-        "poor": [name for name, output in result.outputs.items() if output.r2_cv < POOR_R2],
+        "poor": [name for name, output in result.outputs.items() if output.determined and output.r2_cv < POOR_R2],
+        "doubts": result.doubts(),
+        "not_determined": NOT_DETERMINED,
         "poor_limit": POOR_R2,
         "strongest": {name: output.strongest() for name, output in result.outputs.items()},
         "inputs": {item.code: item for item in inputs.inputs},

@@ -5,7 +5,7 @@ import io
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from typing import Final
 
-from tbm_gsa.sensitivity.results import IndexTable, OutputResult, StudyResult, SurrogateScores
+from tbm_gsa.sensitivity.results import NOT_DETERMINED, IndexTable, OutputResult, StudyResult, SurrogateScores
 
 Row = tuple[object, ...]
 
@@ -20,7 +20,8 @@ def gsa_tables(result: StudyResult) -> dict[str, str]:
     Returns
     -------
     dict of str to str
-        CSV by file name. An index stands beside its interval; a cell is empty where there is none.
+        CSV by file name. An index stands beside its interval; a cell is empty where there is none, and says
+        "not determined" where the surrogate does not follow its output.
     """
     return {
         f"{table}.csv": _csv(
@@ -39,7 +40,12 @@ def _csv(rows: Iterable[Row]) -> str:
 
 def _scores(output: OutputResult) -> Iterator[Row]:
     for method, scores in output.scores.items():
-        yield method, int(method == output.surrogate), *(value for _, value in scores)
+        yield method, int(method == output.surrogate), *(value for _, value in scores), int(scores.determined)
+
+
+def _shown(numbers: Row, determined: bool) -> Row:
+    """Numbers of a surrogate that follows its output; in place of any other's the words that say so."""
+    return numbers if determined else (NOT_DETERMINED,) * len(numbers)
 
 
 def _indices(output: OutputResult) -> Iterator[Row]:
@@ -47,7 +53,8 @@ def _indices(output: OutputResult) -> Iterator[Row]:
     if output.groups is not None:
         tables["groups"] = output.groups
     for method, table in tables.items():
-        yield from ((method, *row) for row in _ranges(table))
+        determined = output.scores.get(method, output).determined
+        yield from ((method, code, *_shown(tuple(numbers), determined)) for code, *numbers in _ranges(table))
 
 
 def _ranges(table: IndexTable) -> Iterator[Row]:
@@ -58,30 +65,35 @@ def _ranges(table: IndexTable) -> Iterator[Row]:
 
 
 def _interactions(output: OutputResult) -> Iterator[Row]:
-    yield from ((*pair.inputs, pair.index, *pair.interval) for pair in output.second)
+    for pair in output.second:
+        yield *pair.inputs, *_shown((pair.index, *pair.interval), output.determined)
 
 
 def _uncertainty(output: OutputResult) -> Iterator[Row]:
     spreads = {"S1": output.paths.first, "ST": output.paths.total} if output.paths else {}
     for order, spread in spreads.items():
         for code, mean in spread.mean.items():
-            yield code, order, mean, *spread.interval[code], spread.metamodel[code], spread.monte_carlo[code]
+            numbers = (mean, *spread.interval[code], spread.metamodel[code], spread.monte_carlo[code])
+            yield code, order, *_shown(numbers, output.scores["krg"].determined)
 
 
 def _convergence(output: OutputResult) -> Iterator[Row]:
     for step in output.convergence:
-        yield from ((" ".join(map(str, step.asked)), step.samples, *row) for row in _ranges(step))
+        asked = " ".join(map(str, step.asked))
+        for code, *numbers in _ranges(step):
+            yield asked, step.samples, code, *_shown(tuple(numbers), output.determined)
 
 
 def _morris(output: OutputResult) -> Iterator[Row]:
     found = output.morris
     for code, mean in found.mean.items():
-        yield code, mean, found.mean_absolute[code], *found.mean_absolute_interval[code], found.deviation[code]
+        numbers = (mean, found.mean_absolute[code], *found.mean_absolute_interval[code], found.deviation[code])
+        yield code, *_shown(numbers, output.determined)
 
 
 _INTERVALS: Final = ("S1", "S1_low", "S1_high", "ST", "ST_low", "ST_high")
 TABLES: Final[Mapping[str, tuple[tuple[str, ...], Callable[[OutputResult], Iterator[Row]]]]] = {
-    "surrogates": (("surrogate", "chosen", *SurrogateScores.model_fields), _scores),
+    "surrogates": (("surrogate", "chosen", *SurrogateScores.model_fields, "determined"), _scores),
     "indices": (("method", "input", *_INTERVALS), _indices),
     "interactions": (("input", "other", "S2", "low", "high"), _interactions),
     "uncertainty": (("input", "order", "mean", "low", "high", "metamodel", "monte_carlo"), _uncertainty),

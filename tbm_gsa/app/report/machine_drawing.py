@@ -162,7 +162,9 @@ def _draw_side(axes: Axes, description: MachineDescription, links: Sequence[_Lin
     points = _arrange(groups, drawn, links)
     for link in links:
         _draw_link(axes, link, points)
-    test_points = {node: name for name, node in description.test_points.items()}
+    test_points: dict[int, str] = {}
+    for name, place in description.sensor_places.items():
+        test_points[place.node] = ", ".join(filter(None, (test_points.get(place.node), name)))
     for parts in groups:
         for part in parts:
             _draw_part(axes, part, points, test_points)

@@ -67,7 +67,8 @@ def model_rows(machine: Machine, curves: MeshCurves) -> Iterator[Row]:
 def _structure(description: MachineDescription) -> Iterator[Row]:
     parts = ", ".join(SUBSYSTEMS)
     yield Row("figure2.subsystems", "subsystems", parts, parts, "given", "the form of every machine file")
-    drive, points = description.driveshaft, description.test_points
+    drive = description.driveshaft
+    points = {name: place.node for name, place in description.sensor_places.items()}
     ours = {**points, "ring gear": drive.ring_node, "first pinion": drive.pinion_nodes_from + 1}
     for name, node in MARKED_NODES.items():
         found = ours.get(name)

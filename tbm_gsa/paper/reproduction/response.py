@@ -118,7 +118,9 @@ def gather_response(reading: Reading, bag: Path, seed: int, seconds: float, mode
         acceleration=_excerpt(response.time, head),
         mesh_force=_excerpt(response.time, force),
         axial_hz=tuple(line.frequency_hz for line in expected_lines(machine) if line.kind == "axial"),
-        resonance_hz=_resonance(machine.assemble(), points["cutterhead"], machine.description.load_node),
+        resonance_hz=_resonance(
+            machine.assemble(), machine.description.sensor_places["cutterhead"].node, machine.description.load_node
+        ),
         lines_hz=_found(response, head, [ACCELERATION_LINE_HZ]),
         mesh_lines_hz=_found(response, force, [*wanted, *MESH_LINES_HZ]),
         indicators=response.indicators(),

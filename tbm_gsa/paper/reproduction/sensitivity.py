@@ -1,6 +1,7 @@
 """Figures 11 to 15: which parameters matter, by how much, and what the response does along them."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import replace
 from typing import Final
 
 import numpy as np
@@ -20,6 +21,7 @@ from tbm_gsa.paper.reproduction import verdict
 from tbm_gsa.paper.reproduction.readings import Reading
 from tbm_gsa.paper.reproduction.result import Row
 from tbm_gsa.paper.reproduction.studies import Study
+from tbm_gsa.sensitivity.results import NOT_DETERMINED
 from tbm_gsa.sensitivity.sobol.monte_carlo import SAMPLE_SIZES
 from tbm_gsa.sensitivity.study.curves import Curve
 from tbm_gsa.sensitivity.study.inputs import PAPER_INPUTS
@@ -37,29 +39,42 @@ def spearman(curve: Curve) -> float:
 
 
 def sensitivity_rows(study: Study) -> Iterator[Row]:
-    """Rows of Figures 11 to 15."""
-    reading, analyses, codes = study.reading, study.outputs, PAPER_INPUTS.codes
+    """Rows of Figures 11 to 15; what rests on a surrogate that does not follow its output is no finding."""
     for name, figure in FIGURE_OF.items():
-        first = dict(zip(codes, analyses[name].indices.first.tolist(), strict=True))
-        total = dict(zip(codes, analyses[name].indices.total.tolist(), strict=True))
-        stem = f"figure{figure}.{name}"
-        if name in MAIN:
-            yield _main(reading, stem, name, first)
-        if name in DISPLACEMENTS:
-            yield _groups(reading, stem, name, first)
-        for code, share in ((code, share) for (of, code), share in SHARES.items() if of == name):
-            what, judged = f"share of {code} in {name}, first index", verdict.share(share, first[code])
-            note = "the paper: only sensitive to it" if share == 1.0 else "the paper: about"
-            yield reading.row(f"{stem}.{code}", what, share, first[code], judged, note)
-        yield from _interactions(reading, stem, name, first, total)
+        yield from _if_determined(study, [name], _index_rows(study, name, f"figure{figure}.{name}"))
     if study.sampling_gap is not None:
         what = "first indices by sampling, largest distance from those reported"
         paper = f"converged at {SAMPLE_SIZES[-1]:,}".replace(",", " ")
         note = "read as Saltelli's base size; no tolerance given"
-        yield reading.row("figure11.convergence", what, paper, study.sampling_gap, "no number", note)
+        yield study.reading.row("figure11.convergence", what, paper, study.sampling_gap, "no number", note)
     for (name, code), curve in study.curves.items():
-        yield _trend(reading, name, code, curve, float(np.std(analyses[name].best.model.samples.y)))
-    yield _amplitudes(reading, study.curves["MF_M", "x2"], study.curves["MF_Se", "x2"])
+        spread = float(np.std(study.outputs[name].best.model.samples.y))
+        yield from _if_determined(study, [name], [_trend(study.reading, name, code, curve, spread)])
+    amplitudes = _amplitudes(study.reading, study.curves["MF_M", "x2"], study.curves["MF_Se", "x2"])
+    yield from _if_determined(study, ["MF_M", "MF_Se"], [amplitudes])
+
+
+def _index_rows(study: Study, name: str, stem: str) -> Iterator[Row]:
+    """Rows of the indices of an output."""
+    reading, indices, codes = study.reading, study.outputs[name].indices, PAPER_INPUTS.codes
+    first, total = (dict(zip(codes, found.tolist(), strict=True)) for found in (indices.first, indices.total))
+    if name in MAIN:
+        yield _main(reading, stem, name, first)
+    if name in DISPLACEMENTS:
+        yield _groups(reading, stem, name, first)
+    for code, share in ((code, share) for (of, code), share in SHARES.items() if of == name):
+        what, judged = f"share of {code} in {name}, first index", verdict.share(share, first[code])
+        note = "the paper: only sensitive to it" if share == 1.0 else "the paper: about"
+        yield reading.row(f"{stem}.{code}", what, share, first[code], judged, note)
+    yield from _interactions(reading, stem, name, first, total)
+
+
+def _if_determined(study: Study, names: Sequence[str], rows: Iterable[Row]) -> Iterator[Row]:
+    """Rows that rest on the surrogates of some outputs; without their numbers where one does not follow its output."""
+    poor = [name for name in names if not study.outputs[name].determined]
+    reason = ", ".join(f"R² of {name} {study.outputs[name].best.r2_cv:.2f}" for name in poor)
+    for row in rows:
+        yield replace(row, ours=NOT_DETERMINED, verdict="no number", note=reason) if poor else row
 
 
 def _main(reading: Reading, stem: str, name: str, first: Mapping[str, float]) -> Row:

@@ -10,11 +10,12 @@ import numpy as np
 from tbm_dynamics.indicators import INDICATORS
 from tbm_gsa.paper.published import METHODS, SHOWN_WITHOUT_STATEMENT, TRENDS
 from tbm_gsa.paper.reproduction.readings import Reading
-from tbm_gsa.sensitivity.study.analysis import OutputAnalysis, OutputFit, fit_outputs
+from tbm_gsa.sensitivity.study.analysis import Analysed, OutputAnalysis, OutputFit, fit_outputs
 from tbm_gsa.sensitivity.study.campaign import Progress, run_campaign
 from tbm_gsa.sensitivity.study.curves import Curve, response_curve
 from tbm_gsa.sensitivity.study.errors import StudyError
 from tbm_gsa.sensitivity.study.evaluate import MachineEvaluation
+from tbm_gsa.sensitivity.study.failures import checked_failures
 from tbm_gsa.sensitivity.study.inputs import PAPER_INPUTS
 from tbm_gsa.sensitivity.study.problem import Problem
 from tbm_gsa.sensitivity.study.run import FinishedStudy, StudyOptions, run_study
@@ -102,6 +103,7 @@ def whole_study(
     """Run or go on with a study, with its own result.json and report."""
     options = StudyOptions(methods=METHODS, workers=workers, progress=progress, report=report)
     found = run_study(campaign.problem, campaign.evaluation, folder, options)
+    _complete(Analysed(found.analyses, found.result.skipped))
     failed = found.result.samples.failed
     return Study(campaign, found.analyses, failed, _sampling_gap(found.analyses))
 
@@ -110,8 +112,16 @@ def fitted_study(campaign: Campaign, folder: Path, workers: int, progress: Progr
     """Run or go on with a campaign, and fit and rank only."""
     with Store.create_or_open(folder / STORE_NAME, campaign.problem) as store:
         run_campaign(store, campaign.evaluation, workers=workers, progress=progress)
-        outputs = fit_outputs(store, METHODS, seed=campaign.seed, workers=workers, progress=progress)
-        return Study(campaign, outputs, store.counts().failed, None)
+        checked_failures(store)
+        found = fit_outputs(store, METHODS, seed=campaign.seed, workers=workers, progress=progress)
+        return Study(campaign, _complete(found), store.counts().failed, None)
+
+
+def _complete(found: Analysed[OutputFit]) -> Mapping[str, OutputFit]:
+    """All outputs: the paper has a figure of each."""
+    for name, reason in found.skipped.items():
+        raise StudyError(f"output {name}: {reason}")
+    return found.outputs
 
 
 def _sampling_gap(analyses: Mapping[str, OutputAnalysis]) -> float:

@@ -24,8 +24,7 @@ from tbm_gsa.paper.reproduction.result import (
 from tbm_gsa.paper.reproduction.sensitivity import sensitivity_rows
 from tbm_gsa.paper.reproduction.studies import Campaign, Study, fitted_study, whole_study
 from tbm_gsa.paper.reproduction.surrogates import surrogate_rows
-from tbm_gsa.provenance import machine_sha256, package_versions
-from tbm_gsa.reading import MachineFile
+from tbm_gsa.provenance import machine_file, package_versions
 from tbm_gsa.sensitivity.study.campaign import Progress
 from tbm_gsa.sensitivity.study.errors import StudyError
 from tbm_gsa.sensitivity.study.run import FinishedStudy
@@ -138,7 +137,7 @@ def _result(
         other_reading=count_verdicts(row for row in rows if row.reading == both[1].name),
         readings=tuple(ReadingSummary(**vars(one)) for one in both),
         machine=machine.name,
-        machine_file=MachineFile(origin=machine.origin, sha256=machine_sha256(machine)),
+        machine_file=machine_file(machine),
         recording=ReproducedRecording(
             path=compared.recording.path, sha256=compared.recording.sha256, synthetic=compared.synthetic
         ),

@@ -4,11 +4,11 @@ from collections import deque
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, wait
 from dataclasses import dataclass
-from typing import TypeVar
+from typing import Generic, TypeVar
 
 import numpy as np
 
-from tbm_gsa.sensitivity.results import STRONGEST
+from tbm_gsa.sensitivity.results import STRONGEST, is_determined
 from tbm_gsa.sensitivity.screening import ElementaryEffects, fast_indices, morris_effects
 from tbm_gsa.sensitivity.sobol.indices import SobolIndices, of_a_constant
 from tbm_gsa.sensitivity.sobol.monte_carlo import ConvergenceStep, convergence_sizes, sobol_convergence
@@ -78,6 +78,11 @@ class OutputFit:
     curves: tuple[Curve, ...]
 
     @property
+    def determined(self) -> bool:
+        """Whether the chosen surrogate follows the output, so that its indices say something of it."""
+        return is_determined(self.best.r2_cv)
+
+    @property
     def best(self) -> Candidate:
         """The chosen surrogate."""
         return self.candidates[self.chosen]
@@ -113,6 +118,31 @@ class _Task:
 
 
 Found = TypeVar("Found", bound=OutputFit)
+Done = TypeVar("Done")
+
+
+@dataclass(frozen=True, eq=False)
+class Analysed(Generic[Found]):
+    """What was found about the outputs of a store.
+
+    Parameters
+    ----------
+    outputs : mapping of str to OutputFit or OutputAnalysis
+        In the order of the store's outputs.
+    skipped : mapping of str to str
+        Why there is nothing to say of an output: it is constant, say.
+    """
+
+    outputs: Mapping[str, Found]
+    skipped: Mapping[str, str]
+
+
+@dataclass(frozen=True)
+class _Skipped:
+    """An output without a surrogate."""
+
+    name: str
+    reason: str
 
 
 def analyse(
@@ -122,7 +152,7 @@ def analyse(
     seed: int = 0,
     workers: int = 2,
     progress: Progress | None = None,
-) -> dict[str, OutputAnalysis]:
+) -> Analysed[OutputAnalysis]:
     """Analyse the simulations of a store that ended well.
 
     Parameters
@@ -139,13 +169,12 @@ def analyse(
 
     Returns
     -------
-    dict of str to OutputAnalysis
-        In the order of the store's outputs.
+    Analysed
 
     Raises
     ------
     StudyError
-        Too few simulations, or an output no surrogate can be fitted to; the message names the output.
+        No output has a surrogate: too few simulations, or all are constant; the message names the first.
     """
     return _by_output(_analyse_output, store, methods, seed, workers, progress)
 
@@ -157,19 +186,19 @@ def fit_outputs(
     seed: int = 0,
     workers: int = 2,
     progress: Progress | None = None,
-) -> dict[str, OutputFit]:
+) -> Analysed[OutputFit]:
     """Do the first part of `analyse`, which takes a third of its time: the same numbers, and no other way of asking."""
     return _by_output(_fit_output, store, methods, seed, workers, progress)
 
 
 def _by_output(
-    work: Callable[[_Task], Found],
+    work: Callable[[_Task], Found | _Skipped],
     store: Store,
     methods: Sequence[str],
     seed: int,
     workers: int,
     progress: Progress | None,
-) -> dict[str, Found]:
+) -> Analysed[Found]:
     """Do what there is to do for every output of a store."""
     check_methods(methods)
     inputs, names = store.problem.inputs, store.problem.outputs
@@ -179,13 +208,21 @@ def _by_output(
         _Task(name, Data(unit, Y[:, column], test_unit, Y_test[:, column]), inputs, tuple(methods), seed)
         for column, name in enumerate(names)
     ]
-    analyses: dict[str, Found] = {}
+    done: dict[str, Found | _Skipped] = {}
     report = progress or (lambda *_: None)
     report(f"analysis 0 of {len(names)} outputs", 0.0)
-    for analysis in _run(work, tasks, min(workers, len(tasks))):
-        analyses[analysis.name] = analysis
-        report(f"analysis {len(analyses)} of {len(names)} outputs", len(analyses) / len(names))
-    return {name: analyses[name] for name in names}
+    for one in _run(work, tasks, min(workers, len(tasks))):
+        done[one.name] = one
+        report(f"analysis {len(done)} of {len(names)} outputs", len(done) / len(names))
+    found, skipped = {}, {}
+    for one in map(done.__getitem__, names):
+        if isinstance(one, _Skipped):
+            skipped[one.name] = one.reason
+        else:
+            found[one.name] = one
+    if not found:
+        raise StudyError(f"output {names[0]}: {skipped[names[0]]}")
+    return Analysed(found, skipped)
 
 
 def check_methods(methods: Sequence[str]) -> None:
@@ -193,6 +230,9 @@ def check_methods(methods: Sequence[str]) -> None:
     unknown = [method for method in methods if method not in SURROGATES]
     if unknown or not methods:
         raise StudyError(f"surrogates: {', '.join(unknown) or 'none'}, allowed: one or more of {', '.join(SURROGATES)}")
+    for method in methods:
+        if methods.count(method) > 1:
+            raise StudyError(f"surrogate {method}: given twice, allowed: once")
 
 
 def strongest(indices: SobolIndices, count: int = STRONGEST) -> list[int]:
@@ -200,13 +240,13 @@ def strongest(indices: SobolIndices, count: int = STRONGEST) -> list[int]:
     return [int(k) for k in np.argsort(-indices.total, kind="stable")[:count]]
 
 
-def _run(work: Callable[[_Task], Found], tasks: Sequence[_Task], workers: int) -> Iterator[Found]:
+def _run(work: Callable[[_Task], Done], tasks: Sequence[_Task], workers: int) -> Iterator[Done]:
     """Work on outputs, here or in processes, as they get done; of several that fail the first in order is raised."""
     if workers < 2:
         yield from map(work, tasks)
         return
     waiting = deque(enumerate(tasks))
-    running: dict[Future[Found], int] = {}
+    running: dict[Future[Done], int] = {}
     failed: dict[int, BaseException] = {}
     with local_processes(workers) as processes:
         while running or (waiting and not failed):
@@ -223,12 +263,12 @@ def _run(work: Callable[[_Task], Found], tasks: Sequence[_Task], workers: int) -
             raise failed[min(failed)]
 
 
-def _fit_output(task: _Task) -> OutputFit:
+def _fit_output(task: _Task) -> OutputFit | _Skipped:
     """Fit one output."""
     try:
         candidates = fit_candidates(task.methods, task.data, task.seed)
     except InputError as error:
-        raise StudyError(f"output {task.name}: {error}") from error
+        return _Skipped(task.name, str(error))
     best = best_of(candidates)
     indices = sobol_of_surrogate(best.model, best.validation, second=True, seed=task.seed)
     return OutputFit(
@@ -241,9 +281,11 @@ def _fit_output(task: _Task) -> OutputFit:
     )
 
 
-def _analyse_output(task: _Task) -> OutputAnalysis:
+def _analyse_output(task: _Task) -> OutputAnalysis | _Skipped:
     """Analyse one output."""
     fit = _fit_output(task)
+    if isinstance(fit, _Skipped):
+        return fit
     return OutputAnalysis(
         **vars(fit),
         groups=_group_indices(fit.best, task),

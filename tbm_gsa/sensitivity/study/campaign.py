@@ -56,8 +56,8 @@ def run_campaign(
         No worker can run a simulation; what had finished is in the store.
     """
     _report(store, progress)
-    if store.pending():
-        with local_processes(workers) if scheduler is None else cluster(scheduler) as pool:
+    if waiting := len(store.pending()):
+        with local_processes(min(workers, waiting)) if scheduler is None else cluster(scheduler) as pool:
             for outcome in _outcomes(pool, store, evaluate, cancelled):
                 store.record(outcome)
                 _report(store, progress)

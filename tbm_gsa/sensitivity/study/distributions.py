@@ -114,6 +114,11 @@ class Normal(Distribution):
         if self.std <= 0.0:
             raise StudyError(f"std {self.std:g}, allowed: above 0")
         self._check_inside("mean", self.mean)
+        with np.errstate(all="ignore"):
+            quartiles = self.from_unit([0.25, 0.5, 0.75])
+        if not (np.diff(quartiles) > 0.0).all():  # also where they are no numbers
+            width = self.upper - self.lower
+            raise StudyError(f"std {self.std:g}, allowed: a size that tells values {width:g} apart from each other")
 
     def _parameters(self) -> tuple[float, ...]:
         return (self.lower - self.mean) / self.std, (self.upper - self.mean) / self.std, self.mean, self.std

@@ -9,12 +9,12 @@ from tbm_dynamics import Machine, MachineError, load_machine, simulate
 from tbm_dynamics.indicators import INDICATORS
 from tbm_dynamics.integration.simulator import DEFAULT_STEP
 from tbm_dynamics.machine.description import MachineDescription
+from tbm_dynamics.machine.sensor_place import SensorPlace
 from tbm_gsa.provenance import machine_sha256
 from tbm_gsa.sensitivity.study.errors import StudyError
-from tbm_gsa.sensitivity.study.outputs import Vibration, parse_outputs
+from tbm_gsa.sensitivity.study.outputs import Vibration, checked_outputs, parse_outputs
 from tbm_msgs_py.base.texts import quoted
 
-SHORTEST_VIBRATION_S = 1.0  # what the conditioning of a signal makes something of
 LOWEST_HIGH_HZ = 1.0
 LONGEST_S = 3600.0  # of a simulation that is stored
 
@@ -53,10 +53,7 @@ class MachineEvaluation:
         if self.high_hz is not None and not LOWEST_HIGH_HZ <= self.high_hz < 0.5 / DEFAULT_STEP:
             allowed = f"{LOWEST_HIGH_HZ:g} to below {0.5 / DEFAULT_STEP:g} Hz"
             raise StudyError(f"upper limit of the band {self.high_hz:g} Hz, allowed: {allowed}")
-        if self._vibrations and self.duration < SHORTEST_VIBRATION_S:
-            raise StudyError(
-                f"duration {self.duration:g} s, allowed: {SHORTEST_VIBRATION_S:g} s or more for accelerations"
-            )
+        checked_outputs(self.outputs, self._points, self.duration, self.high_hz)
 
     @classmethod
     def of(
@@ -68,12 +65,13 @@ class MachineEvaluation:
         high_hz: float | None = None,
     ) -> Self:
         """Load the machine; parameters as those of the class."""
-        return cls(machine, load_machine(machine).description.model_dump_json(), duration, seed, outputs, high_hz)
+        loaded = load_machine(machine)
+        return cls(loaded.origin, loaded.description.model_dump_json(), duration, seed, outputs, high_hz)
 
     def __call__(self, sample: dict[str, float]) -> Mapping[str, float]:
         """Simulate one sample."""
         response = simulate(
-            self._machine.with_inputs(**sample), duration=self.duration, seed=self.seed, outputs=self._nodes
+            self._machine.with_inputs(**sample), duration=self.duration, seed=self.seed, outputs=self._motion
         )
         found = response.indicators()
         if self._vibrations:
@@ -100,10 +98,17 @@ class MachineEvaluation:
 
     @property
     def settings(self) -> dict[str, str | float | int]:
-        """What the results depend on besides the inputs; the content of the machine file, not only its name."""
+        """What the results depend on besides the inputs; the content of the machine file, not only its name.
+
+        The operating point is the machine's, in effect where none of the inputs x1, x2, x3 changes it.
+        """
+        point = self._machine.description.operating_point
         return {
             "machine": self.machine,
             "machine_sha256": machine_sha256(self._machine),
+            "speed_r_min": point.speed_r_min,
+            "torque_kn_m": point.torque_kn_m,
+            "thrust_kn": point.thrust_kn,
             "duration": self.duration,
             "load_seed": self.seed,
             **({} if self.high_hz is None else {"high_hz": self.high_hz}),
@@ -141,16 +146,15 @@ class MachineEvaluation:
         return parse_outputs(self.outputs, self._points)
 
     @cached_property
-    def _points(self) -> Mapping[str, int]:
+    def _points(self) -> Mapping[str, int | SensorPlace]:
         """Test points of the machine."""
         return self._machine.description.test_points
 
     @cached_property
-    def _nodes(self) -> tuple[int, ...]:
-        """Nodes whose motion the outputs need; the indicators need the ring gear and the first pinion."""
+    def _motion(self) -> tuple[int | SensorPlace, ...]:
+        """Nodes and places whose motion the outputs need; the indicators need the ring gear and the first pinion."""
         drive = self._machine.description.driveshaft
-        nodes = [drive.ring_node, drive.pinion_nodes_from + 1, *(self._points[v.point] for v in self._vibrations)]
-        return tuple(dict.fromkeys(nodes))
+        return (drive.ring_node, drive.pinion_nodes_from + 1, *(self._points[v.point] for v in self._vibrations))
 
     @property
     def _machine(self) -> Machine:

@@ -7,8 +7,11 @@ from typing import Final
 
 from tbm_dynamics.indicators import INDICATORS
 from tbm_gsa.sensitivity.study.errors import StudyError
+from tbm_gsa.signals.conditioning import HIGH_PASS_HZ, LOW_PASS_LIMIT_HZ, SHORTEST_S
+from tbm_gsa.signals.windows import SEGMENT_S
 
 AXES: Final = ("x", "y", "z", "yz")
+RESOLUTION_HZ: Final = 1.0 / SEGMENT_S
 _NAME: Final = re.compile(
     r"(?P<statistic>rms|peak|kurtosis)_((?P<low>\d+(\.\d+)?)-(?P<high>\d+(\.\d+)?)_hz_)?(?P<point>.+)_(?P<axis>[xyz]+)"
 )
@@ -53,6 +56,50 @@ def parse_outputs(names: Sequence[str], points: Collection[str]) -> tuple[Vibrat
         A name that is neither.
     """
     return tuple(_vibration(name, points) for name in names if name not in INDICATORS)
+
+
+def checked_outputs(
+    names: Sequence[str], points: Collection[str], duration: float, high_hz: float | None = None
+) -> tuple[Vibration, ...]:
+    """Sort out as `parse_outputs`, and refuse what runs of this length in this band give no numbers of.
+
+    Parameters
+    ----------
+    names, points
+        As of `parse_outputs`.
+    duration : float
+        Of a simulation, s.
+    high_hz : float or None
+        Upper limit of the band of accelerations, by default a comparison's.
+
+    Raises
+    ------
+    StudyError
+        A name that is unknown or given twice, runs too short to condition, a band beyond the one that signals are
+        conditioned to (there is rounding noise only), or one that may lie between two frequencies of a transform.
+    """
+    check_distinct(names)
+    vibrations = parse_outputs(names, points)
+    if vibrations and duration < SHORTEST_S:
+        raise StudyError(f"duration {duration:g} s, allowed: {SHORTEST_S:g} s or more for accelerations")
+    highest = LOW_PASS_LIMIT_HZ if high_hz is None else high_hz
+    for output in vibrations:
+        low, high = output.band or (HIGH_PASS_HZ, highest)
+        if low < HIGH_PASS_HZ or high > highest:
+            allowed = f"inside the compared one, {HIGH_PASS_HZ:g} to {highest:g} Hz"
+        elif output.band and high - low < RESOLUTION_HZ:
+            allowed = f"{RESOLUTION_HZ:g} Hz wide or more"
+        else:
+            continue
+        raise StudyError(f"output {output.name!r}: its band, allowed: {allowed}")
+    return vibrations
+
+
+def check_distinct(names: Sequence[str]) -> None:
+    """Raise a StudyError where an output is given twice."""
+    for name in names:
+        if names.count(name) > 1:
+            raise StudyError(f"output {name}: given twice, allowed: once")
 
 
 def _vibration(name: str, points: Collection[str]) -> Vibration:

@@ -11,11 +11,15 @@ from tbm_gsa.reading import Line, Name, Seed, validated
 from tbm_gsa.sensitivity.study.design import check_kind
 from tbm_gsa.sensitivity.study.errors import StudyError
 from tbm_gsa.sensitivity.study.inputs import InputSet
+from tbm_gsa.sensitivity.study.outputs import check_distinct
 from tbm_msgs_py.base.texts import shortened
 
 Setting = Line | float | int
 Count = Annotated[int, Field(ge=0, lt=2**31)]
 FORMAT: Final = 2
+DIGEST: Final = "machine_sha256"
+OF_MACHINE: Final = ("machine", "speed_r_min", "torque_kn_m", "thrust_kn")
+"""Settings that the digest of the machine holds; a store of before does not have all of them."""
 
 
 @dataclass(frozen=True)
@@ -51,9 +55,7 @@ class Problem:
         check_kind(self.design)
         if not self.outputs:
             raise StudyError("outputs: none, allowed: at least one")
-        for name in self.outputs:
-            if self.outputs.count(name) > 1:
-                raise StudyError(f"output {name}: given twice, allowed: once")
+        check_distinct(self.outputs)
 
     def to_json(self) -> dict[str, str]:
         """Every part as one JSON text."""
@@ -81,15 +83,18 @@ def _object(texts: Mapping[str, str]) -> str:
 
 
 def difference(stored: Problem, wanted: Problem) -> str | None:
-    """Return the first difference of two problems in words; None if they are equal or differ in their groups only.
+    """Return the first difference of two problems in words; None if their simulations are the same.
 
-    Groups say which indices are added up, and nothing about simulations.
+    Groups say which indices are added up, and nothing about simulations; the machine is known by its digest, wherever
+    its file is.
     """
     return next(_differences(stored, wanted), None)
 
 
 def _differences(stored: Problem, wanted: Problem) -> Iterator[str]:
-    for key in sorted({*stored.settings, *wanted.settings}):
+    digests = [problem.settings.get(DIGEST) for problem in (stored, wanted)]
+    of_machine = OF_MACHINE if digests[0] is not None and digests[0] == digests[1] else ()
+    for key in sorted({*stored.settings, *wanted.settings}.difference(of_machine)):
         old, new = stored.settings.get(key), wanted.settings.get(key)
         if old != new:
             yield f"{key} is {old!r} there and {new!r} here"

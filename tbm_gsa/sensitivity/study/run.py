@@ -8,6 +8,7 @@ from pathlib import Path
 from tbm_gsa.sensitivity.results import RESULT_NAME, StudyResult
 from tbm_gsa.sensitivity.study.analysis import OutputAnalysis, analyse, check_methods
 from tbm_gsa.sensitivity.study.campaign import Progress, run_campaign
+from tbm_gsa.sensitivity.study.failures import checked_failures
 from tbm_gsa.sensitivity.study.problem import Problem
 from tbm_gsa.sensitivity.study.store import STORE_NAME, Store
 from tbm_gsa.sensitivity.study.workers import Evaluate
@@ -48,6 +49,8 @@ class StudyOptions:
         Of campaign and analysis, see `Progress`.
     cancelled : callable
         Called during the campaign; see `run_campaign`.
+    allow_failures : bool
+        Analyse what is left where more simulations failed than `checked_failures` takes.
     report : callable
         Called with the finished study, to write pages and tables into its folder.
     """
@@ -57,6 +60,7 @@ class StudyOptions:
     scheduler: str | None = None
     progress: Progress | None = None
     cancelled: Callable[[], bool] = lambda: False
+    allow_failures: bool = False
     report: Callable[[FinishedStudy], None] = lambda _: None
 
     def __post_init__(self) -> None:
@@ -84,7 +88,7 @@ def run_study(
     Raises
     ------
     StudyError
-        The folder holds another study, or too few simulations ended well.
+        The folder holds another study, too many simulations failed, or too few ended well.
     StudyCancelled
         The campaign was cancelled; calling again goes on with it.
     """
@@ -136,10 +140,11 @@ def _finish(store: Store, evaluate: Evaluate | None, options: StudyOptions | Non
         )
         campaign_seconds = time.perf_counter() - start
     seed = store.problem.seed
-    analyses = analyse(store, chosen.methods, seed=seed, workers=chosen.workers, progress=chosen.progress)
+    checked_failures(store, chosen.allow_failures, remedy=", or --allow-failures")
+    analysed = analyse(store, chosen.methods, seed=seed, workers=chosen.workers, progress=chosen.progress)
     seconds = time.perf_counter() - start
-    result = StudyResult.of(store, analyses, seconds=seconds, campaign_seconds=campaign_seconds)
-    study = FinishedStudy(store.path.parent, result, analyses)
+    result = StudyResult.of(store, analysed, seconds=seconds, campaign_seconds=campaign_seconds)
+    study = FinishedStudy(store.path.parent, result, analysed.outputs)
     result.write(study.folder / RESULT_NAME)
     chosen.report(study)
     return study

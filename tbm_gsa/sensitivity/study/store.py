@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Final, Literal, Self
 
 import numpy as np
+from numpy.typing import NDArray
 from pydantic import ConfigDict, TypeAdapter
 
 from tbm_gsa.reading import Number, validated
@@ -73,7 +74,7 @@ class Store:
     def create_or_open(cls, path: Path, problem: Problem) -> Self:
         """Open the store of a problem; write it with its design first if there is none.
 
-        Groups that differ are taken over: they say nothing about simulations.
+        Groups, and another place of the same machine file, are taken over: they say nothing about simulations.
 
         Raises
         ------
@@ -89,8 +90,11 @@ class Store:
             store._take_over(problem)
             return store
         path.parent.mkdir(parents=True, exist_ok=True)
-        with unfinished(path) as fresh, closing(_connect(fresh)) as connection:
-            _write_problem(connection, problem)  # a store exists with its whole design or not at all
+        try:
+            with unfinished(path) as fresh, closing(_connect(fresh)) as connection:
+                _write_problem(connection, problem)  # a store exists with its whole design or not at all
+        except sqlite3.Error as error:
+            raise StudyError(f"{path}: {error}, allowed: a folder that can be written to") from None
         return cls.open(path)
 
     @classmethod
@@ -102,6 +106,8 @@ class Store:
         try:
             connection.execute("PRAGMA journal_mode=WAL")
             problem = Problem.from_json(dict(connection.execute("SELECT key, value FROM problem")))
+            if not connection.execute("SELECT COUNT(*) FROM planned").fetchone()[0]:
+                raise StudyError("no simulation is planned, allowed: the store of a study with its design")
         except sqlite3.DatabaseError as error:
             connection.close()
             raise StudyError(
@@ -119,8 +125,11 @@ class Store:
     def __enter__(self) -> Self:
         return self
 
-    def __exit__(self, *_: object) -> None:
+    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: object) -> None:
+        """Close the file; an error of SQLite, such as a full disk, becomes one that names the file."""
         self.close()
+        if isinstance(error, sqlite3.Error):
+            raise StudyError(f"{self.path}: {error}; what had finished before is stored") from None
 
     def extend(self, count: int) -> None:
         """Add training points to the design, all of them or, if this is interrupted, none; see `add_points`.
@@ -180,6 +189,15 @@ class Store:
         X = np.array([self._numbers(inputs, d) for inputs, _ in rows]).reshape(len(rows), d)
         Y = np.array([self._numbers(outputs, q) for _, outputs in rows]).reshape(len(rows), q)
         return X, Y
+
+    def ended(self) -> tuple[Array, NDArray[np.bool_]]:
+        """Read the inputs (n, d) of all simulations that ended, in order, and which of them failed (n,)."""
+        rows = self._connection.execute(
+            "SELECT inputs, status FROM simulations WHERE status <> 'pending' ORDER BY row"
+        ).fetchall()
+        d = len(self.problem.inputs)
+        points = np.array([self._numbers(inputs, d) for inputs, _ in rows]).reshape(len(rows), d)
+        return points, np.array([status == "failed" for _, status in rows], dtype=np.bool_)
 
     def _numbers(self, text: str, count: int) -> list[float]:
         """Read the inputs or outputs of a simulation."""

@@ -9,7 +9,7 @@ import os
 import signal
 import threading
 import time
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import Executor, Future, ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
@@ -23,6 +23,7 @@ from tbm_gsa.sensitivity.study.errors import StudyError
 
 Evaluate: TypeAlias = Callable[[dict[str, float]], Mapping[str, float]]
 Result = TypeVar("Result")
+Item = TypeVar("Item")
 Arguments = ParamSpec("Arguments")
 THREAD_VARIABLES: Final = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS")
 
@@ -117,6 +118,18 @@ def local_processes(count: int) -> Iterator[WorkerPool]:
         raise
     finally:
         executor.shutdown()
+
+
+def mapped(pool: WorkerPool, function: Callable[[Item], Result], items: Sequence[Item]) -> list[Result]:
+    """Results of a function of items, in their order, each process with an equal part of them."""
+    count = min(pool.slots, len(items))
+    parts = [pool.executor.submit(_each, function, items[place::count]) for place in range(count)]
+    found = [part.result() for part in parts]
+    return [found[place % count][place // count] for place in range(len(items))]
+
+
+def _each(function: Callable[[Item], Result], items: Sequence[Item]) -> list[Result]:
+    return [function(item) for item in items]
 
 
 class _Processes(Executor):
