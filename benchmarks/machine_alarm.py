@@ -24,8 +24,11 @@ from tbm_dynamics import Machine, Simulator, load_machine
 from tbm_dynamics.integration.simulator import DEFAULT_STEP
 from tbm_dynamics.loads.description import LOAD_GROUPS, LoadFactors
 from tbm_gsa.explanation.band_reading import BandReading, Sensor
+from tbm_gsa.explanation.cause_curves import cause_curves
 from tbm_gsa.explanation.load_scatter import load_scatter
 from tbm_gsa.explanation.load_transfer import machine_motion
+from tbm_gsa.explanation.machine_state import CauseGrid
+from tbm_gsa.explanation.machine_watch import MachineWatch
 from tbm_gsa.explanation.rock_fit import RockModel
 from tbm_gsa.explanation.sequential import MachineChart, commission
 from tbm_gsa.signals.conditioning import causal_conditioner
@@ -33,7 +36,8 @@ from tbm_gsa.signals.conditioning import causal_conditioner
 START_S, SEGMENT_S, BLOCK, BLOCKS = 4.0, 4.0, 5, 5
 COMMISSIONING, DAYS_30 = 240, 43_200  # minutes
 LONGEST_DELAY = 240  # minutes
-CHANGED = tuple(f"x{number}" for number in range(16, 26))
+CHANGED = ",".join(f"x{number}" for number in range(16, 26))
+LATER = 30  # minutes after the alarm
 LEFT = 0.7
 NOISE = (1e-4 * 9.81) ** 2  # m²/s⁴/Hz, of sensors of 100 µg/√Hz
 CHUNK = 10_000
@@ -148,17 +152,22 @@ class Trial:
             before, largest = point.signals, max(largest, point.distance / point.limit)
         return alarms, largest
 
-    def delay(self, changed: Library, gain: np.ndarray, seed: int) -> int:
-        """Minutes from the change, an hour after the commissioning, to the alarm."""
+    def found(self, changed: Library, gain: np.ndarray, grid: CauseGrid, seed: int) -> tuple[int, str]:
+        """Minutes from the change, an hour after the commissioning, to the alarm; what it says half an hour later."""
         random = default_rng(seed)
         rock, even = walk(random), np.ones(self.sound.parts.shape[3])
-        chart = self.chart(random, rock)
-        for _ in range(60):
-            chart.update(self.sound.minute(next(rock), even, random))
+        watch, delay, text = MachineWatch(self.model, grid), 0, ""
+        for _ in range(COMMISSIONING + 60):
+            watch.add(0, self.sound.minute(next(rock), even, random))
         for minute in range(1, LONGEST_DELAY + 1):
-            if chart.update(changed.minute(next(rock), gain, random)).signals:
-                return minute
-        return LONGEST_DELAY + 1
+            state = watch.add(minute, changed.minute(next(rock), gain, random))
+            if state.alarm is not None and not delay:
+                delay, text = minute, state.alarm.text
+            if delay and minute >= delay + LATER:
+                best = max(state.inputs, key=lambda one: one.probability)
+                size = f"{best.value:.2f} ({best.low:.2f} to {best.high:.2f})"
+                return delay, f"{text}; later {best.name} {size}, {best.probability:.2f}"
+        return delay or LONGEST_DELAY + 1, text
 
 
 def prepare(minutes: float) -> tuple[Machine, BandReading, Trial]:
@@ -176,6 +185,7 @@ def main() -> None:
     options.add_argument("--histories", type=int, default=20)
     options.add_argument("--hours", type=int, default=50, help="of every history, without its commissioning")
     options.add_argument("--trials", type=int, default=6, help="of every change")
+    options.add_argument("--changed", default=CHANGED, help="inputs that lose 30 %% each")
     options.add_argument("--minutes", type=float, default=12.0, help="of every simulated run")
     options.add_argument("--workers", type=int, default=1)
     given = options.parse_args()
@@ -185,23 +195,24 @@ def main() -> None:
         for one in pool.map(trial.false_alarms, range(given.histories), [given.hours] * given.histories):
             found.append(one)
             print(f"history {len(found)}: {one[0]} alarms, largest distance over its limit {one[1]:.2f}", flush=True)
-    alarms, hours = sum(count for count, _ in found), given.histories * given.hours
+    alarms, hours = sum(count for count, _ in found), max(given.histories * given.hours, 1)
     upper = scipy.stats.chi2.ppf(0.95, 2 * alarms + 2) / 2.0
     print(f"{hours} h without a change: {alarms} false alarms, {alarms * 720.0 / hours:.2f} in 30 days, ", end="")
     print(f"below {upper * 720.0 / hours:.2f} at 95 %")
-    even = np.ones(trial.sound.parts.shape[3])
-    for code in CHANGED:
+    grid, even = CauseGrid.of(cause_curves(machine, reading, given.workers)), np.ones(trial.sound.parts.shape[3])
+    for code in given.changed.split(","):
         changed = Library.of(machine.with_inputs(**{code: LEFT}), reading, 0.25 * given.minutes, 2)
-        report(f"{code} = {LEFT:g}", [trial.delay(changed, even, seed) for seed in range(given.trials)])
+        report(f"{code} = {LEFT:g}", [trial.found(changed, even, grid, seed) for seed in range(given.trials)])
     for size in (1.1, 1.5, 1000.0, 1.0 / 1.5):
         gain = even.copy()
         gain[3:6] = size
-        report(f"shield times {size:.3g}", [trial.delay(trial.sound, gain, seed) for seed in range(given.trials)])
+        report(f"shield times {size:.3g}", [trial.found(trial.sound, gain, grid, seed) for seed in range(given.trials)])
 
 
-def report(what: str, delays: list[int]) -> None:
-    """Print the delays of one change."""
-    print(f"{what:20s} {', '.join('–' if delay > LONGEST_DELAY else str(delay) for delay in sorted(delays))}")
+def report(what: str, found: list[tuple[int, str]]) -> None:
+    """Print the delays of one change, and what the alarms say."""
+    delays = ", ".join("–" if delay > LONGEST_DELAY else str(delay) for delay, _ in sorted(found))
+    print(f"{what:20s} {delays}", *(f"    {text}" for _, text in found), sep="\n", flush=True)
 
 
 if __name__ == "__main__":

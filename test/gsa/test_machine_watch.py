@@ -2,12 +2,17 @@
 
 import numpy as np
 import pytest
-from test_sequential import COUNT, model, of_sensors, spans  # noqa: F401 - the fixture
+from added_powers import COUNT, added_powers, of_sensors, spans
 
 from tbm_gsa.explanation.machine_watch import MachineWatch
 
 MINUTE = 60_000_000_000
 COMMISSIONED, SOUND = 40, 5
+
+
+@pytest.fixture(scope="module")
+def model():
+    return added_powers()
 
 
 def watched(machine, change, count=12):
@@ -26,7 +31,7 @@ def watched(machine, change, count=12):
         ([4, 7], -0.8, "machine", "machine: no single input explains it; farthest off: rms_"),
     ],
 )
-def test_an_alarm_says_what_and_since_when(model, places, size, kind, text):  # noqa: F811
+def test_an_alarm_says_what_and_since_when(model, places, size, kind, text):
     change = np.zeros(COUNT)
     change[places] = size
     states = watched(of_sensors(model), change)
@@ -40,7 +45,7 @@ def test_an_alarm_says_what_and_since_when(model, places, size, kind, text):  # 
     assert abs(alarm.since_ns / MINUTE - COMMISSIONED - SOUND) <= 3
 
 
-def test_rougher_rock_is_no_alarm_and_is_shown_as_rock(model):  # noqa: F811
+def test_rougher_rock_is_no_alarm_and_is_shown_as_rock(model):
     """All bands of one group of loads by a factor of two in amplitude."""
     watch = MachineWatch(model, commissioning=COMMISSIONED, length=5000.0)
     even, rough = np.ones(6), np.array([1.0, 2.0, 1.0, 1.0, 1.0, 1.0])
@@ -55,7 +60,7 @@ def test_rougher_rock_is_no_alarm_and_is_shown_as_rock(model):  # noqa: F811
     assert all(one.low < 1.0 < one.high or one.probability < 0.99 for one in loads.values())
 
 
-def test_an_alarm_ends_when_the_machine_is_what_it_was(model):  # noqa: F811
+def test_an_alarm_ends_when_the_machine_is_what_it_was(model):
     sensors = of_sensors(model)
     watch = MachineWatch(sensors, commissioning=COMMISSIONED, length=5000.0)
     rows = spans(sensors, COMMISSIONED + 50, 24, np.ones(6))
