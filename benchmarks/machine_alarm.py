@@ -195,10 +195,11 @@ def main() -> None:
         for one in pool.map(trial.false_alarms, range(given.histories), [given.hours] * given.histories):
             found.append(one)
             print(f"history {len(found)}: {one[0]} alarms, largest distance over its limit {one[1]:.2f}", flush=True)
-    alarms, hours = sum(count for count, _ in found), max(given.histories * given.hours, 1)
-    upper = scipy.stats.chi2.ppf(0.95, 2 * alarms + 2) / 2.0
-    print(f"{hours} h without a change: {alarms} false alarms, {alarms * 720.0 / hours:.2f} in 30 days, ", end="")
-    print(f"below {upper * 720.0 / hours:.2f} at 95 %")
+    if found:
+        alarms, hours = sum(count for count, _ in found), given.histories * given.hours
+        upper = scipy.stats.chi2.ppf(0.95, 2 * alarms + 2) / 2.0
+        print(f"{hours} h without a change: {alarms} false alarms, {alarms * 720.0 / hours:.2f} in 30 days, ", end="")
+        print(f"below {upper * 720.0 / hours:.2f} at 95 %")
     grid, even = CauseGrid.of(cause_curves(machine, reading, given.workers)), np.ones(trial.sound.parts.shape[3])
     for code in given.changed.split(","):
         changed = Library.of(machine.with_inputs(**{code: LEFT}), reading, 0.25 * given.minutes, 2)
