@@ -26,6 +26,7 @@ NOTHING: Final = 0.5
 """Prior probability that nothing has changed."""
 _ENDS: Final = (0.05, 0.5, 0.95)
 _FELT: Final = 1e-300
+_BETWEEN: Final = 5
 
 
 @dataclass(frozen=True)
@@ -39,7 +40,9 @@ class InputState:
     value, low, high : float
         Median and 90 % interval, in the input's unit.
     probability : float
-        That it is this one that has changed; the rest is with the others and with nothing.
+        That it is this one that has changed; the remainder is with the others and with nothing.
+    rest : float
+        Distance of the chart that its most likely value leaves.
     """
 
     name: str
@@ -47,23 +50,21 @@ class InputState:
     low: float
     high: float
     probability: float
+    rest: float
 
 
 @dataclass(frozen=True, eq=False)
 class CauseGrid:
-    """Band powers along inputs; i inputs, v values, r groups of loads, k statistics.
+    """Band powers along inputs; i inputs, v even places of their distributions, r groups of loads, k statistics.
 
     Attributes
     ----------
     inputs : tuple of Input
-    unit : ndarray, shape (v,)
-        Places in the unit interval of every input's distribution.
     gain : ndarray, shape (i, v, r, k)
     meshes : ndarray, shape (i, v, k)
     """
 
     inputs: tuple[Input, ...]
-    unit: Array
     gain: Array
     meshes: Array
 
@@ -75,7 +76,6 @@ class CauseGrid:
         found = [[curves.along(code, float(place)).transfer for place in unit] for code in codes]
         return cls(
             tuple(curves.inputs[code] for code in codes),
-            unit,
             np.array([[one.gain for one in row] for row in found]),
             np.array([[one.meshes for one in row] for row in found]),
         )
@@ -107,24 +107,34 @@ class MachineState:
         new = self._chart.weight
         self._moves = (1.0 - new) * self._moves + new * self._grid.moves(self._model, fit) @ fit.left.T
 
-    def inputs(self) -> tuple[InputState, ...]:
-        """Return what is known of every input, in the order of the grid."""
+    def inputs(self, spans: float = np.inf) -> tuple[InputState, ...]:
+        """Return what is known of every input, in the order of the grid, if the change began so many spans ago."""
+        share = 1.0 - (1.0 - self._chart.weight) ** spans  # of the chart's weight, on spans after the change
         root = scipy.linalg.cholesky(self._chart.covariance, lower=True)
-        off = (self._chart.mean - self._moves).reshape(-1, len(root))
-        white = scipy.linalg.solve_triangular(root, np.vstack([off, self._chart.mean]).T, lower=True)
-        logs = -0.5 * np.square(white).sum(axis=0)
-        likelihood = np.exp(logs - logs.max())
-        nothing, each = likelihood[-1], likelihood[:-1].reshape(self._moves.shape[:2])
+        nothing = scipy.linalg.solve_triangular(root, self._chart.mean, lower=True)
+        moves = scipy.linalg.solve_triangular(root, self._moves.reshape(-1, len(root)).T, lower=True).T
+        off = nothing - share * _finer(moves.reshape(self._moves.shape))
+        distance, before = np.square(off).sum(axis=2), float(nothing @ nothing)
+        least = min(before, float(distance.min()))
+        each, nothing_else = np.exp(-0.5 * (distance - least)), float(np.exp(-0.5 * (before - least)))
         evidence = (1.0 - NOTHING) / len(each) * each.mean(axis=1)
-        share = evidence / (NOTHING * nothing + evidence.sum())
+        found = evidence / (NOTHING * nothing_else + evidence.sum())
         return tuple(
-            self._state(item, row, float(probability))
-            for item, row, probability in zip(self._grid.inputs, each, share, strict=True)
+            self._one(item, row, float(probability), float(rest))
+            for item, row, probability, rest in zip(self._grid.inputs, each, found, distance.min(axis=1), strict=True)
         )
 
-    def _state(self, item: Input, likelihood: Array, probability: float) -> InputState:
+    def _one(self, item: Input, likelihood: Array, probability: float, rest: float) -> InputState:
         density = np.maximum(likelihood, _FELT)
         area = np.concatenate([[0.0], np.cumsum(0.5 * (density[1:] + density[:-1]))])
-        places = np.interp(_ENDS, area / area[-1], self._grid.unit)
+        places = np.interp(_ENDS, area / area[-1], np.linspace(0.0, 1.0, len(area)))
         low, value, high = (float(one) for one in item.distribution.from_unit(places))
-        return InputState(item.code, value, low, high, probability)
+        return InputState(item.code, value, low, high, probability, rest)
+
+
+def _finer(values: Array) -> Array:
+    """Values (i, v, k) and those between them on straight lines, (i, (v - 1) · _BETWEEN + 1, k)."""
+    place = np.linspace(0.0, values.shape[1] - 1.0, (values.shape[1] - 1) * _BETWEEN + 1)
+    first = np.minimum(place.astype(int), values.shape[1] - 2)
+    share = (place - first)[:, None]
+    return np.asarray((1.0 - share) * values[:, first] + share * values[:, first + 1])

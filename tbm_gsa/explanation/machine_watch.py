@@ -22,7 +22,7 @@ COMMISSIONING: Final = 240
 RUN_LENGTH: Final = 43_200.0
 """Spans from one false alarm to the next: 30 days of minutes."""
 LIKELY: Final = 0.8
-"""Probability from which an input is named, and a change of the rock."""
+"""Probability from which a change of the rock counts, and an input is named if it leaves nothing that would alarm."""
 _REMEMBERED = 60  # spans, of which those since a change are looked at
 _FALLEN = 0.5  # of the limit, below which an alarm is over
 _INTERVAL = 1.645
@@ -142,37 +142,43 @@ class _Watching:
         self.alarm: MachineAlarm | None = None
         self._chart = MachineChart(model, baseline, length)
         self._state = None if grid is None else MachineState(model, grid, self._chart)
+        self._spans = np.inf  # since a change began
         self._latest: deque[tuple[int, Array, Array]] = deque(maxlen=_REMEMBERED)
 
     def add(self, start_ns: int, log_powers: Array) -> RockFit:
         point = self._chart.update(log_powers)
+        self._latest.append((start_ns, log_powers, point.fit.residual))
+        self._spans += 1.0
+        if self.alarm is None and point.signals:
+            since = list(self._latest)[self._changed() :]
+            self._spans = float(len(since))
+            self.alarm = self._judge(since[0][0], [powers for _, powers, _ in since])
+        elif point.distance < _FALLEN * point.limit:
+            self.alarm, self._spans = None, np.inf
         if self._state is not None:
             self._state.add(point.fit)
-            self.inputs = self._state.inputs()
-        self._latest.append((start_ns, log_powers, point.fit.residual))
-        if self.alarm is None and point.signals:
-            self.alarm = self._judge()
-        elif point.distance < _FALLEN * point.limit:
-            self.alarm = None
+            self.inputs = self._state.inputs(self._spans)
+        if self.alarm is not None and self.alarm.kind == "machine":  # the longer it stands, the better it is known
+            self.alarm = replace(self.alarm, text=self._cause(point.limit))
         return point.fit
 
-    def _judge(self) -> MachineAlarm:
-        since = list(self._latest)[self._changed() :]
-        begin_ns = since[0][0]
-        sensor = sensor_fault(self._model, self.baseline, [powers for _, powers, _ in since])
+    def _judge(self, begin_ns: int, log_powers: list[Array]) -> MachineAlarm:
+        sensor = sensor_fault(self._model, self.baseline, log_powers)
         if sensor is not None:
             channel = f"{sensor.point} {', '.join(sensor.axes)}"
             size = f"{sensor.gain:.3g} ({sensor.low:.3g} to {sensor.high:.3g})"
             return MachineAlarm("sensor", begin_ns, f"sensor: {sensor.kind} at {channel}, factor {size}", sensor)
+        return MachineAlarm("machine", begin_ns, "", None)
+
+    def _cause(self, limit: float) -> str:
+        """Return what of the machine has changed, as far as it is known."""
         best = max(self.inputs, key=lambda one: one.probability, default=None)
-        if best is not None and best.probability >= LIKELY:
+        if best is not None and best.probability >= LIKELY and best.rest < limit:
             size = f"{best.value:.3g} ({best.low:.3g} to {best.high:.3g})"
-            text = f"machine: {best.name} is {size}, probability {best.probability:.2f}"
-        else:
-            farthest = int(np.argmax(np.abs(self._chart.mean) / np.sqrt(np.diag(self._chart.covariance))))
-            name = self._model.scatter.transfer.statistics[farthest].name
-            text = f"machine: no single input explains it; farthest off: {name}"
-        return MachineAlarm("machine", begin_ns, text, None)
+            return f"machine: {best.name} is {size}, probability {best.probability:.2f}"
+        farthest = int(np.argmax(np.abs(self._chart.mean) / np.sqrt(np.diag(self._chart.covariance))))
+        name = self._model.scatter.transfer.statistics[farthest].name
+        return f"machine: no single input explains it; farthest off: {name}"
 
     def _changed(self) -> int:
         """Return the span at which the change began: from where the residuals lean most to where the chart has got."""

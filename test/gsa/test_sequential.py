@@ -192,7 +192,7 @@ def test_the_input_that_has_changed_is_named_with_its_value(model, baseline, tru
     gain[0, :, :, 2] *= values[:, None]
     gain[1, :, :, 5] *= np.square(values)[:, None]
     inputs = tuple(Input(code, code, code, "", "multiplier", 1.0, Uniform(0.5, 1.5)) for code in "abc")
-    grid = CauseGrid(inputs, unit, gain, np.tile(transfer.meshes, (3, len(unit), 1)))
+    grid = CauseGrid(inputs, gain, np.tile(transfer.meshes, (3, len(unit), 1)))
     chart = MachineChart(model, baseline, 500.0)
     state = MachineState(model, grid, chart)
     rows = spans(model, 60, 13)
