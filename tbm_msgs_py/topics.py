@@ -41,7 +41,7 @@ ANALYSIS_QUANTITIES = ("model_rms", "field_rms", "relative_error")
 
 @dataclass(frozen=True)
 class QoS:
-    """QoS of service of a topic; history is always keep-last.
+    """Quality of service of a topic; history is always keep-last.
 
     Attributes
     ----------

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import csv
-import math
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -15,12 +14,13 @@ from numpy.typing import ArrayLike, NDArray
 from tbm_msgs_py.base.errors import MachineError
 from tbm_msgs_py.base.files import LARGEST_TABLE, read_text
 from tbm_msgs_py.base.operating_point import OperatingPoint
-from tbm_msgs_py.base.texts import listed, quoted
+from tbm_msgs_py.base.texts import doubled, listed, number_reader, quoted
 from tbm_msgs_py.base.units import R_MIN
 
 COLUMNS: Final = {"time": "time_s", "speed": "speed_r_min", "torque": "torque_kn_m", "thrust": "thrust_kn"}
 """Column that each quantity is read from unless the caller names another; units are always these."""
 
+_PLAIN: Final = number_reader()
 _TO_SI: Final = {"time": 1.0, "speed": R_MIN, "torque": 1e3, "thrust": 1e3}
 
 
@@ -125,11 +125,16 @@ def _schedule(path: str | Path, lines: Iterable[str], chosen: Mapping[str, str],
             # Nothing is quoted of a file without any of them: over ROS anybody may name it.
             there = f", there are {listed(header)}" if set(header) & set(wanted_columns) else ""
             raise MachineError(f"{path}: line 1: no column {name!r}{there}")
+    if twice := doubled(name for name in header if name in wanted_columns):
+        raise MachineError(f"{path}: line 1: column {twice!r} stands twice, allowed: once")
     chosen_rows = [
         (f"{path}: line {rows.line_num}", row)
         for row in rows
         if all((row[name] or "").strip() == text for name, text in where.items())
     ]
+    for place, row in chosen_rows:
+        if None in row:  # a decimal comma, say: the cells behind it stand under the wrong names
+            raise MachineError(f"{place}: more cells than the {len(header)} of the header, allowed: one a column")
     if not chosen_rows:
         wanted = " and ".join(f"{name} = {text!r}" for name, text in where.items())
         raise MachineError(f"{path}: no row{f' with {wanted}' if wanted else ''}")
@@ -161,11 +166,8 @@ def pairs(name: str, given: Iterable[str]) -> dict[str, str]:
 
 
 def _number(place: str, column: str, cell: str | None) -> float:
-    try:
-        value = float(cell or "")
-    except ValueError:
-        value = math.nan
-    if not math.isfinite(value):
+    value = _PLAIN(cell or "")
+    if value is None:
         given = quoted(cell) if cell and cell.strip() else "empty"
         raise MachineError(f"{place}, column {column}: {given}, allowed is a finite number")
     return value

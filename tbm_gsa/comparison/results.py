@@ -315,6 +315,12 @@ class ComparisonResult(Part):
             for point, axes in self.points.items()
         ]
 
+    @property
+    def off_node(self) -> str:
+        """Sensors that sit off their node, and by what; empty if none does."""
+        arms = {point: ", ".join(f"{value:g}" for value in offset) for point, offset in self.offsets.items()}
+        return ", ".join(f"{point} by ({arm}) m" for point, arm in arms.items())
+
     def model_rms(self, level: int | None, point: str, axis: str) -> float:
         """RMS of the model's run at a level; NaN at none, or at one that was too short at this point to be compared."""
         axes = {} if level is None else self.levels[level].points.get(point, {})

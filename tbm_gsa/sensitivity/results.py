@@ -132,7 +132,7 @@ class MorrisTable(ResultPart):
 
 
 class SurrogateScores(ResultPart):
-    """QoS of a surrogate in cross validation and on the test points; errors in the unit of the output."""
+    """Quality of a surrogate in cross validation and on the test points; errors in the unit of the output."""
 
     transform: str
     r2_cv: NullableNumber
@@ -263,6 +263,9 @@ class StudyResult(ResultPart):
             doubts.append(
                 f"{NOT_DETERMINED}, for R² of the cross validation is below {LOWEST_R2:g}: indices of {names}"
             )
+        tested = {name: output.r2_test for name, output in self.outputs.items() if output.determined}
+        if poor := [f"{name} ({r2:.2f})" for name, r2 in tested.items() if r2 is not None and r2 < LOWEST_R2]:
+            doubts.append(f"in doubt, for R² on the test points is below {LOWEST_R2:g}: indices of {', '.join(poor)}")
         return doubts
 
     def write(self, path: Path) -> None:

@@ -17,7 +17,7 @@ from tbm_msgs_py import blocks
 from tbm_msgs_py.bags.batch import Topic
 from tbm_msgs_py.base.errors import RecordingError
 from tbm_msgs_py.base.operating_point import OperatingPoint
-from tbm_msgs_py.base.texts import LONGEST_NAME, shortened
+from tbm_msgs_py.base.texts import LONGEST_NAME, quoted, shortened
 from tbm_msgs_py.blocks import BlockLayout
 
 BLOCK_TYPE = "sensor_msgs/msg/PointCloud2"
@@ -118,7 +118,7 @@ def recorded_types(topic: Topic) -> Typestore:
         What the messages or the definition are written in, or that there is none to decode by.
     """
     if topic.encoding != "cdr":
-        raise RecordingError(f"messages encoded as {topic.encoding or 'nothing stated'}, allowed: cdr")
+        raise RecordingError(f"message encoding {quoted(topic.encoding)}, allowed: cdr")
     standard = typestore().hash_rihs01(topic.type) if topic.type in typestore().types else UNKNOWN_HASH
     if not topic.definition.strip():
         if topic.type_hash == standard != UNKNOWN_HASH:

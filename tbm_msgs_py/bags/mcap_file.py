@@ -67,6 +67,7 @@ class McapFile:
         self.path = path
         self._plain: IO[bytes] | None = None  # what the file unpacks to
         self._problem: str | None = None  # with that; None before it was looked at
+        self._unpacked_note = ""
         self.restart()
 
     def batches(self, budget: UnpackingBudget | None = None) -> Iterator[MessageBatch]:
@@ -87,6 +88,8 @@ class McapFile:
         with self._open() as file:
             if self._problem:
                 self.damage(self._problem)
+            if self._unpacked_note:
+                self._note(self._unpacked_note)
             at = self._begin(file)
             buffer, searching = np.empty(WINDOW, np.uint8), at == 0
             while True:
@@ -174,6 +177,7 @@ class McapFile:
                 ) from error
             self._problem = made.problem if made else ""
             if made:
+                self._unpacked_note = made.note
                 self._plain = made.file
                 weakref.finalize(self, made.file.close)
         if self._plain is not None:

@@ -19,6 +19,7 @@ from mcap.writer import CompressionType, Writer
 
 from tbm_msgs_py.bags.batch import MessageBatch
 from tbm_msgs_py.bags.chunks import DENSEST, ChunkError, UnpackingBudget, UnpackingError, unzipped
+from tbm_msgs_py.bags.definitions import typestore
 from tbm_msgs_py.bags.records import LONGEST
 from tbm_msgs_py.base.arrays import Bytes
 from tbm_msgs_py.base.errors import RecordingError
@@ -31,10 +32,11 @@ _DATABASE = "a database that rosbag2 wrote"
 
 
 class Unpacked(NamedTuple):
-    """A temporary MCAP file, and what was wrong with what it was made of."""
+    """A temporary MCAP file, what was wrong with what it was made of, and what else is to be known of that."""
 
     file: IO[bytes]
     problem: str
+    note: str = ""
 
 
 def unpacked(path: Path, budget: UnpackingBudget) -> Unpacked | None:
@@ -74,12 +76,14 @@ def _decompress(path: Path, out: IO[bytes], budget: UnpackingBudget) -> str:
 def _of_database(path: Path, name: Path) -> Unpacked:
     """MCAP file of the messages of a rosbag2 database, in order of time; errors call it by a name."""
     out, problem = TemporaryFile(prefix="tbm_monitor."), ""  # noqa: SIM115 - the reader's
+    topics: dict[int, _StoredTopic] = {}
     writer = Writer(out, chunk_size=_STEP, compression=CompressionType.NONE)
     writer.start("ros2")
     room = DENSEST * path.stat().st_size  # a database that goes in circles has more
     with closing(_connected(path, name)) as database:
         try:
-            channels = {number: _channel(writer, topic) for number, topic in _topics(database)}
+            topics = dict(_topics(database))
+            channels = {number: _channel(writer, topic) for number, topic in topics.items()}
             for number, log_ns, data in database.execute(
                 "SELECT topic_id, timestamp, data FROM messages ORDER BY timestamp, id"
             ):
@@ -94,7 +98,8 @@ def _of_database(path: Path, name: Path) -> Unpacked:
         except (sqlite3.Error, OverflowError) as error:
             problem = f"SQLite: {error}"
     writer.finish()
-    return Unpacked(out, problem)
+    assumed = any(topic.assumed for topic in topics.values())
+    return Unpacked(out, problem, "SQLite: no definitions, read as ROS 2 Jazzy defines the types" if assumed else "")
 
 
 def _connected(path: Path, name: Path) -> sqlite3.Connection:
@@ -128,22 +133,28 @@ class _StoredTopic(NamedTuple):
     type_hash: str
     definition_encoding: str
     definition: str
+    assumed: bool
+    """The definition is that of ROS 2 Jazzy, for the database has none."""
 
 
 def _topics(database: sqlite3.Connection) -> Iterator[tuple[int, _StoredTopic]]:
-    """Topics with their definitions, as far as this version of rosbag2 stored them."""
+    """Topics with their definitions; before ROS 2 Iron rosbag2 stored none, and a type is known by its name alone."""
     definitions: dict[str, tuple[str, str]] = {}
-    with suppress(sqlite3.Error):  # none before ROS 2 Iron
+    stored = False
+    with suppress(sqlite3.Error):
         for kind, encoding, text in database.execute(
             "SELECT topic_type, encoding, encoded_message_definition FROM message_definitions"
         ):
             definitions[str(kind)] = str(encoding), str(text)
+            stored = True
     columns = {row[1] for row in database.execute("PRAGMA table_info(topics)")}
     extra = [name if name in columns else f"'' AS {name}" for name in ("offered_qos_profiles", "type_description_hash")]
     rows = database.execute(f"SELECT id, name, type, serialization_format, {', '.join(extra)} FROM topics")  # noqa: S608
     for number, *texts in rows.fetchall():
         name, kind, encoding, qos, type_hash = map(str, texts)
-        yield number, _StoredTopic(name, kind, encoding, qos, type_hash, *definitions.get(kind, ("ros2msg", "")))
+        assumed = not stored and kind in typestore().types
+        standard = ("ros2msg", typestore().generate_msgdef(kind, ros_version=2)[0] if assumed else "")
+        yield number, _StoredTopic(name, kind, encoding, qos, type_hash, *definitions.get(kind, standard), assumed)
 
 
 def _channel(writer: Writer, topic: _StoredTopic) -> int:

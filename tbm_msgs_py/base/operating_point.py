@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import astuple, dataclass
 from typing import Protocol
 
@@ -10,6 +9,7 @@ from tbm_msgs_py.base.errors import InputError
 from tbm_msgs_py.base.texts import doubled
 
 CUTTERHEAD, THRUST = "cutterhead", "thrust"
+LARGEST = 1e15  # of any value in SI units: no machine is near it, and its unit and square can still be computed
 
 
 class OperatingPointError(InputError):
@@ -36,7 +36,7 @@ class OperatingPoint:
     Raises
     ------
     OperatingPointError
-        A value that is not finite.
+        A value that is not finite, or beyond `LARGEST`.
     """
 
     speed: float
@@ -46,8 +46,10 @@ class OperatingPoint:
     advance: float = 0.0
 
     def __post_init__(self) -> None:
-        if not all(map(math.isfinite, astuple(self))):
-            raise OperatingPointError("operating point: a value that is not finite, allowed: finite numbers")
+        if not all(abs(value) <= LARGEST for value in astuple(self)):
+            raise OperatingPointError(
+                f"operating point: a value that is not finite or absurd, allowed: up to {LARGEST:g} in SI units"
+            )
 
     @property
     def standstill(self) -> bool:

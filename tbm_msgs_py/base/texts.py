@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import math
+import re
 from collections import Counter
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from typing import Final
 
 LONGEST_NAME: Final = 255
@@ -49,3 +51,24 @@ def printable(text: str, keep: str = "") -> str:
         return text
     escaped = (one if one.isprintable() or one in keep else one.encode("unicode_escape").decode() for one in text)
     return "".join(escaped)
+
+
+def number_reader(decimal: str = ".", thousands: str | None = None) -> Callable[[str], float | None]:
+    """Make what reads a text in the stated format and no other: its finite number, or None.
+
+    Digits, one decimal sign, an exponent; `float` alone takes underscores, digits of other scripts and words, too.
+    """
+    whole = r"\d+"
+    if thousands is not None:
+        whole = rf"(?:\d{{1,3}}(?:{re.escape(thousands)}\d{{3}})+|\d+)"
+    point = re.escape(decimal)
+    form = re.compile(rf"[+-]?(?:{whole}(?:{point}\d*)?|{point}\d+)(?:[eE][+-]?\d+)?", re.ASCII)
+
+    def read(text: str) -> float | None:
+        text = text.strip()
+        if not form.fullmatch(text):
+            return None
+        value = float(text.replace(thousands or "", "").replace(decimal, "."))
+        return value if math.isfinite(value) else None
+
+    return read

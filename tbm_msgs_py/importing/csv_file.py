@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import csv
 import re
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from itertools import islice
 from pathlib import Path
 from typing import IO, Final, NoReturn
@@ -12,7 +12,7 @@ from typing import IO, Final, NoReturn
 import numpy as np
 
 from tbm_msgs_py.base.arrays import Array, Integers
-from tbm_msgs_py.base.texts import LONGEST_NAME, quoted, shortened
+from tbm_msgs_py.base.texts import LONGEST_NAME, number_reader, quoted, shortened
 from tbm_msgs_py.importing.layout import CsvLayout, FileLayout, TimeBase, TimeColumn
 from tbm_msgs_py.importing.measurement_file import PIECE_ROWS, MeasurementFile, Rows, nanoseconds
 from tbm_msgs_py.importing.moments import moment_ns
@@ -38,7 +38,7 @@ class CsvFile(MeasurementFile):
     def __init__(self, path: Path, layout: FileLayout) -> None:
         super().__init__(path, layout)
         self._layout = layout.csv
-        self._number = _number(self._layout)
+        self._number = number_reader(self._layout.decimal, self._layout.thousands)
         try:
             with path.open(encoding=self._layout.encoding, newline="") as file:
                 line = next(islice(self._lines_of(file), self._layout.header - 1, None), None)
@@ -101,7 +101,7 @@ class CsvFile(MeasurementFile):
         layout = self._layout
         if layout.thousands is not None:
             return self._grouped_numbers(lines, wanted, first)
-        # What numpy takes for a finite number is just what `_number` allows.
+        # What numpy takes for a finite number is just what `number_reader` allows.
         text = [line.replace(".", "x").replace(",", ".") for line in lines] if layout.decimal == "," else lines
         try:
             values = np.loadtxt(
@@ -180,24 +180,6 @@ def _without_end(lines: Iterable[str]) -> Iterator[str]:
             yield line
         else:
             empty.append(line)
-
-
-def _number(layout: CsvLayout) -> Callable[[str], float | None]:
-    """Make what reads a cell in the stated format and no other: its finite number, or None."""
-    whole = r"\d+"
-    if layout.thousands is not None:
-        whole = rf"(?:\d{{1,3}}(?:{re.escape(layout.thousands)}\d{{3}})+|\d+)"
-    point = re.escape(layout.decimal)
-    form = re.compile(rf"[+-]?(?:{whole}(?:{point}\d*)?|{point}\d+)(?:[eE][+-]?\d+)?", re.ASCII)
-
-    def read(cell: str) -> float | None:
-        cell = cell.strip()
-        if not form.fullmatch(cell):
-            return None
-        value = float(cell.replace(layout.thousands or "", "").replace(layout.decimal, "."))
-        return value if np.isfinite(value) else None
-
-    return read
 
 
 def _looks(layout: CsvLayout) -> str:

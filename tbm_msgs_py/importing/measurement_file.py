@@ -181,10 +181,8 @@ class MeasurementFile(ABC):
         names = [*columns, *([time.column] if time else [])]
         lengths = {len(array) for array in arrays}
         if len(lengths) > 1:
-            counts = " and ".join(map(str, sorted(lengths)))
-            raise self.error(
-                f"columns {', '.join(names)} have {counts} {self.row_name}s, allowed: columns of the same length"
-            )
+            counts = ", ".join(f"{name} {len(array)}" for name, array in zip(names, arrays, strict=True))
+            raise self.error(f"{self.row_name}s of the columns: {counts}; allowed: columns of the same length")
         if not max(lengths):
             raise self.error(f"columns {', '.join(names)}: no {self.row_name}, allowed: at least one")
         for first in range(0, max(lengths), PIECE_ROWS):

@@ -21,6 +21,7 @@ from tbm_msgs_py.importing.moments import moment_ns
 from tbm_msgs_py.importing.tdms_runs import Properties, Statement, read_statements
 
 _EPOCH: Final = 2_082_844_800  # of 1970, seconds since 1904
+_MOST_SCALES: Final = 1000  # nptdms makes as many objects as a file states
 _SCALE_TYPE: Final = re.compile(r"NI_Scale\[\d+\]_Scale_Type")
 # Those that nptdms applies; of any other it would give the raw counts. The last is a name for the result of others.
 _APPLIED: Final = (
@@ -94,7 +95,9 @@ class TdmsFile(MeasurementFile):
         runs = [self._runs(name, channel) for name, channel in zip(columns, channels, strict=True)]
         for name, of_channel in zip(columns, runs, strict=True):
             if not all(run.increment > 0.0 for run in of_channel):
-                raise self.error(f"time: file: channel {name} has no wf_increment, allowed: a time channel or a rate")
+                raise self.error(
+                    f"time: file: channel {name} has no wf_increment above 0, allowed: a time channel or a rate"
+                )
         if any(of_channel != runs[0] for of_channel in runs):
             raise self.error(f"channels {', '.join(columns)} state different times, allowed: the same")
         return self.in_pieces(columns, channels, ticks=lambda rows: _times(runs[0], rows))
@@ -121,11 +124,26 @@ class TdmsFile(MeasurementFile):
         for holder in holders.values():
             types = [value for key, value in holder.properties.items() if _SCALE_TYPE.fullmatch(key)]
             unknown = [value for value in types if value not in _APPLIED]
+            count = holder.properties.get("NI_Number_Of_Scales", 0)
+            if isinstance(count, str) or not 0 <= count <= _MOST_SCALES:
+                raise self.error(f"channel {name}: {quoted(count)} scales, allowed: 0 to {_MOST_SCALES}")
             if unknown and holder.properties.get("NI_Scaling_Status") != "scaled":
                 raise self.error(
                     f"channel {name}: its scale is {quoted(unknown[0])}, which nptdms cannot apply, "
                     f"allowed: {', '.join(_APPLIED)}, or values that are scaled"
                 )
+        stated = [holder.properties for holder in holders.values()]
+        if channel.properties.get("NI_Scaling_Status") == "unscaled" and not any(map(_has_scale, stated)):
+            raise self.error(
+                f"channel {name}: unscaled, and no scale is stated, allowed: one that makes counts a value"
+            )
+        try:
+            channel[0:1]
+        except Exception as error:
+            why = " ".join(str(error).split()) or type(error).__name__
+            raise self.error(
+                f"channel {name}: its values cannot be read or scaled ({why}), allowed: whole ones"
+            ) from error
         for before, after in (pair for path in holders for pair in pairwise(self._statements.get(path, []))):
             keys = sorted(key for key in before.properties.keys() | after.properties.keys() if key.startswith(_UNIT))
             for key in keys:
@@ -192,6 +210,10 @@ class TdmsFile(MeasurementFile):
             paths = " or ".join(channel.path for channel in found)
             raise self.error(f"channel {column} is there {len(found)} times, allowed: {paths}")
         return found[0]
+
+
+def _has_scale(properties: Properties) -> bool:
+    return bool(properties.get("NI_Number_Of_Scales", 0)) or any(map(_SCALE_TYPE.fullmatch, properties))
 
 
 def _times(runs: Sequence[_Run], rows: Integers) -> Array:

@@ -143,8 +143,8 @@ class WavFile(MeasurementFile):
             tag = struct.unpack_from("<H", head, 24)[0]
         if tag not in _WIDTHS:
             raise self.error(f"format {tag}, allowed: 1 (whole numbers) or 3 (floats), or 65534 with one of them")
-        if not rate:
-            raise self.error("its header says 0 samples per second, allowed: its rate")
+        if not 0 < rate <= NANOSECONDS:
+            raise self.error(f"its header says {rate} samples per second, allowed: 1 to {NANOSECONDS:.0f}")
         width = -(-bits // 8)
         if width not in _WIDTHS[tag] or not channels or row != width * channels:
             raise self.error(

@@ -22,7 +22,7 @@ class Reader(Protocol):
         """Reason why messages of this type cannot be used; empty if they can."""
 
     def requests(self, topic: str, offered: TopicContract) -> QoS:
-        """QoS of service to request of publishers that all offer this."""
+        """Quality of service to request of publishers that all offer this."""
 
     def subscribe(self, topic: str, offer: TopicContract) -> Subscription:
         """Create the subscription."""

@@ -242,7 +242,12 @@ class ManagedNode(LifecycleNode, Generic[SettingsT]):  # type: ignore[misc]  # r
 
     def on_configure(self, state: State) -> TransitionCallbackReturn:  # noqa: ARG002
         """Lifecycle transition; the work is in `configure`."""
-        return self._go_up("configure", self.configure, 1)
+        result = self._go_up("configure", self.configure, 1)
+        if result == _SUCCESS:
+            for name in sorted(self._parameter_overrides):
+                if name.startswith(qos.OVERRIDES) and not self.has_parameter(name):
+                    self.get_logger().warning(f"{name}: no such topic of this node can be overridden; not used")
+        return result
 
     def on_activate(self, state: State) -> TransitionCallbackReturn:
         """Lifecycle transition; managed publishers first, so that `activate` can publish."""

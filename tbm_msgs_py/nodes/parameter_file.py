@@ -54,7 +54,8 @@ class ParameterFile:
         Raises
         ------
         InputError
-            A node that there is not, or a parameter that it does not have, or that none has where all are meant.
+            A node that there is not, or a parameter that it does not have, or that none has where all are meant; with a
+            name, entries for this node in other namespaces only, which ROS would pass over.
         """
         for path, parameters in self._sections:
             last = path.rpartition("/")[2]
@@ -65,6 +66,15 @@ class ParameterFile:
                 raise InputError(f"{self.file}: {path}: unknown node, allowed: {', '.join(NODES)}, or * or ** for all")
             for key in _flat(parameters):
                 _check_name(f"{self.file}: {path}", key, kinds)
+        self._check_namespace(name)
+
+    def _check_namespace(self, name: str) -> None:
+        """Refuse a file that means a node by its last name, and nowhere the one of this absolute name."""
+        there = [path for path, _ in self._sections if name and path.rpartition("/")[2] == name.rpartition("/")[2]]
+        if there and not any(re.fullmatch(_pattern(path), name) for path in there):
+            raise InputError(
+                f"{self.file}: {listed(there)}: not {name}, allowed: that, or /**/{name.rpartition('/')[2]}"
+            )
 
     def stated(self, node: str, name: str) -> object:
         """Value of a parameter of a node; None where the file does not name it. The last entry holds, as in ROS."""

@@ -12,6 +12,8 @@ from rclpy.topic_endpoint_info import TopicEndpointInfo
 from tbm_msgs_py import topics
 from tbm_msgs_py.topics import QoS
 
+OVERRIDES = "qos_overrides."
+"""Beginning of the parameters that override a quality of service."""
 _POLICIES = {"reliability": ("reliable", "best_effort"), "durability": ("volatile", "transient_local")}
 
 
@@ -38,7 +40,7 @@ def overridable() -> QoSOverridingOptions:
 
 def override_problem(name: str, value: object) -> str:
     """Say what is wrong with the value of a parameter that overrides a quality of service; empty if nothing is."""
-    if not name.startswith("qos_overrides."):
+    if not name.startswith(OVERRIDES):
         return ""
     policy = name.rpartition(".")[2]
     if policy == "depth":
@@ -49,7 +51,7 @@ def override_problem(name: str, value: object) -> str:
 
 
 def offered(publishers: Iterable[TopicEndpointInfo]) -> QoS:
-    """QoS of service that every publisher of a topic offers: asking for it matches all of them.
+    """Quality of service that every publisher of a topic offers: asking for it matches all of them.
 
     Parameters
     ----------

@@ -34,6 +34,12 @@ class ClockTrack:
         return float(np.median(stamps - log)) if len(log) else 0.0
 
     @property
+    def spans_ns(self) -> tuple[float, float]:
+        """Time that the log times span, and the one that the stamps do."""
+        log, stamps = self._columns()
+        return (float(np.ptp(log)), float(np.ptp(stamps))) if len(log) else (0.0, 0.0)
+
+    @property
     def dated(self) -> bool:
         """Whether the log times say when a message came; in some files they are all the same."""
         log, stamps = self._columns()
@@ -78,9 +84,15 @@ def clock_shifts(tracks: Mapping[str, ClockTrack]) -> dict[str, int]:
 
 
 def clock_doubts(tracks: Mapping[str, ClockTrack]) -> list[str]:
-    """Say which test points are placed by their log times, one line each."""
+    """Say which test points are placed by their log times, and whose clocks run at another speed, one line each."""
     reference = reference_clock(tracks)
+    spans = ((point, *track.spans_ns) for point, track in tracks.items() if track.dated)
     return [
+        f"test point {point}: its header stamps span {stamps / NANOSECONDS:.3f} s, its log times "
+        f"{log / NANOSECONDS:.3f} s: one of the two clocks is wrong"
+        for point, log, stamps in spans
+        if abs(stamps - log) > max(CLOCK_JUMP_NS, min(stamps, log))
+    ] + [
         f"test point {point}: its clock is {abs(shift) / NANOSECONDS:.3f} s {'ahead of' if shift > 0 else 'behind'} "
         f"that of {reference}: placed beside it by the log times"
         for point, shift in clock_shifts(tracks).items()

@@ -165,7 +165,7 @@ def test_doctor(command):
 
 
 NEED_ONE = {"demo", "run", "simulate", "compare", "gsa run", "reproduce"}
-NEED_ONE |= {f"machine {verb}" for verb in ("show", "check", "loads", "update")}
+NEED_ONE |= {f"machine {verb}" for verb in ("show", "check", "loads", "update", "observe")}
 
 
 def _parameters(group, path=""):

@@ -171,6 +171,19 @@ def test_what_some_node_takes_of_a_file_is_no_fault(tmp_path, text):
     ParameterFile(tmp_path / "site.yaml").check()
 
 
+@pytest.mark.parametrize("there", ["load_node", "north: {load_node", "/*/deep/load_node"])
+def test_entries_for_a_node_of_another_namespace_are_refused(tmp_path, there):
+    """ROS passes over them, above all over a name without the namespace."""
+    body = ": {ros__parameters: {block_rate: 5000.0}}" + "}" * there.count("{")
+    (tmp_path / "site.yaml").write_text(there + body)
+    file = ParameterFile(tmp_path / "site.yaml")
+    file.check("/tbm/dynamics_node", "dynamics_node")
+    with pytest.raises(InputError, match="load_node: not /tbm/load_node, allowed: that, or /\\*\\*/load_node"):
+        file.check("/tbm/load_node", "load_node")
+    (tmp_path / "site.yaml").write_text(f"{there}{body}\n/tbm/load_node{': {ros__parameters: {seed: 1}}'}")
+    ParameterFile(tmp_path / "site.yaml").check("/tbm/load_node", "load_node")
+
+
 def test_a_node_by_another_name_takes_its_own_section(tmp_path):
     (tmp_path / "site.yaml").write_text("/north/second: {ros__parameters: {block_rate: 5000.0}}")
     file = ParameterFile(tmp_path / "site.yaml")

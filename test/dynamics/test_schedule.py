@@ -195,6 +195,10 @@ HEADER = "time_s,speed_r_min,torque_kn_m,thrust_kn"
         (HEADER + "\n0,5,2000,9000\n1,5,2000\n", "line 3, column thrust_kn: empty"),
         (HEADER + "\n0,5,2000,nan\n", "line 2, column thrust_kn: 'nan', allowed"),
         (HEADER + "\n0,5,2000,9000\n\n0,5,2000,9000\n", "line 4: time 0 s, allowed is later than the row before"),
+        (HEADER + "\n0,5,5,2000,9000\n", "line 2: more cells than the 4 of the header, allowed: one a column"),
+        (HEADER + ",thrust_kn\n0,5,2000,9000,8000\n", "line 1: column 'thrust_kn' stands twice, allowed: once"),
+        (HEADER + "\n0,5,2_000,9000\n", "line 2, column torque_kn_m: '2_000', allowed"),
+        (HEADER + "\n0,5,٢٠٠٠,9000\n", "line 2, column torque_kn_m: '٢٠٠٠', allowed"),
     ],
 )
 def test_bad_files_name_row_and_column(tmp_path, text, message):

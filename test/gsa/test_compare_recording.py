@@ -10,6 +10,7 @@ from pydantic import TypeAdapter
 
 from tbm_dynamics import MachineError, load_machine
 from tbm_gsa.app.cli.bag.info import info
+from tbm_gsa.app.cli.compare import print_tables
 from tbm_gsa.comparison import ComparisonResult, Settings
 from tbm_gsa.comparison.workflow import compare_recording
 from tbm_gsa.explanation.workflow import compared_machine
@@ -41,7 +42,7 @@ def test_the_models_own_recording_has_no_error(own):
     assert errors(own, "cutterhead") == pytest.approx([0.0, 0.0, 0.0], abs=1e-4)
 
 
-def test_a_sensor_off_its_node_is_compared_there(tmp_path):
+def test_a_sensor_off_its_node_is_compared_there(tmp_path, capsys):
     placed = load_machine("dz101").with_offsets({"shield": (0.0, 1.5, 0.5)})
     bag = write_bag(tmp_path / "bag", {"shield": model_values(0, 2.0, placed)["shield"]}, rate=10_000)
     sensor = {"point": "shield", "units": "m/s2", "gravity": "removed", "frame": "fixed", "offset": [0, 1.5, 0.5]}
@@ -49,6 +50,8 @@ def test_a_sensor_off_its_node_is_compared_there(tmp_path):
     result = compare_recording(bag, **SHORT).result
     assert errors(result, "shield") == pytest.approx([0.0, 0.0, 0.0], abs=1e-4)
     assert result.offsets == {"shield": (0.0, 1.5, 0.5)}
+    print_tables(result)
+    assert "sensors off their node: shield by (0, 1.5, 0.5) m" in capsys.readouterr().out
     assert ComparisonResult.model_validate_json(result.model_dump_json()) == result
     assert compared_machine(result).description.sensor_places == placed.description.sensor_places
 

@@ -99,6 +99,7 @@ GROUPS = "inputs: {{x2, x3, x4}}\ngroups: {{{}}}"
         (GROUPS.format("x2: [x3]"), "group x2: an input has this name"),
         (GROUPS.format("a: x2"), "group a: 'x2', allowed: a list of names"),
         ("inputs: {x2}\ngroups: [x2]", "groups: ['x2'], allowed: a mapping"),
+        ("inputs: {x2}\noutputs: []", "outputs: none, allowed: at least one, or no such key"),
         ("inputs: {x2}\noutputs: MF_M", "outputs: 'MF_M', allowed: a list of names"),
         ("inputs: {x2}\noutput: [MF_M]", "unknown key 'output', allowed: inputs, groups, outputs"),
         ("inputs: {}", "inputs: none, allowed: at least one"),

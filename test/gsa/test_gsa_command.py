@@ -116,6 +116,18 @@ def test_a_study_reported_before_its_end_says_so(tmp_path, small):
     assert json.loads((tmp_path / "result.json").read_text())["samples"]["pending"] == 7
 
 
+def test_indices_that_test_points_contradict_are_in_doubt(tmp_path, small):
+    """Folds of the training points cannot know: here all test points lie on another slope."""
+    problem = Problem(InputSet(PAPER_INPUTS.inputs[:2]), ("MF_M",), train=20, test=3, seed=0)
+    with Store.create_or_open(tmp_path / "store.sqlite", problem) as store:
+        for place, (row, sample) in enumerate(store.pending()):
+            store.record(Outcome(row, {"MF_M": sample["x2"] if place < 20 else -sample["x2"]}, None, 0.1))
+    result = report_study(tmp_path, StudyOptions(("prs",), workers=1)).result
+    assert result.outputs["MF_M"].determined
+    (doubt,) = result.doubts()
+    assert doubt.startswith("in doubt, for R² on the test points is below 0.5: indices of MF_M (-")
+
+
 def test_ctrl_c_ends_a_study_and_says_how_to_go_on(tmp_path, definition):
     out = tmp_path / "study"
     process = _start(

@@ -81,7 +81,6 @@ def test_points_that_the_machine_has_not_are_left_out(compare):
 @pytest.mark.parametrize(
     ("stamp", "named"),
     [
-        (None, "no ROS time"),
         (0, "the stamp is 0"),
         (25_230 * SECOND, "25200.001 s ahead of the signals"),
         (30 * SECOND, ""),

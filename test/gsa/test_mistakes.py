@@ -17,17 +17,17 @@ MISTAKES = {
     "a command misspelt": (["simulte"], "No such command 'simulte'. Did you mean 'simulate'?"),
     "no such recording": (
         ["compare", "nowhere"],
-        "nowhere: no such file or folder, allowed: a rosbag2 folder, or a .mcap or .db3 file, "
+        "HERE/nowhere: no such file or folder, allowed: a rosbag2 folder, or a .mcap or .db3 file, "
         "either of them as it is or .zstd",
     ),
     "a table for a recording": (
         ["compare", "run.csv"],
-        "run.csv: not an MCAP file, its first bytes are not the MCAP magic, allowed: a recording; `tbm-monitor bag "
-        "import` makes one of tables of other systems",
+        "HERE/run.csv: not an MCAP file, its first bytes are not the MCAP magic, allowed: a recording; "
+        "`tbm-monitor bag import` makes one of tables of other systems",
     ),
     "a recording in a database that is none": (
         ["bag", "info", "old"],
-        "old/old_0.db3: SQLite: file is not a database, allowed: a database that rosbag2 wrote",
+        "HERE/old/old_0.db3: SQLite: file is not a database, allowed: a database that rosbag2 wrote",
     ),
     "a topic that was not recorded": (
         ["bag", "play", "field_dz101", "--topics", "/tbm/operating_point,model/shield/block"],
@@ -41,7 +41,8 @@ MISTAKES = {
     ),
     "a key misspelt in a mapping": (
         ["compare", "field_dz101", "--mapping", "unit.yaml"],
-        "unit.yaml: topics./rig.unit: unknown key, allowed: point, units, gravity, frame, axes, rotation, range",
+        "unit.yaml: topics./rig.unit: unknown key, allowed: point, units, gravity, frame, axes, rotation, range, "
+        "noise_density, resolution, band_hz, offset, frame_id",
     ),
     "no such machine": (
         ["simulate", "--machine", "dz102"],
@@ -93,19 +94,19 @@ def test_a_mistake_is_told_in_one_line(name, folder, monkeypatch, capsys):
     with pytest.raises(SystemExit) as end:
         main()
     assert end.value.code == 2
-    assert capsys.readouterr() == ("", f"tbm-monitor: {said}\n")
+    assert capsys.readouterr() == ("", f"tbm-monitor: {said.replace('HERE', str(folder))}\n")
 
 
 def test_the_shipped_recording_goes_by_its_name(folder):
     name = Path("field_dz101")
     assert recording_path(name) == shipped_bag()
     (folder / name).mkdir()
-    assert recording_path(name) == name  # what is there goes first
+    assert recording_path(name) == folder / name  # what is there goes first
 
 
 def test_the_demo_calls_only_the_shipped_recording_synthetic(folder, capsys):
     (folder / "link").symlink_to(shipped_bag())
-    found = DemoResult(points={}, outputs={}, blocks={}, trigger="", report="report.html", seconds=1.0)
+    found = DemoResult.model_construct(points={}, outputs={}, blocks={}, report="report.html", seconds=1.0)
     for path, synthetic in ((shipped_bag(), True), (Path("link"), True), (Path("old"), False), (Path("none"), False)):
         assert is_synthetic(path) is synthetic
         print_tables(found, synthetic=is_synthetic(path))

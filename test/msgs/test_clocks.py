@@ -11,6 +11,7 @@ from sample_bag import START_NS
 
 from tbm_msgs_py import ACCELERATION, BagWriter, OperatingPoint, RecordingError, blocks, read_recording
 from tbm_msgs_py.bags.definitions import BLOCK_TYPE, serialised_block, serialised_operating_point, typestore
+from tbm_msgs_py.base.errors import InputError
 from tbm_msgs_py.blocks import BlockError
 from tbm_msgs_py.recordings.decoding import decode_samples
 from tbm_msgs_py.recordings.recording_health import check_recording
@@ -101,6 +102,23 @@ def test_sensors_on_clocks_apart_are_named(tmp_path):
         "test point girder: its clock is 25200.000 s behind that of shield: placed beside it by the log times"
     ]
     assert health.points["girder"].samples == 1200
+
+
+def test_a_clock_of_another_speed_is_named(tmp_path):
+    with BagWriter(tmp_path / "bag") as writer:
+        for k in range(1200):
+            write_accel(writer, SHIELD, START_NS + k * SECOND, (k, 0, 1), log_ns=START_NS + k * 100 * MS)
+    (doubt,) = check_recording(tmp_path / "bag").reader.doubts
+    assert re.fullmatch(
+        r"test point shield: its header stamps span 1\d{3}\.\d+ s, its log times 11\d\.\d+ s: .*", doubt
+    )
+
+
+@pytest.mark.parametrize("value", [np.nan, np.inf, 1e30, -1e300])
+@pytest.mark.parametrize("name", ["speed", "torque", "thrust", "head_angle", "advance"])
+def test_no_operating_point_is_absurd(name, value):
+    with pytest.raises(InputError, match="not finite or absurd, allowed: up to 1e"):
+        OperatingPoint(**{"speed": 0.5, "torque": 2e6, "thrust": 1e7, name: value})
 
 
 STAMP = st.tuples(st.integers(-(2**31), 2**31 - 1), st.integers(0, 2**32 - 1))

@@ -123,8 +123,8 @@ SCALARS = STANDARD.replace("geometry_msgs/Vector3 vector", "float64 x")
 @pytest.mark.parametrize(
     ("kind", "schema_encoding", "text", "encoding", "named"),
     [
-        (VECTOR, "ros2msg", standard(VECTOR), "json", "messages encoded as json, allowed: cdr"),
-        (VECTOR, "ros1msg", standard(VECTOR), "ros1", "messages encoded as ros1, allowed: cdr"),
+        (VECTOR, "ros2msg", standard(VECTOR), "json", "message encoding 'json', allowed: cdr"),
+        (VECTOR, "ros1msg", standard(VECTOR), "ros1", "message encoding 'ros1', allowed: cdr"),
         (VECTOR, "protobuf", standard(VECTOR), "cdr", "defined in protobuf, allowed: ros2msg, ros2idl"),
         (VECTOR, "ros2msg", "", "cdr", "its definition is missing"),
         (VECTOR, "ros2msg", "no definition at all {", "cdr", "its definition cannot be read"),

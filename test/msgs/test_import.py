@@ -229,7 +229,7 @@ def test_tdms(tmp_path):
         f"{path}: column PLC/thrust: the file says N, the description kN",
     ]
     wrong = description(points={"shield": POINT | {"columns": ["Acc/X", "Acc/Y", "PLC/rpm"]}})
-    assert "4 and 1700 samples" in refused(path, wrong, tmp_path / "other")
+    assert "Acc/Y 1700, PLC/rpm 4; allowed" in refused(path, wrong, tmp_path / "other")
     wrong = description(points={"shield": POINT | {"columns": ["Acc/X", "Acc/Q", None]}})
     assert "column Acc/Q is not there, allowed: Acc/X" in refused(path, wrong, tmp_path / "other")
 

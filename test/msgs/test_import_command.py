@@ -76,6 +76,8 @@ def test_options_go_over_the_description(command, tmp_path):
     [
         ([], "points or operating_point"),
         (["--map", "girder=a,b"], "girder=a,b: 2 columns"),
+        (["--map", "girder=a(:,1),b(2,:)"], "b(2,:): 2 columns"),
+        (["--map", "girder=a(:,1),,", *SENSOR, "--rate", "50", "--start", START], "column a(:,1) is not there"),
         (["--map", "girder=a,b,c", "--rate", "50", "--start", START], "points.girder.units"),
         (["--map", "girder=a,b,q", *SENSOR, "--rate", "50", "--start", START], "column q is not there"),
         (["--map", "girder=a,b,c", *SENSOR, "--rate", "50"], "start"),

@@ -182,7 +182,7 @@ def sensors(path, entries):
         writer = McapWriter(file, chunk_size=2000)
         writer.start("ros2", "test")
         name = "geometry_msgs/msg/AccelStamped"
-        schema = writer.register_schema(name, "ros2msg", b"")
+        schema = writer.register_schema(name, "ros2msg", typestore().generate_msgdef(name, ros_version=2)[0].encode())
         channels = {topic: writer.register_channel(f"/tbm/field/{topic}/accel", "cdr", schema) for topic in "ab"}
         for topic, stamp, log in entries:
             data = struct.pack("<4BIII4x6d", 0, 1, 0, 0, 10**9 + stamp, 0, 0, *range(6))

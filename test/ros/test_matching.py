@@ -85,6 +85,18 @@ def test_run_hears_nodes_whose_parameters_offer_less(peer):
         peer.wait_for(lambda: received)
 
 
+def test_an_override_of_no_topic_of_the_node_is_named(host_node):
+    """A misspelt topic, the other direction: rclpy passes over both."""
+    kept, misspelt, turned = (
+        f"qos_overrides./tbm/{end}.depth"
+        for end in ("loads/block.publisher", "loads/blok.publisher", "operating_point.publisher")
+    )
+    node = host_node(LoadNode, **dict.fromkeys((kept, misspelt, turned), 9))
+    for name in (misspelt, turned):
+        assert node.says(f"{name}: no such topic of this node can be overridden; not used")
+    assert not node.says(f"{kept}:")
+
+
 def test_a_late_subscriber_gets_the_newest_played(host_node, peer, tmp_path):
     """Of a latched topic of ours, whatever depth an earlier recording states."""
     with BagWriter(tmp_path / "field") as writer:

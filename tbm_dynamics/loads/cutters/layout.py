@@ -7,7 +7,6 @@ cutter have its number in common. The angle counts from y towards z, the tilt fr
 from __future__ import annotations
 
 import csv
-import math
 from dataclasses import dataclass
 from importlib import resources
 from pathlib import Path
@@ -18,7 +17,7 @@ import numpy as np
 from tbm_dynamics.loads.cutters.description import CutterError
 from tbm_msgs_py.base.arrays import Array, Integers
 from tbm_msgs_py.base.files import read_text
-from tbm_msgs_py.base.texts import LONGEST_NAME, listed, quoted, shortened
+from tbm_msgs_py.base.texts import LONGEST_NAME, listed, number_reader, quoted, shortened
 
 COLUMNS: Final = ("cutter", "type", "radius_m", "angle_deg", "tilt_deg")
 TYPES: Final = ("centre", "face", "gauge")
@@ -28,6 +27,7 @@ MOST_CUTTERS: Final = 1000
 _NEAREST = 0.03
 _MOST_TILTED = 80.0
 _DIGITS = 9  # of the number of a cutter
+_PLAIN = number_reader()
 
 
 @dataclass(frozen=True, eq=False)
@@ -128,11 +128,8 @@ def _row(where: str, line: str, head_radius: float) -> tuple[int, str, float, fl
 
 
 def _number(where: str, cell: str, low: float, high: float) -> float:
-    try:
-        value = float(cell)
-    except ValueError:
-        value = math.nan
-    if not low <= value <= high:
+    value = _PLAIN(cell)
+    if value is None or not low <= value <= high:
         raise CutterError(
             f"{where}: {shortened(cell, LONGEST_NAME) or 'empty'}; allowed is a number from {low:g} to {high:g}"
         )

@@ -137,7 +137,7 @@ def _sources(result: ComparisonResult) -> list[str]:
     machine = f"machine: {result.machine} ({result.machine_file.origin}), SHA-256 {result.machine_file.sha256[:12]}"
     own = result.operating_point.source == "machine"
     found = [f"{line}: the machine's own" if own and "operating" in line else line for line in result.sources.lines()]
-    return [*found, machine]
+    return [*found, *([f"sensors off their node: {result.off_node}"] if result.offsets else []), machine]
 
 
 def _axial_table(result: ComparisonResult) -> Table:

@@ -71,7 +71,7 @@ def _print(found: Explanation) -> None:
     if found.failure_summary is not None:
         print_sentence(f"{found.failure_summary.text()}; they are left out")
     headings = ("input", "", ">probability", ">value", ">90 % interval", ">machine's")
-    table = narrow_table("What explains the recording, taken as the only change", *headings)
+    table = narrow_table("Causes, each taken as the only change", *headings)
     for cause in found.causes[:_SHOWN]:
         probability = f"{cause.probability:.3f}"
         if isinstance(cause, NoChange):

@@ -193,7 +193,7 @@ def show(study: FinishedStudy, json: bool) -> None:
 
 
 def strongest_table(result: StudyResult, count: int = 5) -> Table:
-    """QoS of the surrogate and the strongest inputs of every output."""
+    """Quality of the surrogate and the strongest inputs of every output."""
     headings = ("=output", "surrogate", ">R² test", ">R² cv", f"strongest {count}")
     table = narrow_table("Strongest inputs, first-order index S1", *headings)
     for name, output in result.outputs.items():

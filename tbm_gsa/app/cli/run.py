@@ -87,7 +87,8 @@ def run(
     """Run loads, dynamics and analysis as ROS 2 nodes and count what they publish."""
     settle_ros_environment()
     site = ParameterFile(params)
-    site.check()
+    for node in _NODES:
+        site.check(topics.absolute(node), node)
     if not named(context, "machine"):
         machine = site.common(_NODES, "machine", machine)
     described = load_machine(machine)

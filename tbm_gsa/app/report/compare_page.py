@@ -67,6 +67,7 @@ def _provenance(result: ComparisonResult) -> dict[str, object]:
         "recording": result.recording.path,
         "SHA-256 of the recording": result.recording.sha256,
         **dict(line.split(": ", 1) for line in result.sources.lines()),
+        **({"sensors off their node": result.off_node} if result.offsets else {}),
         "machine": f"{result.machine} ({result.machine_file.origin})",
         "SHA-256 of the machine": result.machine_file.sha256,
         "model run": f"{result.model_duration:g} s a level, seed {result.seed}",

@@ -75,6 +75,8 @@ def _definition(document: dict[str, object]) -> Definition:
     if not isinstance(groups, dict):
         raise StudyError(f"groups: {quoted(groups)}, allowed: a mapping of names to lists of inputs")
     named = {_name(name): _names(f"group {name}", members) for name, members in groups.items()}
+    if document.get("outputs") == []:
+        raise StudyError("outputs: none, allowed: at least one, or no such key")
     return Definition(InputSet(inputs, named), _names("outputs", document.get("outputs") or []))
 
 

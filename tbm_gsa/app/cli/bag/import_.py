@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import asdict
 from pathlib import Path
 from typing import Annotated, Any
@@ -15,6 +16,7 @@ from tbm_msgs_py.importing.apart import CRASHING, import_apart
 
 _POINT = "POINT=X,Y,Z"
 _AXES = 3
+_BETWEEN_COLUMNS = re.compile(r",(?![^(]*\))")  # not the commas of a MATLAB index, a(:,1)
 
 
 def import_(
@@ -113,7 +115,7 @@ def _stated(values: dict[str, Any]) -> dict[str, Any]:
 
 def _point(given: str) -> tuple[str, list[str | None]]:
     name, _, columns = given.partition("=")
-    axes = [column.strip() or None for column in columns.split(",")]
+    axes = [column.strip() or None for column in _BETWEEN_COLUMNS.split(columns)]
     if len(axes) != _AXES:
         raise typer.BadParameter(f"--map {given}: {len(axes)} columns, allowed: {_POINT}")
     return name.strip(), axes
