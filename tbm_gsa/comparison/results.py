@@ -203,7 +203,10 @@ class ExpectedLine(Part):
 
 
 class RecordedPoint(Part):
-    """What was recorded at one test point, and what was wrong with it."""
+    """What was recorded at one test point, and what was wrong with it.
+
+    `noise_power` is the density of the noise of each axis that the mapping states, m²/s⁴/Hz.
+    """
 
     topic: str
     samples: int
@@ -225,6 +228,7 @@ class RecordedPoint(Part):
     clock_drift: Number
     gravity: Literal["included", "removed"]
     frame: Literal["fixed", "rotating"]
+    noise_power: Size | None = None
 
     @property
     def longest_gap(self) -> float:

@@ -27,7 +27,7 @@ from tbm_msgs_py.bags.metadata import is_synthetic
 from tbm_msgs_py.base.errors import InputError, RecordingError
 from tbm_msgs_py.base.fields import Vector3
 from tbm_msgs_py.base.texts import listed
-from tbm_msgs_py.recordings.mapping import TopicMapping
+from tbm_msgs_py.recordings.mapping import SensorMapping, TopicMapping
 from tbm_msgs_py.recordings.recording import RecordingReader, open_recording
 from tbm_msgs_py.recordings.recording_health import PointHealth
 
@@ -283,11 +283,12 @@ def _recording(reader: RecordingReader, field: FieldSide) -> RecordingResult:
         damaged=reader.damaged,
         sha256=reader.sha256,
         duration=(field.end_ns - field.begin_ns) * 1e-9,
-        points={name: _recorded(health) for name, health in field.health.items()},
+        points={name: _recorded(health, reader.sensors[name]) for name, health in field.health.items()},
     )
 
 
-def _recorded(health: PointHealth) -> RecordedPoint:
+def _recorded(health: PointHealth, sensor: SensorMapping) -> RecordedPoint:
     counts = {**health.counts(), "gaps": tuple(health.gaps), "stuck": tuple(health.stuck)}
+    counts["noise_power"] = sensor.noise_power_density(health.rate_hz) if health.rate_hz > 0.0 else None
     names = RecordedPoint.model_fields.keys() - counts.keys()
     return RecordedPoint.model_validate({**{name: getattr(health, name) for name in names}, **counts})

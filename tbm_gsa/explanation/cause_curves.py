@@ -131,6 +131,12 @@ class CauseCurves:
         left = left[np.isfinite(left).all(axis=1)]  # the last value lies beyond the others if their number is even
         return np.asarray(_ERROR_SHARE * np.sqrt(np.mean(np.square(left), axis=0)))
 
+    @property
+    def nominal_place(self) -> tuple[str, float]:
+        """Code of an input and the place at which the machine is as it stands."""
+        item = self.inputs.inputs[0]
+        return item.code, float(item.distribution.to_unit(item.initial))
+
     @cached_property
     def _curves(self) -> dict[str, Callable[[float], Array]]:
         """By code: what a machine has over the one as it stands at a place, (4, r, k).

@@ -30,7 +30,7 @@ DYNAMIC_RANGE = 1e-5
 """Nor does one so much weaker than the strongest band of its channel: leakage rules there."""
 NOISE_ERROR = 0.5
 """And that times the share of the sensor's noise, whose density is known or estimated within so much."""
-_ROUNDS, _SETTLED = 40, 1e-8
+_ROUNDS, _SETTLED = 40, 1e-5
 _INTERVAL = 1.6448536269514722  # standard deviations to either end of a 90 % interval
 
 
@@ -150,7 +150,8 @@ def load_posterior(
     middle, size = np.log(prior.values), prior.log_sigma
     target = np.log(observed.powers[used])
     errors = np.broadcast_to(np.asarray(model_error), observed.powers.shape)[used]
-    step = _Step(replace(observed, noise=observed.noise[used]), scatter.only(used), errors)
+    alone = scatter if len(used) == len(observed.powers) else scatter.only(used)
+    step = _Step(replace(observed, noise=observed.noise[used]), alone, errors)
     theta = middle if start is None else start
     for _ in range(_ROUNDS):
         residual, slope, chance = step.at(theta, target)

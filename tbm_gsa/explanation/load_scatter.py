@@ -66,21 +66,18 @@ class LoadScatter:
         """
         squares, ones = np.square(factors), np.ones_like(noise)
         sources = np.vstack([squares[:, None] * ones, ones, noise])
-        found = np.einsum("sk,stkl,tl->kl", sources, self.falling, sources, optimize=True)
-        found = found / effective_duration(duration_s, self.segment_s)
-        found += np.einsum("r,rskl,s->kl", squares, self.staying, squares, optimize=True)
+        found = _summed(self.falling, sources) / effective_duration(duration_s, self.segment_s)
+        found += _summed(self.staying, sources[: len(squares)])
         powers = self.expected(factors, noise)
         return np.asarray(found / np.outer(powers, powers))
 
     def only(self, places: Integers) -> Self:
         """Of some statistics (u,) alone."""
-        pairs = np.ix_(range(len(self.falling)), range(len(self.falling)), places, places)
-        groups = pairs[0][:-2], pairs[1][:, :-2], *pairs[2:]
         return replace(
             self,
             transfer=self.transfer.only(places),
-            falling=self.falling[pairs],
-            staying=self.staying[groups],
+            falling=self.falling[..., places[:, None], places],
+            staying=self.staying[..., places[:, None], places],
             width=self.width[places],
         )
 
@@ -110,10 +107,18 @@ class LoadScatter:
         )
 
 
+def _summed(covariances: Array, sources: Array) -> Array:
+    """Covariance (k, k) of sources of powers (s, k) from those of their pairs, (s, s, k, k)."""
+    return np.asarray((covariances * (sources[:, None, :, None] * sources[:, None, :])).sum(axis=(0, 1)))
+
+
 def _scaled(covariances: Array, sizes: Array) -> Array:
-    """Covariances (s, s, k, k) with sizes (s, k) of the sources, the same whichever source is in which statistic."""
-    one = np.einsum("sk,tl->stkl", sizes, sizes)
-    return np.asarray(covariances * 0.5 * (one + one.swapaxes(0, 1)))
+    """Covariances (s, s, k, k) with sizes (s, k) of the sources: of two sources by the geometric mean of both.
+
+    Rows and columns of each block are scaled alike, so that what was positive stays so.
+    """
+    both = np.sqrt(sizes[:, None] * sizes)
+    return np.asarray(covariances * both[..., :, None] * both[..., None, :])
 
 
 def effective_duration(duration_s: float, segment_s: float) -> float:

@@ -1,103 +1,192 @@
-"""What a comparison says of a recording, as statistics that a campaign can compute."""
+"""What a comparison says of a recording: its band powers, and which of them say anything."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Final
+from functools import cached_property
+from typing import Final, Self
 
-from scipy.stats import norm
+import numpy as np
 
-from tbm_gsa.comparison.results import AxisResult, ComparisonResult
-from tbm_gsa.reading import Interval
+from tbm_dynamics.loads.description import LoadFactors
+from tbm_gsa.comparison.results import ComparisonResult, SpectrumResult
+from tbm_gsa.explanation.band_reading import BandReading, Sensor
+from tbm_gsa.explanation.load_posterior import LEAST_OVER_NOISE, BandObservation, telling
+from tbm_gsa.explanation.load_scatter import LoadScatter
 from tbm_gsa.sensitivity.study.errors import StudyError
+from tbm_gsa.signals.conditioning import Band, power_gain
+from tbm_gsa.signals.noise_floor import spectrum_floor
+from tbm_msgs_py.base.arrays import Array, Integers
+from tbm_msgs_py.base.errors import InputError
 
-Side = tuple[float | None, Interval | None]
-"""Value of a statistic and its interval."""
-FEWEST: Final = 2
-
-
-@dataclass(frozen=True)
-class Statistic:
-    """One statistic of a recording beside the model's.
-
-    Attributes
-    ----------
-    name : str
-        As an output of a study, e.g. ``rms_cutterhead_x``.
-    field, model : float
-        m/s².
-    deviation : float
-        Standard deviation of the logarithm of field over model, from the confidence intervals of both.
-    """
-
-    name: str
-    field: float
-    model: float
-    deviation: float
-
-    @property
-    def log_ratio(self) -> float:
-        """Logarithm of field over model."""
-        return math.log(self.field) - math.log(self.model)
+SHORTEST_S: Final = 15.0
+"""Of every channel: six or seven segments; with less the slow axial band scatters by half."""
+FEWEST_POINTS: Final = 2
+"""Of one point nothing tells the machine from its sensor."""
+FEWEST_TELLING: Final = 4
+ALIKE: Final = 10.0
+"""Sensors whose noise is not stated are alike: a density so much above the median of all is a fault."""
+_LEAST_NOISE: Final = 1e-14
+"""Density that any sensor has, m²/s⁴/Hz: 0.01 µg/√Hz, and far more than rounding."""
+_QUIETER: Final = 2.0
+"""Standard deviations of the loads' prior by which a channel that should be heard may be quieter than expected."""
+_ROUNDED: Final = 3
+"""Digits of the rate and band of a reading, so that clocks that differ by parts per million share one."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Observed:
-    """The statistics of a recording, and up to which frequency its signals were compared.
+    """Band powers of a recording; k statistics.
 
     Attributes
     ----------
-    statistics : tuple of Statistic
-    high_hz : float
+    reading : BandReading
+    bands : BandObservation
+        With the noise that is expected of the sensors.
+    floor : ndarray, shape (k,)
+        Noise as it was found in the recording, m²/s⁴/Hz.
     """
 
-    statistics: tuple[Statistic, ...]
-    high_hz: float
+    reading: BandReading
+    bands: BandObservation
+    floor: Array
+
+    @classmethod
+    def of(cls, reading: BandReading, powers: Array, floor: Array, stated: Array, duration_s: float) -> Self:
+        """From band powers (k,), the noise found in the recording and that stated, NaN where it is not."""
+        floor = np.maximum(floor, _LEAST_NOISE)
+        noise = np.where(np.isfinite(stated), stated, np.minimum(floor, ALIKE * float(np.median(floor))))
+        noise = np.maximum(noise, _LEAST_NOISE)
+        # A dead channel has no power at all: it is given that of its noise.
+        widths = np.outer(reading.columns.sum(axis=1), [high - low for low, high in reading.bands]).ravel()
+        return cls(reading, BandObservation(np.maximum(powers, widths * noise), noise, duration_s), floor)
+
+    @cached_property
+    def channels(self) -> tuple[str, ...]:
+        """Channel of each statistic."""
+        return tuple(f"{one.point}_{one.axis}" for one in self.reading.statistics)
+
+    def used(self, scatter: LoadScatter, prior: LoadFactors) -> Integers:
+        """Statistics (u,) that say something, of silent channels those that a machine as it stands would show.
+
+        Raises
+        ------
+        StudyError
+            Too few.
+        """
+        heard = telling(self.bands, scatter)
+        quiet = scatter.transfer.predict(prior.values * math.exp(-_QUIETER * prior.log_sigma))
+        loud = quiet > LEAST_OVER_NOISE * scatter.width * self.bands.noise
+        silent = set(self.channels) - {self.channels[place] for place in heard}
+        missed = [place for place, name in enumerate(self.channels) if name in silent and loud[place]]
+        if len(heard) < FEWEST_TELLING:
+            raise StudyError(
+                f"a verdict needs {FEWEST_TELLING} band powers above the sensors' noise, the recording has {len(heard)}"
+            )
+        return np.union1d(heard, missed).astype(np.int64)
+
+    def weightless(self, used: Integers, scatter: LoadScatter) -> dict[str, str]:
+        """Statistics that are not used, by name, and why."""
+        noisy = self.bands.powers <= LEAST_OVER_NOISE * scatter.width * self.bands.noise
+        return {
+            one.name: "noise of the sensor" if noisy[place] else "leakage of stronger bands"
+            for place, one in enumerate(self.reading.statistics)
+            if place not in used
+        }
 
 
 def observed(comparison: ComparisonResult) -> Observed:
-    """RMS and band RMS of every point and axis of a comparison.
-
-    The RMS of a point whose band ends elsewhere than that of the narrowest point is left out, and so are bands that
-    reach beyond its end, and what is zero or unknown on either side.
+    """Read the band powers of a comparison.
 
     Raises
     ------
     StudyError
-        Too few statistics.
+        What is missing for a verdict: an operating point, test points, time without a gap, bands.
     """
-    high_hz = min(band.high_hz for band in comparison.bands.values())
-    found = tuple(
-        statistic
-        for point, axes in comparison.points.items()
-        for axis, compared in axes.items()
-        for name, sides in _sides(compared, comparison.bands[point].high_hz, high_hz)
-        for statistic in _one(f"{name}_{point}_{axis}", sides, comparison.confidence)
+    if comparison.operating_point.source == "machine":
+        raise StudyError(
+            "a verdict needs the operating point: the recording holds none, allowed: its topic, or that of the mapping"
+        )
+    if len(comparison.points) < FEWEST_POINTS:
+        raise StudyError(
+            f"a verdict needs {FEWEST_POINTS} test points, for of one nothing tells the machine from its sensor; "
+            f"the comparison has {', '.join(comparison.points)}"
+        )
+    reading = _reading(comparison)
+    spectra = [comparison.spectra[point][axis].field for point in reading.sensors for axis in comparison.spectra[point]]
+    duration = min(0.5 * reading.segment_s * (one.segments + 1.0) for one in spectra)
+    if duration < SHORTEST_S:
+        raise StudyError(
+            f"a verdict needs {SHORTEST_S:g} s without a gap at one level, the recording has {duration:g} s"
+        )
+    count = len(reading.bands)
+    powers = np.concatenate([_band_powers(one, reading) for one in spectra])
+    columns = np.repeat(reading.columns.sum(axis=1), count)
+    floor = np.repeat([_floor(one, reading) for one in spectra], count) / columns
+    points = [comparison.recording.points.get(one.point) for one in reading.statistics]
+    stated = np.array([math.nan if one is None or one.noise_power is None else one.noise_power for one in points])
+    return Observed.of(reading, powers, floor, stated, duration)
+
+
+def _reading(comparison: ComparisonResult) -> BandReading:
+    limits = comparison.bands.values()
+    high_hz = min(band.high_hz for band in limits)
+    first = next(iter(next(iter(comparison.points.values())).values()))
+    bands = [_limits(name) for name in first.field_band_rms]
+    bands = [band for band in bands if band[1] <= high_hz]
+    if not bands:
+        raise StudyError(f"a verdict needs a band below {high_hz:g} Hz, up to which the signals were compared")
+    lowest = max(band.low_hz for band in limits)
+    rate = min(min(band.field_rate_hz, band.model_rate_hz) for band in limits)
+    return BandReading(
+        sensors=_sensors(comparison),
+        bands=tuple(bands),
+        rate_hz=_round(rate),
+        band=Band(_round(lowest), _round(high_hz)),
+        segment_s=_segment(comparison),
     )
-    if len(found) < FEWEST:
-        raise StudyError(f"the comparison has {len(found)} statistics with an interval on both sides, needs {FEWEST}")
-    return Observed(found, high_hz)
 
 
-def _sides(compared: AxisResult, own_high_hz: float, high_hz: float) -> Iterator[tuple[str, tuple[Side, Side]]]:
-    """Names of statistics with their value and interval in the field and in the model."""
-    intervals = compared.intervals
-    if math.isclose(own_high_hz, high_hz, rel_tol=0.02):
-        yield "rms", ((compared.field_rms, intervals.field_rms), (compared.model_rms, intervals.model_rms))
-    for band, field in compared.field_band_rms.items():
-        if float(band.removesuffix("_hz").split("-")[1]) <= high_hz:
-            model = compared.model_band_rms[band], intervals.model_band_rms[band]
-            yield f"rms_{band}", ((field, intervals.field_band_rms[band]), model)
+def _sensors(comparison: ComparisonResult) -> Mapping[str, Sensor]:
+    return {point: Sensor(frame="rotating" if "yz" in axes else "fixed") for point, axes in comparison.points.items()}
 
 
-def _one(name: str, sides: tuple[Side, Side], confidence: float) -> Iterator[Statistic]:
-    reach = 2.0 * float(norm.ppf(0.5 + 0.5 * confidence))
-    values, variance = [], 0.0
-    for value, interval in sides:
-        if not value or interval is None or interval[0] <= 0.0:
-            return
-        values.append(value)
-        variance += ((math.log(interval[1]) - math.log(interval[0])) / reach) ** 2
-    yield Statistic(name, values[0], values[1], math.sqrt(variance))
+def _segment(comparison: ComparisonResult) -> float:
+    """Length of the segments, s; that of the shortest point."""
+    found = {1.0 / one.field.resolution_hz for axes in comparison.spectra.values() for one in axes.values()}
+    if max(found) > 1.01 * min(found) or min(found) < 0.99 * BandReading.segment_s:
+        raise StudyError(f"a verdict needs {BandReading.segment_s:g} s without a gap at one level at every test point")
+    return BandReading.segment_s
+
+
+def _limits(name: str) -> tuple[float, float]:
+    low, high = name.removesuffix("_hz").split("-")
+    return float(low), float(high)
+
+
+def _round(value: float) -> float:
+    return float(f"{value:.{_ROUNDED}g}")
+
+
+def _density(spectrum: SpectrumResult) -> tuple[Array, Array]:
+    density = np.array([0.0 if value is None else value for value in spectrum.density])
+    return spectrum.resolution_hz * np.arange(len(density), dtype=np.float64), density
+
+
+def _band_powers(spectrum: SpectrumResult, reading: BandReading) -> Array:
+    frequency, density = _density(spectrum)
+    place = frequency + 0.25 * spectrum.resolution_hz
+    return np.array(
+        [spectrum.resolution_hz * density[(place >= low) & (place < high)].sum() for low, high in reading.bands]
+    )
+
+
+def _floor(spectrum: SpectrumResult, reading: BandReading) -> float:
+    frequency, density = _density(spectrum)
+    gain = power_gain(reading.rate_hz, reading.band, frequency)
+    try:
+        return float(spectrum_floor(frequency, density[:, None], gain, max(spectrum.segments, 1.0))[0])
+    except InputError as error:
+        raise StudyError(f"a verdict needs the sensors' noise: {error}") from error

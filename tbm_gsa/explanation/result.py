@@ -1,9 +1,10 @@
-"""The result of an explanation, `explanation.json`; its keys are a contract, docs/sensitivity.md lists them."""
+"""The result of an explanation, `explanation.json`; its keys are a contract, docs/rock_or_machine.md lists them."""
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
-from typing import Annotated, Final
+from typing import Annotated, Final, Literal
 
 import numpy as np
 from pydantic import Field, model_validator
@@ -23,18 +24,13 @@ from tbm_gsa.reading import (
     read_document,
 )
 from tbm_gsa.sensitivity.study.distributions import distribution_from
-from tbm_gsa.sensitivity.study.failures import Failures
+from tbm_msgs_py.base.units import STANDARD_GRAVITY
 
 RESULT_NAME: Final = "explanation.json"
-LARGEST_MISFIT: Final = 2.0
-"""Standard deviations that the statistics may be off by (root mean square) where a cause explains a recording."""
+Verdict = Literal["rock", "machine", "sensor", "not explained"]
+Fault = Literal["gain", "dead", "noise"]
 
 Count = Annotated[int, Field(ge=1, lt=2**31)]
-
-
-def explains(standardised_misfit: float) -> bool:
-    """Whether what a cause leaves, in standard deviations, is small enough; probabilities only rank the causes."""
-    return standardised_misfit <= LARGEST_MISFIT
 
 
 class NoChange(Part):
@@ -96,7 +92,10 @@ class Joint(Part):
 
 
 class ComparedStatistic(Part):
-    """A statistic (m/s²): of the field, of the model as compared, predicted and checked after the first input."""
+    """A band RMS (m/s²): of the field, of the machine as it stands, as the verdict has it, and in a run of that.
+
+    `deviation` is that of the logarithm of field over prediction; `r2_cv` belonged to a surrogate, and is null.
+    """
 
     name: Line
     field: Size
@@ -108,7 +107,7 @@ class ComparedStatistic(Part):
 
 
 class Misfits(Part):
-    """Root mean square over all statistics: as compared, as predicted and as checked after the first input."""
+    """Root mean square over all statistics: machine as it stands, as the verdict has it, in a run of that."""
 
     model: Maybe
     predicted: Maybe
@@ -129,23 +128,66 @@ class ExplanationSettings(Part):
     seed: Seed
 
 
+class LoadLevel(Part):
+    """Factor on the amplitude of a group of loads, its 90 % interval, and the share of the prior's variance gone."""
+
+    value: Size
+    interval: Interval
+    learnt: Maybe = math.nan
+
+    @property
+    def moved(self) -> bool:
+        """Whether it is another than the machine file's, 1."""
+        return not self.interval[0] <= 1.0 <= self.interval[1]
+
+
+class SensorState(Part):
+    """A channel: gain if it alone were off, with its 90 % interval, null where it says nothing; noise, m/s²/√Hz."""
+
+    gain: Size | None
+    gain_interval: Interval | None = None
+    noise: Size
+    probability: Size = 0.0
+    fault: Fault | None = None
+
+    def __str__(self) -> str:
+        if self.fault == "dead":
+            return "is dead: it shows nothing but noise"
+        if self.fault == "noise":
+            return f"has too much noise: {1e6 * self.noise / STANDARD_GRAVITY:.3g} µg/√Hz"
+        low, high = self.gain_interval or (math.nan, math.nan)
+        return f"reads {self.gain or math.nan:.3g} of what it should (90 % interval {low:.3g} to {high:.3g})"
+
+
 class Explanation(Part):
-    """Which inputs explain a recording.
+    """What explains a recording: rock, machine, sensor, or nothing that was looked at.
 
     Attributes
     ----------
     recording, machine, machine_file, operating_point
         Of the comparison.
+    verdict : str
+        Where an earlier version wrote the file it has none, and explains nothing.
+    probabilities : dict of str to float
+        Of the four words.
+    loads : dict of str to LoadLevel
+        By group, if the verdict is right.
+    sensors : dict of str to SensorState
+        By channel.
+    cannot_be_told : tuple of str
+        Inputs without influence on what was recorded.
+    weightless : dict of str to str
+        Band powers that carry no weight, and why.
+    largest_deviation : float
+        Of a band power, standard deviations, if the verdict is right.
     causes : tuple of InputCause or NoChange
-        The most probable first.
+        The most probable first; with sensors and what is not explained their probabilities add up to 1.
     joint : Joint
     statistics : tuple of ComparedStatistic
     misfit, standardised_misfit : Misfits
         Of the logarithms of field over model, and in standard deviations.
     explained : bool
-        Whether the first cause explains the recording.
-    failure_summary : Failures or None
-        Simulations of the campaign that failed.
+        Whether anything does.
     settings : ExplanationSettings
     seconds : float
     versions : dict of str to str
@@ -155,16 +197,30 @@ class Explanation(Part):
     machine: Name
     machine_file: MachineFile
     operating_point: OperatingLevel
+    verdict: Verdict = "not explained"
+    probabilities: dict[Name, Size] = Field(default_factory=dict)
+    loads: dict[Name, LoadLevel] = Field(default_factory=dict)
+    sensors: dict[Name, SensorState] = Field(default_factory=dict)
+    cannot_be_told: tuple[Name, ...] = ()
+    weightless: dict[Name, Line] = Field(default_factory=dict)
+    largest_deviation: Maybe = math.nan
     causes: Annotated[tuple[InputCause | NoChange, ...], Field(min_length=1)]
     joint: Joint
     statistics: tuple[ComparedStatistic, ...]
     misfit: Misfits
     standardised_misfit: Misfits
     explained: bool
-    failure_summary: Failures | None = None
     settings: ExplanationSettings
     seconds: Maybe
     versions: dict[Name, Line]
+
+    @model_validator(mode="after")
+    def _names_what_it_says(self) -> Explanation:
+        if self.verdict == "machine" and not self.inputs:
+            raise ValueError("causes: none is an input, which the verdict names")
+        if self.verdict == "sensor" and not any(state.fault for state in self.sensors.values()):
+            raise ValueError("sensors: none has a fault, which the verdict names")
+        return self
 
     @model_validator(mode="after")
     def _joint_causes(self) -> Explanation:
@@ -190,23 +246,50 @@ class Explanation(Part):
             for code, found in joint.items()
         ]
 
-    def verdict(self) -> str:
-        """Whether the first cause explains the recording, and whether all inputs together could, as a sentence."""
-        first, off = self.causes[0], self.standardised_misfit
-        subject, size = (
-            ("that nothing has changed", off.model)
-            if isinstance(first, NoChange)
-            else (f"{first.input} alone", off.checked)
+    def sentence(self) -> str:
+        """Say the verdict."""
+        sure = f"probability {self.probabilities.get(self.verdict, math.nan):.2f}"
+        if self.verdict == "rock":
+            moved = [
+                f"{group} {level.value:.2f} times the machine's ({level.interval[0]:.2f} to {level.interval[1]:.2f})"
+                for group, level in self.loads.items()
+                if level.moved
+            ]
+            loads = "; ".join(moved) or "all as the machine file has them"
+            return f"rock: the loads alone explain the recording ({sure}): {loads}"
+        if self.verdict == "machine":
+            return f"machine: {next(iter(self.inputs.values()))} explains the recording ({sure})"
+        if self.verdict == "sensor":
+            channel, state = self.faulty
+            return f"sensor: {channel} {state} ({sure})"
+        return (
+            f"not explained: what comes nearest leaves a band power {self.largest_deviation:.1f} standard deviations "
+            "off; look for what the model does not have, for two changes at once, or at the sensors"
         )
-        judged = "explains" if self.explained else "does not explain"
-        text = f"{subject} {judged} the recording: {size:.1f} standard deviations off (RMS)"
-        if self.explained:
-            return text
-        together = self.joint.standardised_misfit
-        more = f"nor do all inputs together ({together:.1f}): look for what the model does not have, or at the sensors"
-        if explains(together):
-            more = f"all inputs together could ({together:.1f} as predicted)"
-        return f"{text}, at most {LARGEST_MISFIT:g} allowed; the probabilities only rank the causes; {more}"
+
+    def remarks(self) -> list[str]:
+        """Say what else there is: loads, sensors, what cannot be told, what carries no weight, and the misfits."""
+        off = self.off_by()
+        loads = ", ".join(
+            f"{group} {level.value:.2f} ({level.interval[0]:.2f} to {level.interval[1]:.2f})"
+            for group, level in self.loads.items()
+        )
+        kinds: dict[str, list[str]] = {}
+        for name, reason in self.weightless.items():
+            kinds.setdefault(reason, []).append(name)
+        remarks = [
+            f"level of the loads over the machine file's, with 90 % intervals: {loads}" if loads else "",
+            f"cannot be told from this recording: {', '.join(self.cannot_be_told)}" if self.cannot_be_told else "",
+            *(f"without weight, {reason}: {', '.join(names)}" for reason, names in kinds.items()),
+            f"{len(self.statistics)} band RMS values carry weight: off by a factor of {off.model:.3g} (RMS) as the "
+            f"machine stands, {off.predicted:.3g} as the verdict has it, {off.checked:.3g} in a run of the model",
+        ]
+        return [remark for remark in remarks if remark]
+
+    @property
+    def faulty(self) -> tuple[str, SensorState]:
+        """Channel that the verdict names, and what is wrong with it."""
+        return next((channel, state) for channel, state in self.sensors.items() if state.fault)
 
 
 def read_explanation(source: Path) -> Explanation:

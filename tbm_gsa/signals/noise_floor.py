@@ -52,16 +52,37 @@ def noise_floor(signal: ReducedSignal, level: int = 0, within_hz: tuple[float, f
     total = signal.spectra[level]
     frequency = np.arange(len(total.density), dtype=np.float64) * (signal.rate_hz / total.size)
     gain = power_gain(signal.rate_hz, signal.band, frequency)
+    return spectrum_floor(frequency, total.density / total.segments, gain, total.segments, within_hz)
+
+
+def spectrum_floor(
+    frequency: Array, density: Array, gain: Array, segments: float, within_hz: tuple[float, float] | None = None
+) -> Array:
+    """Return the floor (a,) of densities (f, a) at even frequencies (f,) in Hz, means over half overlapping segments.
+
+    Parameters
+    ----------
+    frequency, density : ndarray
+    gain : ndarray, shape (f,)
+        Of the conditioning on a power.
+    segments : float
+    within_hz : (float, float), optional
+
+    Raises
+    ------
+    InputError
+        Less than a cell of it.
+    """
     low, high = within_hz or (0.0, np.inf)
     used = np.flatnonzero((gain > _LEAST_GAIN) & (frequency >= low) & (frequency <= high))
-    bins = round(CELL_HZ * total.size / signal.rate_hz)
+    bins = round(CELL_HZ / frequency[1])
     count = len(used) // bins
     if not count:
         raise InputError(f"no {CELL_HZ:g} Hz in which noise could be found")
     used = used[: count * bins]
-    density = total.density[used] / (total.segments * gain[used, None])
-    freedom = 2.0 * total.segments / (1.0 + 2.0 * _OVERLAP * (1.0 - 1.0 / total.segments))
-    levels = np.median(density.reshape(count, bins, -1), axis=1) * freedom / scipy.stats.chi2.median(freedom)
+    level = density[used] / gain[used, None]
+    freedom = 2.0 * segments / (1.0 + 2.0 * _OVERLAP * (1.0 - 1.0 / segments))
+    levels = np.median(level.reshape(count, bins, -1), axis=1) * freedom / scipy.stats.chi2.median(freedom)
     scatter = _MEDIAN_SCATTER * np.sqrt(2.0 / freedom * _BINS_EACH / bins)
     quiet = levels <= levels.min(axis=0) * (1.0 + _CHANCE * scatter)
     return np.array([np.median(column[chosen]) for column, chosen in zip(levels.T, quiet.T, strict=True)])

@@ -181,10 +181,10 @@ def test_a_machine_in_no_folder_is_one_line(tmp_path, command):
 
 
 def test_a_tampered_comparison_is_one_line(tmp_path, command, monkeypatch):
-    def campaign(*_):
+    def read(*_):
         raise StudyError("as far as its document")
 
-    monkeypatch.setattr(workflow, "_campaign", campaign)
+    monkeypatch.setattr(workflow, "observed", read)
     document = comparison()
     (tmp_path / "right.json").write_text(json.dumps(document))
     assert "as far as its document" in command("gsa explain right.json")[1]

@@ -1,4 +1,4 @@
-"""`tbm-monitor gsa explain`: which values of the inputs explain a recording."""
+"""`tbm-monitor gsa explain`: rock, machine or sensor, and which values of the inputs explain a recording."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from tbm_gsa.app.cli.output import (
     progress_bar,
     results,
 )
-from tbm_gsa.app.cli.workers import Scheduler, Workers, anonymous_main, shown_progress
+from tbm_gsa.app.cli.workers import Workers, anonymous_main, shown_progress
 from tbm_gsa.comparison.results import COMPARISON, ComparisonResult
 from tbm_gsa.explanation.result import Explanation, NoChange
 from tbm_gsa.reading import read_document
@@ -28,18 +28,19 @@ _SHOWN = 8
 
 def explain(
     comparison: Annotated[Path, typer.Argument(help="What `tbm-monitor compare BAG --json` printed, as a file.")],
-    out: Annotated[Path, typer.Option(help="Folder: store, explanation.json, explanation.html.")] = Path("explanation"),
-    samples: Annotated[int, typer.Option(min=50, max=1_000_000, help="Simulations.")] = 200,
-    duration: Annotated[float, typer.Option(min=2.0, max=3600.0, help="Length of a simulation (s).")] = 6.0,
+    out: Annotated[Path, typer.Option(help="Folder: explanation.json, explanation.html.")] = Path("explanation"),
+    samples: Annotated[int, typer.Option(min=50, max=100_000, help="Steps of the joint posterior.")] = 600,
+    duration: Annotated[
+        float, typer.Option(min=2.0, max=3600.0, help="Length of the run that checks what was found (s).")
+    ] = 6.0,
     model_error: Annotated[
-        float, typer.Option(min=0.0, max=1.0, help="Relative error of a statistic that the model has in any case.")
-    ] = 0.05,
+        float, typer.Option(min=0.0, max=1.0, help="Relative error of a band power that the model has in any case.")
+    ] = 0.02,
     workers: Workers = 2,
-    scheduler: Scheduler = None,
     seed: Annotated[int, SEED_OPTION] = 0,
     json: Annotated[bool, JSON_OPTION] = False,
 ) -> None:
-    """Find the inputs that explain why a recording and the model part; an unfinished campaign of the folder goes on."""
+    """Say whether rock, machine or a sensor explains a recording, which input or channel, and how far it is off."""
     # What they import takes a second, and other commands need none of it.
     from tbm_gsa.app.report.explanation_page import write_explanation_page  # noqa: PLC0415
     from tbm_gsa.explanation.workflow import ExplainOptions  # noqa: PLC0415
@@ -54,7 +55,6 @@ def explain(
             model_error=model_error,
             seed=seed,
             workers=workers,
-            scheduler=scheduler,
             progress=shown_progress(bar),
         )
         found = find(compared, out, options)
@@ -68,10 +68,10 @@ def explain(
 
 
 def _print(found: Explanation) -> None:
-    if found.failure_summary is not None:
-        print_sentence(f"{found.failure_summary.text()}; they are left out")
+    print_sentence(found.sentence())
+    results.print()
     headings = ("input", "", ">probability", ">value", ">90 % interval", ">machine's")
-    table = narrow_table("Causes, each taken as the only change", *headings)
+    table = narrow_table("Inputs, each as the only change", *headings)
     for cause in found.causes[:_SHOWN]:
         probability = f"{cause.probability:.3f}"
         if isinstance(cause, NoChange):
@@ -82,9 +82,5 @@ def _print(found: Explanation) -> None:
         add_row(table, cause.input, cause.name, probability, value, interval, f"{cause.machine_value:.3g}")
     results.print(table)
     results.print()
-    off = found.off_by()
-    print_sentence(
-        f"{len(found.statistics)} statistics: the model is off by a factor of {off.model:.3g} (RMS), with the first "
-        f"input changed by {off.predicted:.3g} as predicted and {off.checked:.3g} in a run of its own"
-    )
-    print_sentence(found.verdict())
+    for sentence in found.remarks():
+        print_sentence(sentence)

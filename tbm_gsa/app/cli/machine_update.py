@@ -67,11 +67,11 @@ def update(
 def accepted_causes(found: Explanation, wanted: list[str] | None) -> list[InputCause]:
     """Causes that are taken over: one as the cause it is alone, several as they are together."""
     if not wanted:
+        if not found.explained or found.verdict in ("rock", "sensor"):
+            raise StudyError(f"{found.sentence()}; choose inputs with --input to take them all the same")
         first = found.causes[0]
         if isinstance(first, NoChange):
             raise StudyError("the most probable explanation is that nothing has changed; choose one with --input")
-        if not found.explained:
-            raise StudyError(f"{found.verdict()}; choose inputs with --input to take them all the same")
         return [first]
     for code in wanted:
         if code not in found.inputs:
@@ -94,10 +94,10 @@ def _reasons(found: Explanation, accepted: Sequence[InputCause], machine: str) -
     settings = found.settings
     return [
         f"{machine}, changed by `tbm-monitor machine update` so that it comes nearer to a recording.",
-        f"Of that: {found.verdict()}.",
+        f"Of that: {found.sentence()}.",
         *(f"{cause}, probability {cause.probability:.2f}" for cause in accepted),
         f"Recording {Path(found.recording.path).name}, sha256 {found.recording.sha256}.",
         f"Machine before: sha256 {found.machine_file.sha256}.",
-        f"tbm_monitor {found.versions.get('tbm_monitor', 'from source')}, campaign of {settings.samples} runs "
-        f"of {settings.duration:g} s, seed {settings.seed}.",
+        f"tbm_monitor {found.versions.get('tbm_monitor', 'from source')}, check run of "
+        f"{settings.duration:g} s, seed {settings.seed}.",
     ]

@@ -13,6 +13,7 @@ from tbm_gsa.explanation.result import Explanation, Joint, JointInput
 from tbm_gsa.sensitivity.study.distributions import LogUniform
 from tbm_gsa.sensitivity.study.inputs import PAPER_INPUTS
 from tbm_msgs_py.base.files import write_whole
+from tbm_msgs_py.base.units import STANDARD_GRAVITY
 
 BEFORE, AFTER, RANGE = "#D55E00", "#0072B2", "#d8dee6"
 
@@ -25,11 +26,11 @@ def write_explanation_page(found: Explanation, path: Path) -> None:
 def explanation_page(found: Explanation) -> str:
     """Render the page of an explanation; everything in it is escaped."""
     context = {
-        "title": "What explains the recording",
+        "title": "Rock, machine or sensor",
         "subtitle": f"{found.recording.path} against {found.machine}",
         "found": found,
-        "off": found.off_by(),
-        "before_after": embed_figure(before_after(found), "Field over model before and after, every statistic"),
+        "micro_g": 1e6 / STANDARD_GRAVITY,
+        "before_after": embed_figure(before_after(found), "Field over model before and after, every band RMS"),
         "joint": embed_figure(joint_intervals(found.joint), "Intervals of all inputs"),
         "provenance": _provenance(found),
     }
@@ -37,14 +38,17 @@ def explanation_page(found: Explanation) -> str:
 
 
 def before_after(found: Explanation) -> Figure:
-    """Field over model of every statistic, as compared and after the first cause, with what may be expected."""
+    """Field over model of every band RMS, as the machine stands and as the verdict has it, and what may be expected."""
     rows = found.statistics
     figure = Figure(figsize=(12.0, 1.0 + 0.16 * len(rows)), layout="constrained")
     panel: Axes = figure.subplots()
     place = np.arange(len(rows), dtype=np.float64)
     deviation = np.array([row.deviation for row in rows])
     panel.barh(place, 4.0 * deviation, left=-2.0 * deviation, height=0.8, color=RANGE, label="±2 standard deviations")
-    for key, colour, label in (("model", BEFORE, "as compared"), ("checked", AFTER, "first cause, run of the model")):
+    for key, colour, label in (
+        ("model", BEFORE, "machine as it stands"),
+        ("predicted", AFTER, "with the verdict"),
+    ):
         ratio = np.log([row.field / getattr(row, key) for row in rows])
         panel.plot(ratio, place, "o", color=colour, markersize=4, label=label)
     panel.axvline(0.0, color="#555555", linewidth=0.8)
@@ -85,8 +89,7 @@ def _provenance(found: Explanation) -> dict[str, object]:
         "recording": f"{found.recording.path}, sha256 {found.recording.sha256}",
         "machine": f"{found.machine_file.origin}, sha256 {found.machine_file.sha256}",
         "operating point": ", ".join(f"{key} {value}" for key, value in found.operating_point),
-        "campaign": f"{chosen.samples} runs of {chosen.duration:g} s, {chosen.seeds} with other loads, "
-        f"seed {chosen.seed}",
+        "check": f"run of {chosen.duration:g} s, seed {chosen.seed}",
         "joint posterior": f"{joint.effective_samples:.0f} effective samples, "
         f"{joint.accepted:.0%} of the steps accepted",
         "versions": ", ".join(f"{name} {number}" for name, number in found.versions.items()),
