@@ -80,7 +80,7 @@ class WatchState:
         Spans of the baseline so far.
     loads : tuple of LoadState
     inputs : tuple of InputState
-        None before the baseline is complete, and without a grid.
+        None before the baseline is complete, without a grid, and while a sensor is at fault.
     alarm : MachineAlarm or None
         It stands until the machine has been for some time what it was.
     """
@@ -157,7 +157,8 @@ class _Watching:
             self.alarm, self._spans = None, np.inf
         if self._state is not None:
             self._state.add(point.fit)
-            self.inputs = self._state.inputs(self._spans)
+            faulty = self.alarm is not None and self.alarm.kind == "sensor"  # nothing is known of the machine then
+            self.inputs = () if faulty else self._state.inputs(self._spans)
         if self.alarm is not None and self.alarm.kind == "machine":  # the longer it stands, the better it is known
             self.alarm = replace(self.alarm, text=self._cause(point.limit))
         return point.fit
