@@ -122,7 +122,10 @@ def schema_page() -> str:
     """JSON schema of every result that is a model."""
     lines = ["# JSON schemas", "", "Made from the models that write and read the results of `--json`.", ""]
     for command, result in RESULTS.items():
-        schema = json.dumps(result.model_json_schema(mode="serialization"), indent=1, ensure_ascii=False)
+        found = json.dumps(result.model_json_schema(mode="serialization"))
+        schema = json.dumps(
+            json.loads(found, parse_constant=lambda _: None), indent=1, ensure_ascii=False
+        )  # NaN is null
         lines += [f"## {command}", "", "```json", schema, "```", ""]
     return "\n".join(lines)
 

@@ -1,6 +1,6 @@
 """The model against a recording: conditioning, statistics, and the comparison afterwards and live."""
 
-from tbm_gsa.comparison.alarm import DEAD_SHARE, AlarmRule, UsualError, dead_axes
+from tbm_gsa.comparison.alarm import DEAD_SHARE, AlarmRule, UsualRatio, dead_axes
 from tbm_gsa.comparison.levels import LiveOperation
 from tbm_gsa.comparison.live import WindowedComparison, WindowResult
 from tbm_gsa.comparison.rate import StreamCounters
@@ -14,7 +14,7 @@ __all__ = [
     "LiveOperation",
     "Settings",
     "StreamCounters",
-    "UsualError",
+    "UsualRatio",
     "WindowResult",
     "WindowedComparison",
     "dead_axes",

@@ -1,13 +1,16 @@
-"""When the error of a test point counts as an alarm.
+"""When the level of a test point counts as an alarm.
 
-Without a baseline the threshold is absolute: a window counts when the relative error of a watched axis is over it. With
-one the change counts, for the model of a sound drive errs too: a window counts when the error lies farther from the
-baseline's mean than the threshold, and farther than three times the baseline's scatter. An alarm is a number of such
-windows in a row; windows without a known error, and sensors that measure next to nothing, neither raise nor clear it.
+What counts is the logarithm of measured over computed RMS, which grows and falls alike and without bound; the relative
+error does not: whatever grows, it stays below 1. Without a baseline a window counts when the larger of both is over the
+smaller by more than the threshold, as a share. With one the change counts, for the model of a sound drive errs too: a
+window counts when measured over computed has changed by more than that against the baseline's mean, and by more than
+three times the baseline's scatter. An alarm is a number of such windows in a row; windows without a known error, and
+sensors that measure next to nothing, neither raise nor clear it.
 """
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from typing import Final
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -19,9 +22,14 @@ SCATTERS = 3.0
 DEAD_SHARE = 0.01  # of what is usual; a sensor that measures less is dead, and its error as large as you like
 
 
+BLIND: Final = 2.0
+"""Factor of a change that an alarm should see: a baseline that scatters more makes a point blind."""
+_AXES: Final = ("x", "y", "z")
+
+
 @dataclass(frozen=True, eq=False)
-class UsualError:
-    """Relative error of a test point of a sound machine.
+class UsualRatio:
+    """Logarithm of measured over computed RMS at a test point of a sound machine.
 
     Attributes
     ----------
@@ -32,22 +40,32 @@ class UsualError:
     mean: ArrayLike
     scatter: ArrayLike = field(default_factory=lambda: np.zeros(3))
 
+    @property
+    def blind(self) -> dict[str, float]:
+        """Axes along which no change by `BLIND` counts, with the factor that would."""
+        reach = np.exp(SCATTERS * np.asarray(self.scatter, dtype=np.float64))
+        return {axis: float(factor) for axis, factor in zip(_AXES, reach, strict=True) if factor > BLIND}
+
 
 def dead_axes(result: WindowResult) -> NDArray[np.bool_]:
     """Axes (3,) along which the sensor measures less than a hundredth of what the model computes."""
     return np.asarray(result.field_rms < DEAD_SHARE * result.model_rms)
 
 
+_NONE: Final = UsualRatio(np.full(3, np.nan), np.full(3, np.nan))
+
+
 class AlarmRule:
-    """Rule by which an error that stays over a threshold for a number of windows raises an alarm.
+    """Rule by which a level that stays off for a number of windows raises an alarm.
 
     Parameters
     ----------
     threshold : float
-        Of the relative error of any axis, or of its change if there is a baseline.
+        Share by which measured and computed RMS of any axis differ, or by which their ratio changes if there is a
+        baseline.
     windows : int
         Consecutive windows with a known error that have to be over it.
-    baseline : mapping of str to UsualError
+    baseline : mapping of str to UsualRatio
         By test point; the others have an absolute threshold.
     axes : sequence of int
         Which of x, y, z to watch.
@@ -57,7 +75,7 @@ class AlarmRule:
         self,
         threshold: float = 0.30,
         windows: int = 3,
-        baseline: Mapping[str, UsualError] | None = None,
+        baseline: Mapping[str, UsualRatio] | None = None,
         axes: Sequence[int] = (0, 1, 2),
     ) -> None:
         if not threshold > 0.0 or windows < 1:
@@ -84,9 +102,8 @@ class AlarmRule:
 
     def _exceeds(self, result: WindowResult) -> NDArray[np.bool_]:
         """Which axes are over their threshold, (3,)."""
-        error, usual = result.relative_error, self._baseline.get(result.point)
-        if usual is None:
-            return np.asarray(error > self._threshold, dtype=np.bool_)
+        ratio, usual = result.log_ratio, self._baseline.get(result.point, _NONE)
         mean, scatter = np.asarray(usual.mean, dtype=np.float64), np.asarray(usual.scatter, dtype=np.float64)
-        limit = np.maximum(self._threshold, SCATTERS * scatter)
-        return np.where(np.isnan(mean), error > self._threshold, np.abs(error - mean) > limit)
+        threshold = np.log1p(self._threshold)
+        change = np.where(np.isnan(mean), ratio, ratio - mean)
+        return np.asarray(np.abs(change) > np.fmax(threshold, SCATTERS * scatter), dtype=np.bool_)

@@ -63,6 +63,12 @@ class WindowResult:
         return min(self.model_coverage, self.field_coverage)
 
     @property
+    def log_ratio(self) -> Array:
+        """Logarithm of the measured over the computed RMS, (3,); not finite where one is missing or zero."""
+        with np.errstate(divide="ignore"):
+            return np.asarray(np.log(self.field_rms) - np.log(self.model_rms))
+
+    @property
     def field_crest_factor(self) -> Array:
         """Peak over RMS, (3,)."""
         return ratio(self.field_peak, self.field_rms)

@@ -1,4 +1,6 @@
-"""A commissioning baseline: the usual error of a machine's test points, from windows that are known to be sound."""
+"""A commissioning baseline: the usual level of a machine's test points, from windows that are known to be sound."""
+
+from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
@@ -6,8 +8,9 @@ from typing import Final, cast
 
 import numpy as np
 
-from tbm_gsa.comparison import UsualError
+from tbm_gsa.comparison import UsualRatio
 from tbm_gsa.history.entries import SourceKind, WindowGroup
+from tbm_msgs_py.base.arrays import Array
 from tbm_msgs_py.base.errors import InputError
 
 LEAST_WINDOWS: Final = 5  # a scatter of fewer means nothing
@@ -17,11 +20,29 @@ _COLUMNS = {"x": (0,), "y": (1,), "z": (2,), "yz": (1, 2)}
 
 @dataclass(frozen=True)
 class ErrorStatistics:
-    """Error of one point and axis: mean and standard deviation over so many windows."""
+    """Level of one point and axis over so many windows.
+
+    Attributes
+    ----------
+    mean, scatter : float
+        Mean and standard deviation of the relative error.
+    windows : int
+    log_mean, log_scatter : float, optional
+        Those of the logarithm of measured over computed RMS; None where a file of an older version does not say.
+    """
 
     mean: float
     scatter: float
     windows: int
+    log_mean: float | None = None
+    log_scatter: float | None = None
+
+    @classmethod
+    def of(cls, errors: Array, logs: Array) -> ErrorStatistics:
+        """Statistics of the relative errors and logarithms (n,) of windows."""
+        moments = [function(values) for values in (errors, logs) for function in (np.mean, _deviation)]
+        mean, scatter, log_mean, log_scatter = map(float, moments)
+        return cls(mean, scatter, len(errors), log_mean, log_scatter)
 
 
 @dataclass(frozen=True)
@@ -49,14 +70,20 @@ class Baseline:
     usual: Mapping[tuple[str, str], ErrorStatistics]
     kind: SourceKind | None = None
 
-    def usual_errors(self) -> dict[str, UsualError]:
-        """Usual errors by point, as an `AlarmRule` has them."""
-        found: dict[str, UsualError] = {}
+    def usual_ratios(self) -> dict[str, UsualRatio]:
+        """Return what is usual by point, as an `AlarmRule` has it."""
+        found: dict[str, UsualRatio] = {}
         for (point, axis), usual in self.usual.items():
-            known = found.setdefault(point, UsualError(np.full(3, np.nan), np.full(3, np.nan)))
+            if usual.log_mean is None or usual.log_scatter is None:
+                continue
+            known = found.setdefault(point, UsualRatio(np.full(3, np.nan), np.full(3, np.nan)))
             for column in _COLUMNS[axis]:
-                np.asarray(known.mean)[column], np.asarray(known.scatter)[column] = usual.mean, usual.scatter
+                np.asarray(known.mean)[column], np.asarray(known.scatter)[column] = usual.log_mean, usual.log_scatter
         return found
+
+
+def _deviation(values: Array) -> float:
+    return float(np.std(values, ddof=1))
 
 
 def make_baseline(name: str, groups: Iterable[WindowGroup], created_ns: int) -> Baseline:
@@ -90,7 +117,7 @@ def make_baseline(name: str, groups: Iterable[WindowGroup], created_ns: int) -> 
         spans.append((int(starts[0]), int((starts + group.length_ns[sound]).max())))
         most = max(most, len(errors))
         if len(errors) >= LEAST_WINDOWS:
-            usual[point, axis] = ErrorStatistics(float(np.mean(errors)), float(np.std(errors, ddof=1)), len(errors))
+            usual[point, axis] = ErrorStatistics.of(errors, group.log_ratio[sound])
     _refuse_mixture(name, origins)
     if not usual:
         raise InputError(

@@ -94,7 +94,7 @@ class WindowGroup:
     key : tuple of str
         What they have in common; the point and the axis come first.
     start_ns, length_ns : array of int, (n,)
-    field_rms : array, (n,)
+    field_rms, model_rms : array, (n,)
         m/s².
     relative_error : array, (n,)
         Not finite where it is not known.
@@ -104,11 +104,18 @@ class WindowGroup:
     start_ns: NDArray[np.int64]
     length_ns: NDArray[np.int64]
     field_rms: Array
+    model_rms: Array
     relative_error: Array
+
+    @property
+    def log_ratio(self) -> Array:
+        """Logarithms of the measured over the computed RMS, (n,)."""
+        with np.errstate(divide="ignore", invalid="ignore"):
+            return np.asarray(np.log(self.field_rms) - np.log(self.model_rms))
 
     def sound(self) -> NDArray[np.bool_]:
         """Windows with a known error of a sensor that is not dead: its RMS is no hundredth of their median."""
-        known = np.isfinite(self.relative_error)
+        known = np.isfinite(self.relative_error) & (self.model_rms > 0.0)
         level = np.median(self.field_rms[known]) if known.any() else 0.0
         return known & (self.field_rms >= DEAD_SHARE * level)
 

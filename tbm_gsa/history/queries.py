@@ -27,7 +27,13 @@ from tbm_msgs_py.base.texts import LONGEST_LINE, listed
 SOURCE_COLUMNS: Final = "kind, name, digest, machine, machine_sha256"
 BASELINE_COLUMNS: Final = "name, machine, machine_sha256, created_ns, since_ns, until_ns, kind"
 ENTRY_COLUMNS: Final = ", ".join(field.name for field in fields(HistoryEntry))
-_COLUMNS: Final = [("start_ns", "i8"), ("length_ns", "i8"), ("field_rms", "f8"), ("relative_error", "f8")]
+_COLUMNS: Final = [
+    ("start_ns", "i8"),
+    ("length_ns", "i8"),
+    ("field_rms", "f8"),
+    ("model_rms", "f8"),
+    ("relative_error", "f8"),
+]
 
 
 @dataclass(frozen=True)
@@ -133,7 +139,8 @@ class Queries:
         chosen = f"FROM windows JOIN sources ON source = id WHERE {condition}"
         names = ", ".join(columns)
         same = f"({names}) = ({', '.join('?' * len(columns))})"
-        numbers = "start_ns, length_ns, ifnull(field_rms, 0.0), ifnull(relative_error, 9e999)"  # infinity is not known
+        levels = "ifnull(field_rms, 0.0), ifnull(model_rms, 0.0)"
+        numbers = f"start_ns, length_ns, {levels}, ifnull(relative_error, 9e999)"  # infinity is not known
         for key in sorted(self._connection.execute(f"SELECT DISTINCT {names} {chosen}", values)):
             rows = self._connection.execute(f"SELECT {numbers} {chosen} AND {same} ORDER BY start_ns", [*values, *key])
             read = np.fromiter(rows, dtype=_COLUMNS)
@@ -186,7 +193,7 @@ class Queries:
 
     def _usual(self, name: str, machine: str) -> dict[tuple[str, str], ErrorStatistics]:
         rows = self._connection.execute(
-            "SELECT point, axis, mean, scatter, windows FROM usual_errors "
+            "SELECT point, axis, mean, scatter, windows, log_mean, log_scatter FROM usual_errors "
             "WHERE (machine, baseline) = (?, ?) ORDER BY point, axis",
             (machine, name),
         )

@@ -34,7 +34,7 @@ def unusable(path: Path, error: sqlite3.Error) -> HistoryError:
     return HistoryError(f"{path}: not a history of tbm_monitor that can be used ({error})")
 
 
-SCHEMA_VERSION: Final = 4
+SCHEMA_VERSION: Final = 5
 APPLICATION_ID: Final = 0x54424D48  # "TBMH"
 _BASELINES: Final = """
 CREATE TABLE baselines (
@@ -57,6 +57,7 @@ CREATE TABLE usual_errors (
     mean REAL NOT NULL,
     scatter REAL NOT NULL,
     windows INTEGER NOT NULL,
+    {logs}
     PRIMARY KEY (machine, baseline, point, axis),
     FOREIGN KEY (machine, baseline) REFERENCES baselines (machine, name) ON DELETE CASCADE
 ) WITHOUT ROWID;
@@ -88,7 +89,7 @@ CREATE TABLE windows (
     PRIMARY KEY (start_ns, source, point, axis, length_ns)
 ) WITHOUT ROWID;
 {_BASELINES.format(kind="kind TEXT,")}
-{_USUAL_ERRORS}
+{_USUAL_ERRORS.format(logs="log_mean REAL, log_scatter REAL,")}
 PRAGMA application_id = {APPLICATION_ID};
 PRAGMA user_version = {SCHEMA_VERSION};
 """
@@ -102,7 +103,7 @@ PRAGMA user_version = 2;
 ALTER TABLE usual_errors RENAME TO old_errors;
 ALTER TABLE baselines RENAME TO old_baselines;
 {_BASELINES.format(kind="")}
-{_USUAL_ERRORS}
+{_USUAL_ERRORS.format(logs="")}
 INSERT INTO baselines SELECT * FROM old_baselines;
 INSERT INTO usual_errors
     SELECT machine, baseline, point, axis, mean, scatter, windows FROM old_errors JOIN old_baselines ON baseline = name;
@@ -119,6 +120,11 @@ DROP TABLE sources;
 ALTER TABLE new_sources RENAME TO sources;
 PRAGMA user_version = 4;
 """,  # noqa: S608
+    4: """
+ALTER TABLE usual_errors ADD COLUMN log_mean REAL;
+ALTER TABLE usual_errors ADD COLUMN log_scatter REAL;
+PRAGMA user_version = 5;
+""",
 }
 
 
@@ -191,4 +197,6 @@ BASELINE_IS_SOUND: Final = " AND ".join(
         f"(kind IS NULL OR kind IN {SOURCE_KINDS})",
     )
 )
-USUAL_ERROR_IS_SOUND: Final = " AND ".join((_texts("point"), _AXIS, _numbers("mean", "scatter"), _whole("windows")))
+USUAL_ERROR_IS_SOUND: Final = " AND ".join(
+    (_texts("point"), _AXIS, _numbers("mean", "scatter", "log_mean", "log_scatter"), _whole("windows"))
+)

@@ -138,7 +138,7 @@ class History(Queries):
             )
             for (point, axis), usual in baseline.usual.items():
                 row = (baseline.machine, baseline.name, point, axis, *astuple(usual))
-                ask("INSERT INTO usual_errors VALUES (?, ?, ?, ?, ?, ?, ?)", row)
+                ask("INSERT INTO usual_errors VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?)", row)
 
     def delete_baseline(self, name: str, machine: str | None = None) -> Baseline:
         """Delete a baseline, found as `baseline` finds it, and return what it was."""

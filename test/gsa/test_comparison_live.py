@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from tbm_gsa.comparison import (
     AlarmRule,
-    UsualError,
+    UsualRatio,
     WindowedComparison,
     WindowResult,
     dead_axes,
@@ -289,8 +289,15 @@ def test_bad_shapes_name_the_point():
 
 
 def window(error: list[float], point: str = "shield") -> WindowResult:
+    """Window in which less was measured than computed, by this relative error."""
     level = np.ones(3)
-    return WindowResult(point, 0, 2 * SECOND, level, level, np.array(error), 1.0, 1.0, 4 * level, 3 * level)
+    measured = level / (1.0 + np.array(error))
+    return WindowResult(point, 0, 2 * SECOND, level, measured, np.array(error), 1.0, 1.0, 4 * level, 3 * level)
+
+
+def times(*factors: float) -> WindowResult:
+    """Window in which so many times the computed level was measured."""
+    return window([1.0 / factor - 1.0 for factor in factors])
 
 
 HIGH, LOW, UNKNOWN = [0.1, 0.4, 0.2], [0.1, 0.1, 0.1], [np.nan] * 3
@@ -316,24 +323,31 @@ def test_points_alarm_on_their_own():
     assert not rule.update(window(HIGH, "gripper"))
 
 
-def test_a_baseline_makes_the_change_of_the_error_count():
-    rule = AlarmRule(0.30, 1, baseline={"shield": UsualError([0.4, 0.4, 0.4])})
-    assert not rule.update(window([0.5, 0.4, 0.3]))
-    assert rule.update(window([0.8, 0.4, 0.4]))
+@pytest.mark.parametrize("baseline", [None, {"shield": UsualRatio(np.log([0.5] * 3), [0.02] * 3)}])
+@pytest.mark.parametrize("factor", [1.5, 1000.0, 1.0 / 1.5, 0.02])
+def test_growth_and_fall_count_alike_and_without_bound(baseline, factor):
+    """The relative error would be bounded by 1 for whatever grows: a field 1.5 to 1 000 times larger was no alarm."""
+    usual = 1.0 if baseline is None else 0.5
+    rule = AlarmRule(0.30, 1, baseline)
+    assert not rule.update(times(usual, usual, usual))
+    assert not rule.update(times(1.29 * usual, usual / 1.29, usual))
+    assert rule.update(times(usual, factor * usual, usual))
+
+
+def test_a_baseline_that_makes_an_axis_blind_says_so():
+    assert UsualRatio([0.0] * 3, [0.23, np.nan, 0.31]).blind == {"z": pytest.approx(np.exp(0.93))}
 
 
 def test_a_change_within_the_scatter_of_the_baseline_is_none():
-    rule = AlarmRule(0.10, 1, baseline={"shield": UsualError([0.4] * 3, [0.1, 0.01, 0.01])})
-    assert not rule.update(window([0.65, 0.4, 0.4]))  # within three times 0.1
-    assert rule.update(window([0.75, 0.4, 0.4]))
-    assert not rule.update(window([0.4, 0.48, 0.4]))  # beyond the scatter, within the threshold
-    assert rule.update(window([0.4, 0.55, 0.4]))
-    assert not rule.update(window([0.4, 0.4, 0.4]))
-    assert rule.update(window([0.05, 0.4, 0.4]))  # a fall is a change too
+    rule = AlarmRule(0.10, 1, baseline={"shield": UsualRatio(np.log([0.7] * 3), [0.1, 0.01, 0.01])})
+    assert not rule.update(times(0.7 * 1.3, 0.7, 0.7))  # within exp(3 · 0.1)
+    assert rule.update(times(0.7 * 1.4, 0.7, 0.7))
+    assert not rule.update(times(0.7, 0.7 / 1.08, 0.7))  # beyond the scatter, within the threshold
+    assert rule.update(times(0.7, 0.7 / 1.15, 0.7))
 
 
 def test_without_a_baseline_the_threshold_is_absolute():
-    rule = AlarmRule(0.30, 1, baseline={"shield": UsualError([0.9, np.nan, 0.9], np.zeros(3))})
+    rule = AlarmRule(0.30, 1, baseline={"shield": UsualRatio(-np.log([1.9, np.nan, 1.9]), np.zeros(3))})
     assert not rule.update(window([0.9, 0.2, 0.9]))
     assert rule.update(window([0.9, 0.4, 0.9]))
     assert rule.update(window([0.9, 0.2, 0.9], "gripper"))
@@ -348,7 +362,8 @@ def test_a_dead_sensor_does_not_alarm():
     quiet = replace(window([np.inf, 400.0, 0.1]), field_rms=np.array([0.0, 0.0025, 1.0]))
     assert dead_axes(quiet).tolist() == [True, True, False]
     assert not AlarmRule(0.30, 1).update(quiet)
-    assert AlarmRule(0.30, 1).update(replace(quiet, relative_error=np.array([np.inf, 400.0, 0.4])))
+    louder = replace(quiet, relative_error=np.array([np.inf, 400.0, 0.4]), field_rms=np.array([0.0, 0.0025, 0.7]))
+    assert AlarmRule(0.30, 1).update(louder)
 
 
 def test_a_window_at_no_steady_level_does_not_alarm():

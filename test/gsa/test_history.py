@@ -148,7 +148,7 @@ def test_a_file_of_version_1_is_kept_and_goes_on(old):
         assert opened.windows()[0].source == LIVE
         opened.add(LIVE, [new])
     connection = sqlite3.connect(old)
-    assert connection.execute("PRAGMA user_version").fetchone() == (4,)
+    assert connection.execute("PRAGMA user_version").fetchone() == (5,)
     written = connection.execute("SELECT field_peak, field_kurtosis FROM windows").fetchall()
     assert written == [(None, None), (None, None), (4.0, 3.5)]
     with History(old, create=False) as opened:
@@ -236,7 +236,7 @@ def test_another_database_a_damaged_one_and_a_newer_one(tmp_path, history):
     newer.write_bytes(bytes(whole))
     with sqlite3.connect(newer) as connection:
         connection.execute("PRAGMA user_version = 99")
-    with pytest.raises(HistoryError, match=r"schema version 99, allowed: 1 to 4$"):
+    with pytest.raises(HistoryError, match=r"schema version 99, allowed: 1 to 5$"):
         History(newer)
 
 
@@ -259,27 +259,33 @@ def test_where_the_history_is(monkeypatch, tmp_path):
     assert default_history() == tmp_path / "mine.sqlite"
 
 
+def of_error(number, error, axis="x"):
+    """Entry in which less was measured than computed, by this relative error."""
+    return replace(entry(number, axis=axis, error=error), field_rms=1.2 / (1.0 + error))
+
+
 def test_alarms_are_set_against_mean_and_scatter(history):
-    errors = [0.1, 0.2, 0.3, 0.4, 0.5]
-    history.add(LIVE, [entry(n, error=error) for n, error in enumerate(errors)])
-    history.add(LIVE, [entry(n, axis="yz", error=0.6) for n in range(5)])
+    errors = np.array([0.1, 0.2, 0.3, 0.4, 0.5])
+    history.add(LIVE, [of_error(n, error) for n, error in enumerate(errors.tolist())])
+    history.add(LIVE, [of_error(n, 0.6, "yz") for n in range(5)])
     history.add(LIVE, [entry(9, error=math.inf), entry(10, error=math.nan), entry(11, "girder")])
     history.store_baseline(make_baseline("first", history.groups(BY_ORIGIN), START))
     found = history.baseline("first", "dz101")
     assert (found.machine, found.since_ns, found.until_ns) == ("dz101", START, START + 12 * LENGTH)
     assert set(found.usual) == {("shield", "x"), ("shield", "yz")}  # one window of the girder is too few
-    usual = found.usual["shield", "x"]
+    usual, logs = found.usual["shield", "x"], -np.log1p(errors)
     assert (usual.mean, usual.scatter, usual.windows) == (pytest.approx(0.3), pytest.approx(np.std(errors, ddof=1)), 5)
-    ready = found.usual_errors()["shield"]
-    np.testing.assert_allclose(ready.mean, [0.3, 0.6, 0.6])
+    assert (usual.log_mean, usual.log_scatter) == (pytest.approx(logs.mean()), pytest.approx(np.std(logs, ddof=1)))
+    ready = found.usual_ratios()["shield"]
+    np.testing.assert_allclose(ready.mean, [logs.mean(), -np.log(1.6), -np.log(1.6)])
 
     def result(error):
         level = np.ones(3)
-        return WindowResult("shield", 0, LENGTH, level, level, np.array(error), 1.0, 1.0, level, level)
+        return WindowResult("shield", 0, LENGTH, level, level / (1.0 + error), error, 1.0, 1.0, level, level)
 
-    rule = AlarmRule(0.05, 1, found.usual_errors())
-    assert not rule.update(result([0.7, 0.6, 0.6]))  # within three times 0.158
-    assert rule.update(result([0.8, 0.6, 0.6]))
+    rule, wide = AlarmRule(0.05, 1, found.usual_ratios()), np.exp(3.0 * np.std(logs, ddof=1) - logs.mean())
+    assert not rule.update(result(np.array([0.99 * wide - 1.0, 0.6, 0.6])))
+    assert rule.update(result(np.array([1.01 * wide - 1.0, 0.6, 0.6])))
     with pytest.raises(HistoryError, match="no baseline second, there: first"):
         history.baseline("second", "dz101")
 

@@ -93,7 +93,7 @@ def test_a_default_file_that_cannot_be_used_only_warns(tmp_path, said, monkeypat
     assert len(said) == 1
     assert "h.sqlite" in said[0]
     with pytest.raises(HistoryError, match="no history to find it in"):
-        writer.usual_errors("sound")
+        writer.usual_ratios("sound")
     with pytest.raises(HistoryError, match=r"h\.sqlite"):
         HistoryWriter(str(tmp_path / "h.sqlite"), SOURCE, said.append)
 
@@ -109,7 +109,7 @@ def test_a_file_that_is_locked_at_the_start_is_tried_again(tmp_path, said, monke
         for number in range(3):
             add(writer, number)
         with pytest.raises(HistoryError, match=r"baseline sound: no history to find it in \(.*is locked"):
-            writer.usual_errors("sound")
+            writer.usual_ratios("sound")
     assert (writer.written, writer.lost, writer.problem) == (0, 3, f"{file}: database is locked")
     assert said == [f"history: {file}: database is locked; the comparison goes on"]
     add(writer, 3)
@@ -191,14 +191,29 @@ def test_windows_of_a_replay_have_no_age(tmp_path, said, monkeypatch):
 
 
 def test_a_baseline_of_a_synthetic_recording_is_a_warning(tmp_path, writer, said):
-    usual = {("shield", "x"): ErrorStatistics(0.4, 0.01, 9)}
+    usual = {("shield", "x"): ErrorStatistics(0.4, 0.01, 9, -0.34, 0.01)}
     with History(tmp_path / "h.sqlite") as history:
         for kind in ("offline", "synthetic"):
             history.store_baseline(Baseline(kind, "dz101", "", 1, 0, 1, usual, kind))
-    assert np.asarray(writer.usual_errors("offline")["shield"].mean)[0] == 0.4
+    assert np.asarray(writer.usual_ratios("offline")["shield"].mean)[0] == -0.34
     assert said == []
-    assert np.asarray(writer.usual_errors("synthetic")["shield"].mean)[0] == 0.4
+    assert np.asarray(writer.usual_ratios("synthetic")["shield"].mean)[0] == -0.34
     assert said == ["baseline synthetic: of a synthetic recording: alarms are set against nothing measured"]
+
+
+@pytest.mark.parametrize(
+    ("usual", "warning"),
+    [
+        (ErrorStatistics(0.4, 0.01, 9), "of an older version, without logarithms of levels: make it anew"),
+        (ErrorStatistics(0.4, 0.3, 9, -0.34, 0.3), "shield x scatters so much that only a change by a factor of 2.5"),
+    ],
+)
+def test_a_baseline_that_is_of_no_use_is_a_warning(tmp_path, writer, said, usual, warning):
+    with History(tmp_path / "h.sqlite") as history:
+        history.store_baseline(Baseline("one", "dz101", "", 1, 0, 1, {("shield", "x"): usual}, "live"))
+    assert ("shield" in writer.usual_ratios("one")) == (usual.log_mean is not None)
+    assert len(said) == 1
+    assert warning in said[0]
 
 
 def test_a_file_that_fails_gives_no_baseline_and_a_reason(tmp_path, writer):
@@ -206,20 +221,20 @@ def test_a_file_that_fails_gives_no_baseline_and_a_reason(tmp_path, writer):
         other.execute("DROP TABLE usual_errors")
         other.execute("DROP TABLE baselines")
     with pytest.raises(HistoryError, match=r"baseline sound: .*h\.sqlite: no such table: baselines"):
-        writer.usual_errors("sound")
+        writer.usual_ratios("sound")
 
 
 def test_a_baseline_has_to_be_of_the_same_machine(tmp_path, writer):
-    usual = {("shield", "x"): ErrorStatistics(0.4, 0.01, 9)}
+    usual = {("shield", "x"): ErrorStatistics(0.4, 0.01, 9, -0.34, 0.01)}
     with History(tmp_path / "h.sqlite") as history:
         history.store_baseline(Baseline("sound", "dz101", "", 1, 0, 1, usual))
         for name in ("sound", "foreign"):
             history.store_baseline(
-                Baseline(name, "open380", "", 1, 0, 1, {("shield", "x"): ErrorStatistics(0.9, 0.01, 9)})
+                Baseline(name, "open380", "", 1, 0, 1, {("shield", "x"): ErrorStatistics(0.9, 0.01, 9, -0.64, 0.01)})
             )
-    assert np.asarray(writer.usual_errors("sound")["shield"].mean)[0] == 0.4
+    assert np.asarray(writer.usual_ratios("sound")["shield"].mean)[0] == -0.34
     with pytest.raises(HistoryError, match="baseline foreign: of machine open380, allowed: one of dz101"):
-        writer.usual_errors("foreign")
+        writer.usual_ratios("foreign")
 
 
 def test_none_keeps_nothing(said):

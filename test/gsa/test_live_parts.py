@@ -126,7 +126,11 @@ def test_one_frame_of_a_topic_is_used_until_it_is_silent():
 
 def test_the_alarm_says_what_raised_it(compare):
     latest, alarm = compare().latest["girder"], ErrorAlarm(0.3, 2, ["x"], "", {})
-    assert [alarm.update(latest) for _ in range(3)] == ["", "girder: relative error over 0.3 for 2 windows", ""]
+    assert [alarm.update(latest) for _ in range(3)] == [
+        "",
+        "girder: measured and computed differ by more than 0.3 for 2 windows",
+        "",
+    ]
     assert alarm.raised == {"girder"}
 
 

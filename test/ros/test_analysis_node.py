@@ -157,7 +157,7 @@ def test_windows_alarm_and_study(host_node, peer, tmp_path):
     output = results[0].status[0].name.rpartition(" ")[2]
     for key in ("surrogate", "r2_cv", "r2_test", "determined"):
         assert peer.value(GSA, f"{key}_{output}") == quality[key]
-    assert "relative error over its threshold" in peer.said["tbm: comparison shield"]
+    assert "measured level over its threshold" in peer.said["tbm: comparison shield"]
     assert peer.text("tbm: comparison girder") == "no window yet"
 
     for t, reason in ((float("inf"), "not finite"), (1.7e9, "allowed: below 86400 s")):
@@ -266,13 +266,16 @@ def test_mapped_topics_with_their_units_axes_and_types(host_node, peer, tmp_path
 
 
 def test_alarms_are_set_against_a_baseline_of_the_history(host_node, peer, tmp_path):
-    """An error of 50 % is no alarm for a machine whose baseline says so, but a change of it is one."""
+    """An error of 50 % is no alarm for a machine whose baseline says so, but growth from there is one."""
     file = tmp_path / "h.sqlite"
-    usual = {("shield", axis): ErrorStatistics(value, 0.01, 9) for axis, value in (("x", 0.5), ("y", 0.0), ("z", 0.5))}
+    usual = {
+        ("shield", axis): ErrorStatistics(0.0, 0.01, 9, float(value), 0.01)
+        for axis, value in zip("xyz", np.log(FIELD / MODEL), strict=True)
+    }
     with History(file) as history:
         history.store_baseline(Baseline("sound", "dz101", "", 1, 0, 1, usual))
         history.store_baseline(
-            Baseline("sound", "south", "", 2, 0, 1, {("shield", "x"): ErrorStatistics(0.0, 0.01, 9)})
+            Baseline("sound", "south", "", 2, 0, 1, {("shield", "x"): ErrorStatistics(0.0, 0.01, 9, 0.0, 0.01)})
         )
     windows = listen_to(peer, "shield")
     node = host_node(
@@ -302,11 +305,11 @@ def test_alarms_are_set_against_a_baseline_of_the_history(host_node, peer, tmp_p
     assert found[-1].entry.field_crest_factor == pytest.approx(np.sqrt(2.0), rel=0.05)  # of a sine
     assert found[-1].entry.field_kurtosis == pytest.approx(1.5, rel=0.05)
 
-    levels["field"] = np.array([10.0, 1.0, 4.0])  # 70 % on x: a change of 20 %, under the threshold of 30 %
+    levels["field"] = np.array([2.5, 1.0, 4.0])  # a quarter more on x, under the threshold of 30 %
     feed(5)
-    assert not node.says("change of the relative error")
-    levels["field"] = np.array([2.0, 2.0, 4.0])  # 50 % on y, whose baseline is 0
-    feed(2, until=lambda: node.says("change of the relative error against sound over 0.3 for 2 windows"))
+    assert not node.says("level changed")
+    levels["field"] = np.array([2.0, 1.5, 4.0])  # half as much again on y
+    feed(2, until=lambda: node.says("level changed against sound by more than 0.3 for 2 windows"))
     assert peer.text("tbm: comparison shield") != "compared"
 
     (refused,) = peer.set_parameters(NODE, baseline="other")
@@ -410,12 +413,12 @@ def test_a_standstill_is_no_alarm_and_blocks_go_before_samples(host_node, peer):
     feed(8, until=lambda: peer.text(status) == standing)
     assert peer.diagnostics[status].level == 0
     assert np.isnan(vectors(windows["relative_error"])[-3:]).all()
-    assert not node.says("relative error over")
+    assert not node.says("measured and computed differ")
 
     drive(0.6)
     dead = "field measures next to nothing along x, y, z: a dead channel?"
     feed(6, until=lambda: dead in peer.text(status))
-    assert not node.says("relative error over")
+    assert not node.says("measured and computed differ")
     level["field"] = 0.1 * FIELD
-    over = "relative error over 0.6 for 2 windows"
+    over = "measured and computed differ by more than 0.6 for 2 windows"
     feed(8, until=lambda: node.says(over))

@@ -288,7 +288,7 @@ def test_record_and_play_commands(started, bag, tmp_path):
         "/tbm/operating_point": 1,
     }
     assert (document["lost"], document["deleted"], document["files"]) == (0, [], ["copy.mcap"])
-    told = BagContents.of(output, Bag(output).info()).model_dump()
+    told = json.loads(BagContents.of(output, Bag(output).info()).model_dump_json())
     assert {key: document[key] for key in told} == told
     assert numbers(output) == list(range(20, 40))
     assert read_recording(output).operating_point.points == (OperatingPoint(0.586, 3.04e6, 1.2e7),)

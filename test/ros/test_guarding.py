@@ -11,6 +11,7 @@ from std_msgs.msg import Int32  # noqa: E402
 from std_srvs.srv import Trigger  # noqa: E402
 
 from tbm_msgs_py.nodes.managed import ManagedNode  # noqa: E402
+from tbm_msgs_py.nodes.parameters import NodeSettings  # noqa: E402
 
 pytestmark = pytest.mark.ros
 
@@ -23,7 +24,7 @@ class Fragile(ManagedNode):
     """Node that does not expect a number below zero, nor to be asked anything."""
 
     def __init__(self, **options):
-        super().__init__("fragile", **options)
+        super().__init__("fragile", NodeSettings, **options)
         self.taken, self.ill = [], False
 
     def configure(self):

@@ -65,11 +65,12 @@ def test_a_signal_during_the_start(tmp_path, monkeypatch, name):
 SWALLOWING = """
 import ctypes, os, signal, sys, time
 from tbm_msgs_py.nodes.managed import ManagedNode
+from tbm_msgs_py.nodes.parameters import NodeSettings
 from tbm_msgs_py.nodes.running import run_node
 
 class Compiling(ManagedNode):
     def __init__(self):
-        super().__init__("compiling")
+        super().__init__("compiling", NodeSettings)
 
     def configure(self):
         ctypes.CFUNCTYPE(None)(lambda: os.kill(os.getpid(), signal.SIGINT) or time.sleep(0.1))()
@@ -94,11 +95,12 @@ def test_a_signal_that_a_library_swallows_comes_again():
 IMPORTING = """
 import signal
 from tbm_msgs_py.nodes.managed import ManagedNode
+from tbm_msgs_py.nodes.parameters import NodeSettings
 from tbm_msgs_py.nodes.running import run_node
 
 class Importing(ManagedNode):
     def __init__(self):
-        super().__init__("importing")
+        super().__init__("importing", NodeSettings)
 
     def configure(self):
         exec("signal.raise_signal(signal.SIGINT)")

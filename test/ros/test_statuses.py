@@ -32,7 +32,7 @@ DOUBT = Condition(doubts=["2 publishers"])
     [
         (None, False, Condition(), DiagnosticStatus.STALE, "no window yet"),
         (window(), False, Condition(), DiagnosticStatus.OK, "compared"),
-        (window(), True, Condition(), DiagnosticStatus.WARN, "relative error over its threshold"),
+        (window(), True, Condition(), DiagnosticStatus.WARN, "measured level over its threshold"),
         (window(field=0.0), False, Condition(), DiagnosticStatus.STALE, "no signal of the field"),
         (window(model=0.0), True, Condition(), DiagnosticStatus.STALE, "no signal of the model"),
         (window(), True, SILENT, DiagnosticStatus.STALE, "no signal of the field for 3 s"),
@@ -43,7 +43,7 @@ DOUBT = Condition(doubts=["2 publishers"])
             DiagnosticStatus.ERROR,
             "block fields: none; no signal of the model for 3 s",
         ),
-        (window(), True, DOUBT, DiagnosticStatus.WARN, "relative error over its threshold; 2 publishers"),
+        (window(), True, DOUBT, DiagnosticStatus.WARN, "measured level over its threshold; 2 publishers"),
         (window(field=0.5), False, Condition(), DiagnosticStatus.WARN, "field covers 50% of the window"),
         (
             window(rms=1.3 / 9.80665),

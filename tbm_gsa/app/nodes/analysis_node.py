@@ -53,7 +53,7 @@ class AnalysisNode(ManagedNode[AnalysisSettings]):
         for line in unused:
             self.faults.report(line, line)
         self._history = self._open_history(machine)
-        self._baselines = {self.settings.baseline: self._history.usual_errors(self.settings.baseline)}
+        self._baselines = {self.settings.baseline: self._history.usual_ratios(self.settings.baseline)}
         self._alarm = self._new_alarm()
         self._comparison = LiveComparison(
             self._points, sensors.values(), self.settings.window, lambda text: self.get_logger().warning(text)
@@ -72,7 +72,7 @@ class AnalysisNode(ManagedNode[AnalysisSettings]):
         if not names.isdisjoint(("gsa.outputs", "gsa.duration")):
             self._check_study(settings)
         if "baseline" in names:  # what was read holds until it is set again, whatever happens to the file
-            self._baselines[settings.baseline] = self._history.usual_errors(settings.baseline)
+            self._baselines[settings.baseline] = self._history.usual_ratios(settings.baseline)
 
     def _check_study(self, settings: AnalysisSettings) -> None:
         """Refuse what a study of the machine would refuse, before one is started."""

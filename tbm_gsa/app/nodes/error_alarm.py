@@ -1,10 +1,10 @@
-"""The alarm on the relative error, with the reason why it was raised."""
+"""The simple alarm on the level, with the reason why it was raised."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
-from tbm_gsa.comparison import AlarmRule, UsualError, WindowResult
+from tbm_gsa.comparison import AlarmRule, UsualRatio, WindowResult
 
 _AXES = ("x", "y", "z")
 
@@ -15,23 +15,25 @@ class ErrorAlarm:
     Parameters
     ----------
     threshold : float
-        Of the relative error, or of its change against the baseline.
+        Share by which measured and computed RMS differ, or by which their ratio changes against the baseline.
     windows : int
         Consecutive windows over it.
     axes : sequence of str
         That are watched.
     baseline : str
         Name; empty: none.
-    usual : mapping of str to UsualError
-        Errors of the baseline by test point.
+    usual : mapping of str to UsualRatio
+        What is usual by the baseline, by test point.
     """
 
     def __init__(
-        self, threshold: float, windows: int, axes: Sequence[str], baseline: str, usual: Mapping[str, UsualError]
+        self, threshold: float, windows: int, axes: Sequence[str], baseline: str, usual: Mapping[str, UsualRatio]
     ) -> None:
         self._rule = AlarmRule(threshold, windows, usual, [_AXES.index(axis) for axis in axes])
-        what = f"change of the relative error against {baseline}" if baseline else "relative error"
-        self._text = f"{what} over {threshold:g} for {windows} windows"
+        what = (
+            f"measured over computed level changed against {baseline}" if baseline else "measured and computed differ"
+        )
+        self._text = f"{what} by more than {threshold:g} for {windows} windows"
 
     @property
     def raised(self) -> frozenset[str]:

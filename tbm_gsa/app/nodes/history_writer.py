@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from tbm_gsa.app.nodes.settings import OFF
-from tbm_gsa.comparison import UsualError, WindowResult
+from tbm_gsa.comparison import UsualRatio, WindowResult
 from tbm_gsa.history import (
     History,
     HistoryEntry,
@@ -102,8 +102,8 @@ class HistoryWriter:
         """Where the windows go; empty if nowhere."""
         return str(self._file or "")
 
-    def usual_errors(self, baseline: str) -> dict[str, UsualError]:
-        """Return the usual errors of a baseline of the source's machine; none without a name.
+    def usual_ratios(self, baseline: str) -> dict[str, UsualRatio]:
+        """Return what is usual by a baseline of the source's machine; none without a name.
 
         Raises
         ------
@@ -124,7 +124,16 @@ class HistoryWriter:
             raise HistoryError(f"baseline {baseline}: {self.path}: {error}") from None
         if found.kind == "synthetic":
             self._warn(f"baseline {baseline}: of a synthetic recording: alarms are set against nothing measured")
-        return found.usual_errors()
+        usual = found.usual_ratios()
+        if not usual:
+            self._warn(f"baseline {baseline}: of an older version, without logarithms of levels: make it anew")
+        for point, one in usual.items():
+            for axis, factor in one.blind.items():
+                self._warn(
+                    f"baseline {baseline}: {point} {axis} scatters so much that only a change by a factor of "
+                    f"{factor:.2g} or more counts"
+                )
+        return usual
 
     def add(self, result: WindowResult, rotating: bool, now_ns: int | None) -> None:
         """Write a window in which something was measured; `now_ns` as `live_now` returns it."""

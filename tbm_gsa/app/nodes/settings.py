@@ -45,11 +45,16 @@ class AnalysisSettings(MachineSettings, WritingSettings):
     """Parameters of `analysis_node`."""
 
     window: float = live_parameter(topics.WINDOW, "length of a comparison window (s)", low=0.1, high=3600.0)
-    threshold: float = live_parameter(topics.ERROR_THRESHOLD, "relative error that counts (1)", low=0.001, high=100.0)
+    threshold: float = live_parameter(
+        topics.ERROR_THRESHOLD,
+        "share by which measured and computed RMS must differ to count (1)",
+        low=0.001,
+        high=100.0,
+    )
     threshold_windows: int = live_parameter(
         topics.ERROR_WINDOWS, "windows in a row over the threshold that raise the alarm", low=1, high=10000
     )
-    alarm_axes: _Axes = live_parameter(("x",), "axes whose error is watched; the paper compares the axial one, x")
+    alarm_axes: _Axes = live_parameter(("x",), "axes whose level is watched; the paper compares the axial one, x")
     mapping: str = parameter(
         "", "mapping file of the field topics; empty: the topics of the contract, m/s², gravity removed"
     )
@@ -61,7 +66,7 @@ class AnalysisSettings(MachineSettings, WritingSettings):
     )
     history_days: float = parameter(90.0, "age at which live windows go; 0: never (d)", low=0.0, high=36500.0)
     baseline: str = live_parameter(
-        "", "baseline in the history whose errors alarms are set against; empty: the threshold is absolute"
+        "", "baseline in the history that alarms are set against; empty: the threshold is absolute"
     )
     gsa: GsaSettings = GsaSettings()
 

@@ -57,7 +57,7 @@ def _judge(latest: WindowResult | None, alarm: bool, health: Condition) -> tuple
     missing = [source for source in ("model", "field") if getattr(latest, f"{source}_coverage") == 0.0]
     if missing:
         return "stale", "; ".join([f"no signal of the {' and the '.join(missing)}", *health.doubts])
-    notes = ["relative error over its threshold"] if alarm else []
+    notes = ["measured level over its threshold"] if alarm else []
     notes += [*health.doubts, *_holes(latest)]
     if latest.operation == "steady":
         notes += [*_dead(latest), *filter(None, [unit_doubt(latest.field_rms, latest.model_rms)])]

@@ -70,7 +70,7 @@ class BagContents(Part):
             start_ns=found.start_ns,
             duration=found.duration,
             topics=topics,
-            doubts=tuple(_doubts(found)),
+            doubts=(),
         )
 
 
@@ -142,7 +142,8 @@ def info(
     with progress_bar("reading") as progress:
         if scan:
             progress.add_task("", total=None)
-        found = BagContents.of(bag, recording.info(scan=scan))
+        contents = recording.info(scan=scan)
+        found = BagContents.of(bag, contents).model_copy(update={"doubts": tuple(_doubts(contents))})
         if scan:
             found = _scanned(found, bag, mapping)
     if json:
