@@ -118,7 +118,8 @@ def test_a_command_ends_with_a_result_or_one_line(line, folder, capsys):
         assert err.startswith("tbm-monitor: ")
 
 
-def test_a_stream_that_takes_nothing_is_no_fault(tmp_path):
+@pytest.mark.parametrize("unbuffered", ["", "1"])
+def test_a_stream_that_takes_nothing_is_no_fault(tmp_path, unbuffered):
     cases = [
         ("machine list --json >/dev/full", 2, "tbm-monitor: <stdout>: No space left on device\n"),
         ("machine list <&- >&-", 0, ""),
@@ -131,6 +132,7 @@ def test_a_stream_that_takes_nothing_is_no_fault(tmp_path):
             cwd=tmp_path,
             stderr=subprocess.PIPE,
             text=True,
+            env=os.environ | {"PYTHONUNBUFFERED": unbuffered},
         )
         for line, _, _ in cases
     ]

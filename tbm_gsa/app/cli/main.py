@@ -84,7 +84,7 @@ def main() -> None:
         except OSError as error:
             os.dup2(os.open(os.devnull, os.O_WRONLY), stream.fileno())
             if stream is sys.stdout and code == 0 and not isinstance(error, BrokenPipeError):
-                _print_line(_line(error))
+                _print_line(f"{stream.name}: {error.strerror}")
                 code = BAD_INPUT
     if INTERRUPTED == 0:  # it is to end soon after a signal
         leave(code)
