@@ -1,7 +1,6 @@
 """What a result of a recording was made from, for every result says it."""
 
-from __future__ import annotations
-
+# Annotations as they are, no texts: models with this class in them look names up elsewhere with pydantic below 2.6.
 from dataclasses import dataclass
 from typing import Final
 
