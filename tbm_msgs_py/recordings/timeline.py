@@ -11,6 +11,7 @@ from tbm_msgs_py.recordings.decoding import DecodedSamples
 from tbm_msgs_py.recordings.faults import CLOCK_JUMP_NS, Clock, FaultCounts, clock_of, other_clocks
 
 LATENESS_NS = CLOCK_JUMP_NS  # a piece waits so long for samples that are late
+_LARGEST = float(np.finfo(np.float32).max)  # what a block holds; powers of more than that are no numbers
 _NONE = FaultCounts()
 NO_STAMPS = "every header stamp is 0, allowed: stamped samples"
 
@@ -141,8 +142,8 @@ class Timeline:
         return times[keep], values[keep], stamps[~astray], log[~astray]
 
     def _usable(self, times: Integers, values: Array) -> tuple[Integers, Array]:
-        """Drop samples that are not finite, and those for which it is too late."""
-        finite = np.isfinite(values).all(axis=1)
+        """Drop samples that are not finite or that no block holds, and those for which it is too late."""
+        finite = (np.abs(values) <= _LARGEST).all(axis=1)
         if not finite.all():
             times, values = times[finite], values[finite]
             self._count(FaultCounts(invalid=int(np.count_nonzero(~finite))))

@@ -178,10 +178,13 @@ def test_one_dead_sensor_is_a_problem_and_no_error(tmp_path):
         for k in range(20):
             write_accel(writer, TOPIC, START_NS + k * MS, (k, 0, 0))
             write_accel(writer, "/tbm/field/girder/accel", START_NS + k * MS, (np.nan, 0, 0))
+            write_accel(writer, "/tbm/field/walkway/accel", START_NS + k * MS, (0, -1e300, 0))
             write_accel(writer, "/tbm/field/gripper/accel", 0, (k, 0, 0), log_ns=START_NS + k * MS)
     recording = read_recording(tmp_path / "bag")
     assert set(recording.points) == {"shield"}
     assert "finite" in recording.problems["girder"]
+    assert "finite" in recording.problems["walkway"]
+    assert recording.faults["walkway"].invalid == 20
     assert "stamp" in recording.problems["gripper"]
 
 

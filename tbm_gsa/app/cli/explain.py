@@ -40,7 +40,7 @@ def explain(
     seed: Annotated[int, SEED_OPTION] = 0,
     json: Annotated[bool, JSON_OPTION] = False,
 ) -> None:
-    """Say whether rock, machine or a sensor explains a recording, which input or channel, and how far it is off."""
+    """Find what explains a recording: rock, machine (which input, its value) or sensor (which channel), or nothing."""
     # What they import takes a second, and other commands need none of it.
     from tbm_gsa.app.report.explanation_page import write_explanation_page  # noqa: PLC0415
     from tbm_gsa.explanation.workflow import ExplainOptions  # noqa: PLC0415

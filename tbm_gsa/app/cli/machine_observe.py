@@ -68,7 +68,7 @@ def observe(
     workers: Workers = 2,
     json: Annotated[bool, JSON_OPTION] = False,
 ) -> None:
-    """Say which inputs and loads sensors can see, how large a change must be, and which sensor more would help most."""
+    """List the inputs and loads that sensors can see, the smallest change found, and the best additional sensor."""
     from tbm_gsa.explanation.observability import ObservationSettings, observability  # noqa: PLC0415 - loads slowly
 
     described = load_machine(machine)

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
 @contextmanager
 def _named(stream: IO[str]) -> Iterator[None]:
-    """Let an error of a stream say which it is; a reader that has gone is another matter."""
+    """Add the name of the stream to its errors, but for a reader that has gone."""
     try:
         yield
     except BrokenPipeError:

@@ -147,7 +147,7 @@ class Watch:
         self._run_gsa.call_async(Trigger.Request())
 
     def _subscribe(self, name: str, callback: Callable[[Any], None]) -> None:
-        """Take what the nodes publish, with whatever quality of service their parameters say."""
+        """Subscribe to a topic of the contract, with the quality of service that its publishers offer."""
         MatchingSubscription(self._node, name, topics.contract(name), callback, self._node.get_logger().info)
 
     @staticmethod
