@@ -10,6 +10,7 @@ import numpy as np
 from pydantic import Field, model_validator
 
 from tbm_gsa.comparison.results import Duration, OperatingLevel
+from tbm_gsa.explanation.observability_result import Observable
 from tbm_gsa.reading import (
     Interval,
     Line,
@@ -180,6 +181,8 @@ class Explanation(Part):
         Band powers that carry no weight, and why.
     largest_deviation : float
         Of a band power, standard deviations, if the verdict is right.
+    observable : Observable or None
+        What the recording could show; an earlier version wrote none.
     causes : tuple of InputCause or NoChange
         The most probable first; with sensors and what is not explained their probabilities add up to 1.
     joint : Joint
@@ -204,6 +207,7 @@ class Explanation(Part):
     cannot_be_told: tuple[Name, ...] = ()
     weightless: dict[Name, Line] = Field(default_factory=dict)
     largest_deviation: Maybe = math.nan
+    observable: Observable | None = None
     causes: Annotated[tuple[InputCause | NoChange, ...], Field(min_length=1)]
     joint: Joint
     statistics: tuple[ComparedStatistic, ...]

@@ -99,6 +99,7 @@ def explain(comparison: ComparisonResult, folder: str | Path, options: ExplainOp
         cannot_be_told=found.blind,
         weightless=seen.weightless(found.used, curves.nominal),
         largest_deviation=parts.largest_deviation,
+        observable=parts.observable(),
         causes=parts.causes(),
         joint=parts.joint(),
         statistics=parts.statistics(),
