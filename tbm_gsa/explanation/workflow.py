@@ -86,6 +86,7 @@ def explain(comparison: ComparisonResult, folder: str | Path, options: ExplainOp
         names,
         seen.reading.band.high,
     )
+    depends = {key: evaluate.settings[key] for key in ("machine", "machine_sha256", "duration", "load_seed", "high_hz")}
     parts = ExplanationParts(found, posterior, checked_powers(found, evaluate), chosen.duration)
     result = Explanation(
         recording=RecordingFile(path=comparison.recording.path, sha256=comparison.recording.sha256),
@@ -106,8 +107,7 @@ def explain(comparison: ComparisonResult, folder: str | Path, options: ExplainOp
         standardised_misfit=parts.standardised_misfit,
         explained=found.verdict != "not explained",
         settings=ExplanationSettings.model_validate(
-            evaluate.settings
-            | {"samples": chosen.samples, "seeds": 1, "model_error": chosen.model_error, "seed": chosen.seed}
+            depends | {"samples": chosen.samples, "seeds": 1, "model_error": chosen.model_error, "seed": chosen.seed}
         ),
         seconds=time.perf_counter() - start,
         versions=package_versions(),

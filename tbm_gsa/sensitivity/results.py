@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING, Annotated, Final, TypeAlias
 
 import numpy as np
 from pydantic import (
-    BaseModel,
     BeforeValidator,
     ConfigDict,
     Field,
@@ -19,7 +18,7 @@ from pydantic import (
 )
 
 from tbm_gsa.provenance import package_versions
-from tbm_gsa.reading import read_document
+from tbm_gsa.reading import Part, read_document
 from tbm_gsa.sensitivity.study.errors import StudyError
 from tbm_gsa.sensitivity.study.failures import Failures
 from tbm_msgs_py.base.files import write_json
@@ -67,10 +66,10 @@ ByCode = Annotated[dict[str, NullableNumber], BeforeValidator(_by_code)]
 IntervalsByCode = Annotated[dict[str, Interval], BeforeValidator(_by_code)]
 
 
-class ResultPart(BaseModel):
-    """Base of the parts of a result, made of the attributes of what was found; arrays by the codes of the context."""
+class ResultPart(Part):
+    """Base of the parts of a study, made of the attributes of what was found; arrays by the codes of the context."""
 
-    model_config = ConfigDict(frozen=True, extra="ignore", from_attributes=True)
+    model_config = ConfigDict(from_attributes=True, strict=False, allow_inf_nan=True)
 
 
 class IndexTable(ResultPart):

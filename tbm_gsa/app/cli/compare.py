@@ -88,7 +88,7 @@ def compare(
         notes.print("not put into the history: the recording is synthetic, --keep puts it there", highlight=False)
     result = compared.result
     if json:
-        print_json(result.model_dump())
+        print_json(result)
     else:
         print_tables(result)
     for point, reason in result.skipped.items():

@@ -129,10 +129,9 @@ def print_sentence(text: str) -> None:
     results.print(Text(text), soft_wrap=False)
 
 
-def print_json(document: BaseModel | dict[str, object]) -> None:
+def print_json(document: BaseModel) -> None:
     """Write one JSON document to stdout; numbers that are not finite become null."""
-    content = document if isinstance(document, dict) else document.model_dump()
-    text = json_text(content, indent=2)
+    text = json_text(document.model_dump(), indent=2)
     with _named(sys.stdout):
         sys.stdout.write(text + "\n")
 

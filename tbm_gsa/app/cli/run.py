@@ -32,6 +32,7 @@ from tbm_gsa.app.cli.processes import NodeCommand, NodeProcesses, settle_ros_env
 from tbm_gsa.app.cli.simulate import schedule_of
 from tbm_gsa.app.cli.status_line import StatusLine
 from tbm_gsa.app.cli.supervision import ACTIVE_STATUSES, Supervision, watch
+from tbm_gsa.reading import Part
 from tbm_msgs_py import topics
 from tbm_msgs_py.base.errors import InputError, RunError
 from tbm_msgs_py.base.units import R_MIN
@@ -51,6 +52,43 @@ _LOADS_OPTION = typer.Option(
 _SEED_OPTION = typer.Option(
     "--seed", min=0, max=2**31 - 1, help="Seed of everything random; default: those of --params, else 0."
 )
+
+
+class PublishedBlocks(Part):
+    """Blocks of one topic, those lost, and the time of the stream (s)."""
+
+    blocks: int
+    lost: int
+    stream_time: float
+
+
+class NodeStatus(Part):
+    """Last status of one name on `/diagnostics`."""
+
+    level: int
+    message: str
+    values: dict[str, str]
+
+
+class RunResult(Part):
+    """What `run --json` prints; no seconds to the first block of the model where none came."""
+
+    first_block_seconds: float | None
+    topics: dict[str, PublishedBlocks]
+    diagnostics: dict[str, NodeStatus]
+
+    @classmethod
+    def of(cls, state: WatchState, first_block: float | None) -> RunResult:
+        """Gather what was received."""
+        blocks = {
+            topics.absolute(name): PublishedBlocks(blocks=one.received, lost=one.lost, stream_time=one.stream_time)
+            for name, one in state.blocks.items()
+        }
+        statuses = {
+            name: NodeStatus(level=level, message=message, values=values)
+            for name, (level, message, values) in sorted(state.diagnostics.items())
+        }
+        return cls(first_block_seconds=first_block, topics=blocks, diagnostics=statuses)
 
 
 def run(
@@ -116,7 +154,7 @@ def run(
     patience = math.inf if sim_time else _FIRST_BLOCK_S
     first_block, stopped = _run(watching, commands, out / "logs", point, duration, patience)
     if json:
-        print_json(run_document(watching.state, first_block))
+        print_json(RunResult.of(watching.state, first_block))
     else:
         _print_table(watching.state, first_block)
     if stopped:
@@ -215,21 +253,6 @@ def _follow(
         if duration is not None and reached >= duration and not asked:
             diagnostics.clear()  # of before the end
             asked = True
-
-
-def run_document(state: WatchState, first_block: float | None) -> dict[str, object]:
-    """Document of `run --json`: blocks by topic, diagnostics by status name, seconds to the first block."""
-    return {
-        "first_block_seconds": first_block,
-        "topics": {
-            topics.absolute(name): {"blocks": count.received, "lost": count.lost, "stream_time": count.stream_time}
-            for name, count in state.blocks.items()
-        },
-        "diagnostics": {
-            name: {"level": level, "message": message, "values": values}
-            for name, (level, message, values) in sorted(state.diagnostics.items())
-        },
-    }
 
 
 def _print_table(state: WatchState, first_block: float | None) -> None:

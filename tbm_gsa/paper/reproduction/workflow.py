@@ -135,7 +135,7 @@ def _result(
         rows=tuple(rows),
         verdicts=count_verdicts(row for row in rows if row.reading in (None, both[0].name)),
         other_reading=count_verdicts(row for row in rows if row.reading == both[1].name),
-        readings=tuple(ReadingSummary(**vars(one)) for one in both),
+        readings=tuple(ReadingSummary(name=one.name, title=one.title, own=one.own, fitted=one.fitted) for one in both),
         machine=machine.name,
         machine_file=machine_file(machine),
         recording=ReproducedRecording(
