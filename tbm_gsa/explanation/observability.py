@@ -117,12 +117,10 @@ def observability(
     _check(chosen)
     spots = _spots(machine, sensors, candidates)
     equipped, reading = _equipped(machine, [spot for _, spot in spots.values()], list(spots))
-    problem = _Problem.of(machine, equipped, reading, chosen, run)
+    seen = _Observation.of(machine, equipped, reading, chosen, run)
     own = [name for name, (given, _) in spots.items() if given]
-    before = problem.view(own)
-    gains = [
-        problem.gain(before, problem.view([*own, name]), spot) for name, (given, spot) in spots.items() if not given
-    ]
+    before = seen.view(own)
+    gains = [seen.gain(before, seen.view([*own, name]), spot) for name, (given, spot) in spots.items() if not given]
     return Observability(
         machine=machine.name,
         machine_file=MachineFile(origin=machine.origin, sha256=machine_sha256(machine)),
@@ -134,9 +132,9 @@ def observability(
         sensors=tuple(spots[name][1] for name in own),
         statistics=tuple(before.names),
         unused=tuple(before.unused),
-        inputs={item.code: problem.input(before, k) for k, item in enumerate(problem.inputs.inputs)},
-        loads=problem.loads(before),
-        pairs=tuple(problem.pairs(before)),
+        inputs={item.code: seen.input(before, k) for k, item in enumerate(seen.inputs.inputs)},
+        loads=seen.loads(before),
+        pairs=tuple(seen.pairs(before)),
         candidates=tuple(sorted(gains, key=lambda one: -one.bits)),
         versions=package_versions(),
     )
@@ -204,7 +202,7 @@ class _View:
 
 
 @dataclass(frozen=True, eq=False)
-class _Problem:
+class _Observation:
     """A machine with sensors everywhere that is looked at; k statistics, n inputs.
 
     Attributes
@@ -229,7 +227,7 @@ class _Problem:
     @classmethod
     def of(
         cls, machine: Machine, equipped: Machine, reading: BandReading, settings: ObservationSettings, run: Run
-    ) -> _Problem:
+    ) -> _Observation:
         """Compute the machine with every input less and more."""
         prior = machine.description.loads.factors
         if not prior.values.all():

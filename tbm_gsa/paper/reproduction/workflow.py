@@ -92,7 +92,7 @@ def reproduce(
     RecordingError
         A recording that cannot be compared.
     """
-    chosen, clock = sizes or Sizes(), _Clock()
+    chosen, clock = sizes or Sizes(), _Stopwatch()
     if folder.exists() and not folder.is_dir():
         raise StudyError(f"{folder}: is a file, allowed: a folder, new or with an earlier reproduction")
     described = load_machine(machine)
@@ -185,7 +185,7 @@ def _study_rows(study: Study) -> Iterator[Row]:
         yield row if study.reading.own else row.noted(f"{study.campaign.train} points{failed}")
 
 
-class _Clock:
+class _Stopwatch:
     """Seconds by stage."""
 
     def __init__(self) -> None:
