@@ -22,6 +22,7 @@ from tbm_gsa.app.cli.output import (
     print_json,
     progress_bar,
     results,
+    staged_progress,
 )
 from tbm_gsa.app.cli.shipped import RECORDING_ARGUMENT, recording_path
 from tbm_gsa.comparison.results import ComparisonResult
@@ -37,7 +38,7 @@ from tbm_gsa.history import (
 )
 from tbm_gsa.signals.settings import Settings
 from tbm_msgs_py.bags.metadata import is_synthetic
-from tbm_msgs_py.base.files import check_result
+from tbm_msgs_py.base.files import check_result, write_whole
 from tbm_msgs_py.recordings.recording_health import COUNTS
 
 
@@ -66,7 +67,6 @@ def compare(
     if kept and history is not None:
         check_history(history)  # a bad one is refused before the work
     with progress_bar("comparing") as bar:
-        task = bar.add_task("", total=None)
         compared = compare_recording(
             bag,
             machine,
@@ -74,14 +74,12 @@ def compare(
             model_duration,
             seed,
             Settings(window_s=window),
-            progress=lambda stage, share: bar.update(
-                task, description=stage, total=None if share is None else 1.0, completed=share or 0.0
-            ),
+            progress=staged_progress(bar),
         )
     if html is not None:
-        from tbm_gsa.app.report.compare_page import write_page  # noqa: PLC0415 - matplotlib takes its time
+        from tbm_gsa.app.report.compare_page import compare_page  # noqa: PLC0415 - matplotlib takes its time
 
-        write_page(compared, html)
+        write_whole(html, compare_page(compared).encode())
     if kept:
         _keep(compared, "synthetic" if synthetic else "offline", history)
     elif keep is None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from typing import IO, TYPE_CHECKING, Annotated, Any, Literal
 
@@ -153,3 +153,13 @@ def progress_bar(title: str = "") -> Iterator[Progress]:
         disable=not notes.is_terminal,
     ) as bar:
         yield bar
+
+
+def staged_progress(bar: Progress) -> Callable[[str, float | None], None]:
+    """One line on a bar, called with what is done now and the share of it; None where the end is not known."""
+    task = bar.add_task("", total=None)
+
+    def update(stage: str, share: float | None) -> None:
+        bar.update(task, description=stage, total=None if share is None else 1.0, completed=share or 0.0)
+
+    return update

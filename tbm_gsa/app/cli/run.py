@@ -13,6 +13,7 @@ import typer
 
 from tbm_dynamics import OperatingPoint, load_machine
 from tbm_dynamics.loads.stepper import LOAD_MODELS, LoadModel
+from tbm_dynamics.streaming.schedule import Schedule
 from tbm_dynamics.streaming.streams import LoadStream
 from tbm_gsa.app.cli.output import (
     COLUMN_OPTION,
@@ -133,18 +134,10 @@ def run(
     described.assemble()
     level = loads or _level(site)
     plan = schedule_of(schedule, schedule_column, schedule_where)
-    # Refused here, in one line, rather than by the node.
-    stream = LoadStream(described, seed or 0, 1e-3, 1, level, plan)
     point = _operating_point(described.operating_point, speed, torque, thrust)
-    if point is not None and plan is not None:
-        raise typer.BadParameter("--schedule with --speed, --torque or --thrust, allowed: one way to drive")
-    if point is not None:
-        stream.set_operating_point(point)
+    _check_driving(LoadStream(described, seed or 0, 1e-3, 1, level, plan), point, plan)
     driven: dict[str, object] = {"machine": described.origin, "loads": level}
-    if schedule is not None:
-        driven |= {"schedule": str(schedule.absolute()), "schedule_columns": schedule_column or [""]}
-        driven |= {"schedule_where": schedule_where or [""]}
-    commands = node_commands(driven, seed, out, site)
+    commands = node_commands(driven | _scheduled(schedule, schedule_column, schedule_where), seed, out, site)
     if foxglove:
         commands.append(NodeCommand("live_view", {"port": foxglove}))
     if sim_time:
@@ -180,6 +173,21 @@ def _operating_point(
         own.torque if torque is None else torque * 1e3,
         own.thrust if thrust is None else thrust * 1e3,
     )
+
+
+def _check_driving(stream: LoadStream, point: OperatingPoint | None, plan: Schedule | None) -> None:
+    """Refuse here, in one line, what the node of the loads would refuse."""
+    if point is not None and plan is not None:
+        raise typer.BadParameter("--schedule with --speed, --torque or --thrust, allowed: one way to drive")
+    if point is not None:
+        stream.set_operating_point(point)
+
+
+def _scheduled(file: Path | None, columns: list[str] | None, where: list[str] | None) -> dict[str, object]:
+    """Parameters of the load node for a schedule; none without one."""
+    if file is None:
+        return {}
+    return {"schedule": str(file.absolute()), "schedule_columns": columns or [""], "schedule_where": where or [""]}
 
 
 def node_commands(driven: Mapping[str, object], seed: int | None, out: Path, site: ParameterFile) -> list[NodeCommand]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Annotated
 
@@ -12,7 +12,7 @@ from rich.text import Text
 
 from tbm_gsa.app.cli.output import JSON_OPTION, add_row, narrow_table, notes, print_json, progress_bar, results
 from tbm_gsa.reading import Part
-from tbm_msgs_py.importing import ImportedStream, describe, import_recording
+from tbm_msgs_py.importing import Description, Imported, ImportedStream, describe, import_recording
 from tbm_msgs_py.importing.apart import CRASHING, import_apart
 
 _POINT = "POINT=X,Y,Z"
@@ -66,26 +66,19 @@ def import_(
     json: Annotated[bool, JSON_OPTION] = False,
 ) -> None:
     """Turn files of measurements into a recording; units and time are stated, never guessed."""
-    described = [given for given in mapping or [] if "=" not in given]
-    if len(described) > 1:
-        raise typer.BadParameter(f"--map: {', '.join(described)}, allowed: one import description")
+    file, mapped = _split(mapping or [])
     sensor = _stated({"units": units, "gravity": gravity, "frame": frame, "full_scale": full_scale})
     operating = _stated({"speed": speed, "torque": torque, "thrust": thrust, "advance": advance})
     changes = {
-        "points": _points((given for given in mapping or [] if "=" in given), sensor) or None,
+        "points": _points(mapped, sensor) or None,
         "operating_point": {key: _quantity(key, str(value)) for key, value in operating.items()} or None,
         "time": time if time in (None, "file") else _column("time", time),
         "rate": rate,
         "start": start,
         "timezone": timezone,
     }
-    description = describe(described[0] if described else None, _stated(changes))
-    with progress_bar("importing") as bar:
-        task = bar.add_task("", total=None)
-        if any(file.suffix.lower() in CRASHING for file in files):
-            imported = import_apart(files, description, out)
-        else:
-            imported = import_recording(files, description, out, lambda samples: bar.advance(task, samples))
+    description = describe(file, _stated(changes))
+    imported = _imported(files, description, out)
     found = ImportResult(path=str(out), streams=imported.streams, warnings=tuple(imported.warnings))
     for warning in found.warnings:
         notes.print(f"warning: {warning}", highlight=False)
@@ -95,8 +88,25 @@ def import_(
         _print_table(found)
 
 
+def _imported(files: Sequence[Path], description: Description, out: Path) -> Imported:
+    """Import; where the library of a format may crash, in a process of its own."""
+    with progress_bar("importing") as bar:
+        task = bar.add_task("", total=None)
+        if any(file.suffix.lower() in CRASHING for file in files):
+            return import_apart(files, description, out)
+        return import_recording(files, description, out, lambda samples: bar.advance(task, samples))
+
+
 def _stated(values: Mapping[str, object]) -> dict[str, object]:
     return {key: value for key, value in values.items() if value is not None}
+
+
+def _split(mapping: Iterable[str]) -> tuple[str | None, list[str]]:
+    """File of the description, if one is named, and the test points mapped to columns."""
+    files, mapped = ([given for given in mapping if ("=" in given) == point] for point in (False, True))
+    if len(files) > 1:
+        raise typer.BadParameter(f"--map: {', '.join(files)}, allowed: one import description")
+    return (files[0] if files else None), mapped
 
 
 def _points(mapped: Iterable[str], sensor: Mapping[str, object]) -> dict[str, dict[str, object]]:
