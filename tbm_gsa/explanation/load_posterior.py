@@ -152,15 +152,7 @@ def load_posterior(
     errors = np.broadcast_to(np.asarray(model_error), observed.powers.shape)[used]
     alone = scatter if len(used) == len(observed.powers) else scatter.only(used)
     step = _Step(replace(observed, noise=observed.noise[used]), alone, errors)
-    theta = middle if start is None else start
-    for _ in range(_ROUNDS):
-        residual, slope, chance = step.at(theta, target)
-        weighted = scipy.linalg.solve(chance, slope, assume_a="pos")
-        precision = slope.T @ weighted + np.eye(len(theta)) / size**2
-        move = np.linalg.solve(precision, weighted.T @ residual - (theta - middle) / size**2)
-        theta = theta + move * min(1.0, 1.0 / float(np.abs(move).max()))  # a factor of e at most
-        if np.abs(move).max() < _SETTLED:
-            break
+    theta = _most_likely(step, target, middle, size, middle if start is None else start)
     residual, slope, chance = step.at(theta, target)
     covariance = np.linalg.inv(
         slope.T @ scipy.linalg.solve(chance, slope, assume_a="pos") + np.eye(len(theta)) / size**2
@@ -177,6 +169,19 @@ def load_posterior(
         scatter=chance,
         log_evidence=float(-0.5 * (off + volume - gained)),
     )
+
+
+def _most_likely(step: _Step, target: Array, middle: Array, size: float, theta: Array) -> Array:
+    """Logarithms (r,) of the factors that are most likely, from a guess on."""
+    for _ in range(_ROUNDS):
+        residual, slope, chance = step.at(theta, target)
+        weighted = scipy.linalg.solve(chance, slope, assume_a="pos")
+        precision = slope.T @ weighted + np.eye(len(theta)) / size**2
+        move = np.linalg.solve(precision, weighted.T @ residual - (theta - middle) / size**2)
+        theta = theta + move * min(1.0, 1.0 / float(np.abs(move).max()))  # a factor of e at most
+        if np.abs(move).max() < _SETTLED:
+            break
+    return theta
 
 
 def telling(observed: BandObservation, scatter: LoadScatter) -> Integers:

@@ -19,7 +19,7 @@ import yaml
 from matplotlib.image import imread
 
 from tbm_dynamics import load_machine
-from tbm_dynamics.machine.summary import motion_parts
+from tbm_dynamics.machine.modes import motion_parts
 from tbm_gsa.app.cli.main import main
 from tbm_gsa.sensitivity.study.evaluate import MachineEvaluation
 
