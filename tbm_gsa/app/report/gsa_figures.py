@@ -8,6 +8,7 @@ from matplotlib.axes import Axes
 from matplotlib.colors import to_rgba
 from matplotlib.figure import Figure
 
+from tbm_gsa.app.report.compare_figures import tidy
 from tbm_gsa.sensitivity.results import NOT_DETERMINED, IndexTable, Interval, OutputResult
 from tbm_gsa.sensitivity.study.analysis import OutputFit
 from tbm_gsa.sensitivity.study.inputs import InputSet
@@ -195,9 +196,7 @@ def make_panels(count: int, *, height: float, columns: int = COLUMNS) -> tuple[F
     figure = Figure(figsize=(12.0, height * rows), layout="constrained")
     panels = [figure.add_subplot(rows, columns, 1 + k) for k in range(count)]
     for panel in panels:
-        panel.spines[["top", "right"]].set_visible(False)
-        panel.grid(axis="y", color="#e3e7ec", linewidth=0.8)
-        panel.set_axisbelow(True)
+        tidy(panel)
     return figure, panels
 
 

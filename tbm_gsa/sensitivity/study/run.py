@@ -81,10 +81,6 @@ def run_study(
         Made if it does not exist.
     options : StudyOptions, optional
 
-    Returns
-    -------
-    FinishedStudy
-
     Raises
     ------
     StudyError
