@@ -37,7 +37,7 @@ def _named(stream: IO[str]) -> Iterator[None]:
 class _Printable(Console):
     """Console that shows control characters in texts, which may be of others, and obeys only its own."""
 
-    def print(self, *objects: Any, **options: Any) -> None:
+    def print(self, *objects: Any, **options: Any) -> None:  # as rich has it
         """Print as rich does; columns of tables are as wide as what is shown in them."""
         for column in (column for table in objects if isinstance(table, Table) for column in table.columns):
             column._cells = [printable(str(cell), "\n") for cell in column.cells]
