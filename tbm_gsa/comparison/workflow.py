@@ -1,6 +1,6 @@
 """From a recording on disk to a comparison: reduce it, run the model at its levels of operation, compare."""
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
@@ -28,6 +28,7 @@ from tbm_gsa.signals.settings import Settings
 from tbm_msgs_py.bags.metadata import is_synthetic
 from tbm_msgs_py.base.errors import InputError, RecordingError
 from tbm_msgs_py.base.fields import Vector3
+from tbm_msgs_py.base.progress import Progress
 from tbm_msgs_py.base.texts import listed
 from tbm_msgs_py.recordings.mapping import SensorMapping, TopicMapping
 from tbm_msgs_py.recordings.recording import RecordingReader, open_recording
@@ -36,9 +37,6 @@ from tbm_msgs_py.recordings.recording_health import PointHealth
 LONGEST_MODEL_S = 3600.0
 SHORTEST_MODEL_S = 1.0
 SHORTEST_WINDOW_S, LONGEST_WINDOW_S = 0.01, 86_400.0
-
-Progress = Callable[[str, float | None], None]
-"""Called with what is done now and the share of it, 0 to 1; None where the end is not known."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -27,6 +27,7 @@ from tbm_gsa.sensitivity.study.distributions import Distribution, LogUniform, Un
 from tbm_gsa.sensitivity.study.inputs import Input, InputSet
 from tbm_msgs_py.base.arrays import Array, Integers
 from tbm_msgs_py.base.errors import InputError
+from tbm_msgs_py.base.progress import CountDone
 
 CELLS: Final[Mapping[type[Distribution], int]] = {Uniform: 2, LogUniform: 6}
 """Parts of the range of an input, between whose ends the model is computed, and at the machine's own value."""
@@ -38,7 +39,6 @@ _ERROR_SHARE: Final = 0.5
 _SAME: Final = 1e-3  # of the range, by which a value is still the machine's own
 _FELT: Final = 1e-12  # of a statistic's power: what is less is rounding
 
-Progress = Callable[[int, int], None]
 """Called with how many machines are done, and of how many."""
 
 
@@ -158,7 +158,7 @@ class CauseCurves:
 
 
 def cause_curves(
-    machine: Machine, reading: BandReading, workers: int = WORKERS, progress: Progress = lambda *_: None
+    machine: Machine, reading: BandReading, workers: int = WORKERS, progress: CountDone = lambda *_: None
 ) -> CauseCurves:
     """Compute the curves of a machine at its operating point.
 
@@ -218,7 +218,7 @@ Job = tuple[str, int, float]
 Done = tuple[tuple[str, int], _MachineRow]
 
 
-def _computed(machine: Machine, reading: BandReading, jobs: list[Job], workers: int, progress: Progress) -> list[Done]:
+def _computed(machine: Machine, reading: BandReading, jobs: list[Job], workers: int, progress: CountDone) -> list[Done]:
     """Rows of machines, by code and number."""
     if workers == 1:
         return [((code, number), _row(machine, reading, code, value)) for code, number, value in jobs]

@@ -18,10 +18,10 @@ from tbm_gsa.explanation.parts import ExplanationParts, checked_powers
 from tbm_gsa.explanation.result import RESULT_NAME, Explanation, ExplanationSettings
 from tbm_gsa.provenance import machine_sha256, package_versions
 from tbm_gsa.reading import RecordingFile
-from tbm_gsa.sensitivity.study.campaign import Progress
 from tbm_gsa.sensitivity.study.errors import StudyError
 from tbm_gsa.sensitivity.study.evaluate import MachineEvaluation
 from tbm_msgs_py.base.files import write_json
+from tbm_msgs_py.base.progress import Progress
 
 _SPEED_DIGITS: Final = 3
 _LOAD_DIGITS: Final = 2

@@ -3,20 +3,22 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from typing import IO, TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 from rich import box
 from rich.console import Console, ConsoleOptions, RenderableType
-from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
+from rich.progress import BarColumn, TextColumn, TimeElapsedColumn, TimeRemainingColumn
+from rich.progress import Progress as ProgressBar
 from rich.segment import Segment
 from rich.table import Table
 from rich.text import Text
 
 from tbm_msgs_py.base.errors import InputError
 from tbm_msgs_py.base.files import json_text
+from tbm_msgs_py.base.progress import Progress
 from tbm_msgs_py.base.texts import printable
 
 if TYPE_CHECKING:
@@ -137,14 +139,14 @@ def print_json(document: BaseModel) -> None:
 
 
 @contextmanager
-def progress_bar(title: str = "") -> Iterator[Progress]:
+def progress_bar(title: str = "") -> Iterator[ProgressBar]:
     """Progress on stderr, shown only on a terminal; add a task to it, whose description follows the title."""
     columns = (
         TextColumn(f"{title} {{task.description}}".lstrip(), markup=False),
         BarColumn(),
         TextColumn("{task.percentage:>3.0f} %"),
     )
-    with Progress(
+    with ProgressBar(
         *columns,
         TimeElapsedColumn(),
         TimeRemainingColumn(),
@@ -155,7 +157,7 @@ def progress_bar(title: str = "") -> Iterator[Progress]:
         yield bar
 
 
-def staged_progress(bar: Progress) -> Callable[[str, float | None], None]:
+def staged_progress(bar: ProgressBar) -> Progress:
     """One line on a bar, called with what is done now and the share of it; None where the end is not known."""
     task = bar.add_task("", total=None)
 

@@ -25,9 +25,9 @@ from tbm_gsa.paper.reproduction.sensitivity import sensitivity_rows
 from tbm_gsa.paper.reproduction.studies import Campaign, Study, fitted_study, whole_study
 from tbm_gsa.paper.reproduction.surrogates import surrogate_rows
 from tbm_gsa.provenance import machine_file, package_versions
-from tbm_gsa.sensitivity.study.campaign import Progress
 from tbm_gsa.sensitivity.study.errors import StudyError
 from tbm_gsa.sensitivity.study.run import FinishedStudy
+from tbm_msgs_py.base.progress import Progress
 
 
 class _Stopwatch:

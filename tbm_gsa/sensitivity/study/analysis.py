@@ -14,7 +14,6 @@ from tbm_gsa.sensitivity.sobol.indices import SobolIndices, of_a_constant
 from tbm_gsa.sensitivity.sobol.monte_carlo import ConvergenceStep, convergence_sizes, sobol_convergence
 from tbm_gsa.sensitivity.sobol.of_surrogate import is_constant, sobol_of_surrogate
 from tbm_gsa.sensitivity.sobol.paths import PathIndices, sobol_of_paths
-from tbm_gsa.sensitivity.study.campaign import Progress
 from tbm_gsa.sensitivity.study.candidates import Candidate, Data, best_by_method, best_of, fit_candidates, nested_r2
 from tbm_gsa.sensitivity.study.curves import Curve, response_curve
 from tbm_gsa.sensitivity.study.errors import StudyError
@@ -24,6 +23,7 @@ from tbm_gsa.sensitivity.study.workers import local_processes
 from tbm_gsa.sensitivity.surrogates import SURROGATES
 from tbm_gsa.sensitivity.surrogates.krg import Kriging
 from tbm_msgs_py.base.errors import InputError
+from tbm_msgs_py.base.progress import Progress
 
 
 @dataclass(frozen=True, eq=False)
