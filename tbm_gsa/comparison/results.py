@@ -14,8 +14,8 @@ from typing import Annotated, Final, Literal
 from pydantic import Field, SerializerFunctionWrapHandler, model_serializer, model_validator
 
 from tbm_dynamics import Machine
-from tbm_gsa.reading import LARGEST_NUMBER, Interval, Line, MachineFile, Name, Number, Part, PathText, Seed, Size
-from tbm_msgs_py.base.fields import Vector3
+from tbm_gsa.reading import LARGEST_NUMBER, Interval, MachineFile, Number, Part, PathText, Seed, Size, TextLine
+from tbm_msgs_py.base.fields import Name, Vector3
 from tbm_msgs_py.recordings.channels import LeftOut
 from tbm_msgs_py.recordings.used import UsedSources
 
@@ -197,7 +197,7 @@ class DwellResult(Part):
 class ExpectedLine(Part):
     """Line of the loads, mesh frequency or its double, or axial natural frequency."""
 
-    name: Line
+    name: TextLine
     frequency_hz: Size
     kind: LineKind
 
@@ -295,7 +295,7 @@ class ComparisonResult(Part):
     dwells: tuple[DwellResult, ...]
     seed: Seed
     model_duration: Duration
-    versions: dict[Name, Line]
+    versions: dict[Name, TextLine]
     synthetic: bool = False
 
     @model_validator(mode="after")

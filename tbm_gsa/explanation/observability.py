@@ -49,7 +49,7 @@ SIMILAR: Final = 0.9
 FACTOR_REACH: Final = 3.0
 """Standard deviations of its logarithm by which a load's factor may move."""
 
-Run = Callable[[Callable[[Machine], Array], Iterable[Machine]], Iterable[Array]]
+RunMachines = Callable[[Callable[[Machine], Array], Iterable[Machine]], Iterable[Array]]
 """`map`, or that of a pool of processes."""
 
 
@@ -92,7 +92,7 @@ def observability(
     sensors: Sequence[SensorChoice],
     candidates: Sequence[SensorChoice] = (),
     settings: ObservationSettings | None = None,
-    run: Run = map,
+    run: RunMachines = map,
 ) -> Observability:
     """Find what sensors on a machine at its operating point can see.
 
@@ -225,7 +225,7 @@ class _Observation:
 
     @classmethod
     def of(
-        cls, machine: Machine, equipped: Machine, reading: BandReading, settings: ObservationSettings, run: Run
+        cls, machine: Machine, equipped: Machine, reading: BandReading, settings: ObservationSettings, run: RunMachines
     ) -> _Observation:
         """Compute the machine with every input less and more."""
         prior = machine.description.loads.factors

@@ -118,7 +118,7 @@ class _Task:
 
 
 Found = TypeVar("Found", bound=OutputFit)
-Done = TypeVar("Done")
+Worked = TypeVar("Worked")
 
 
 @dataclass(frozen=True, eq=False)
@@ -240,13 +240,13 @@ def strongest(indices: SobolIndices, count: int = STRONGEST) -> list[int]:
     return [int(k) for k in np.argsort(-indices.total, kind="stable")[:count]]
 
 
-def _run(work: Callable[[_Task], Done], tasks: Sequence[_Task], workers: int) -> Iterator[Done]:
+def _run(work: Callable[[_Task], Worked], tasks: Sequence[_Task], workers: int) -> Iterator[Worked]:
     """Work on outputs, here or in processes, as they get done; of several that fail the first in order is raised."""
     if workers < 2:
         yield from map(work, tasks)
         return
     waiting = deque(enumerate(tasks))
-    running: dict[Future[Done], int] = {}
+    running: dict[Future[Worked], int] = {}
     failed: dict[int, BaseException] = {}
     with local_processes(workers) as processes:
         while running or (waiting and not failed):
