@@ -17,6 +17,7 @@ from tbm_dynamics import Machine
 from tbm_gsa.reading import LARGEST_NUMBER, Interval, MachineFile, Number, Part, PathText, Seed, Size, TextLine
 from tbm_msgs_py.base.fields import Name, Vector3
 from tbm_msgs_py.recordings.channels import LeftOut
+from tbm_msgs_py.recordings.faults import seconds_by_axis
 from tbm_msgs_py.recordings.used import UsedSources
 
 BAND = r"^\d+(\.\d+)?-\d+(\.\d+)?_hz$"
@@ -238,10 +239,7 @@ class RecordedPoint(Part):
     @property
     def stuck_texts(self) -> list[str]:
         """Sensor axes that held one value, and for how long."""
-        seconds: dict[str, float] = {}
-        for axis, begin, end in self.stuck:
-            seconds[axis] = seconds.get(axis, 0.0) + end - begin
-        return [f"{axis} for {time:.3f} s" for axis, time in seconds.items()]
+        return [f"{axis} for {time:.3f} s" for axis, time in seconds_by_axis(self.stuck).items()]
 
 
 class RecordingResult(Part):

@@ -16,7 +16,7 @@ import scipy.linalg
 import scipy.special
 
 from tbm_dynamics.loads.description import LoadFactors
-from tbm_gsa.explanation.load_scatter import LoadScatter
+from tbm_gsa.explanation.load_scatter import LoadScatter, of_logarithms
 from tbm_msgs_py.base.arrays import Array, Integers
 from tbm_msgs_py.base.errors import InputError
 
@@ -208,15 +208,11 @@ class _Step:
         factors, noise = np.exp(theta), self.observed.noise
         powers = self.scatter.expected(factors, noise)
         slope = 2.0 * np.square(factors)[:, None] * self.scatter.transfer.gain / powers
-        chance = self.scatter.covariance(factors, noise, self.observed.duration_s)
-        half = np.maximum(1.0 / np.maximum(np.diag(chance), 1e-12), 0.5)  # of the degrees of freedom, one at least
-        # The logarithm of a χ² law: its mean lies below that of the law's mean, and it scatters more.
-        wider = np.sqrt(scipy.special.polygamma(1, half) * half)
+        chance, shift = of_logarithms(self.scatter.covariance(factors, noise, self.observed.duration_s))
         moved = np.square(factors) @ self.scatter.transfer.modulated / powers
         noisy = self.scatter.width * noise / powers
-        chance = chance * np.outer(wider, wider)
         chance += np.diag(
             np.square(self.model_error) + np.square(MODULATION_ERROR * moved) + np.square(NOISE_ERROR * noisy)
         )
-        residual = target - np.log(powers) - (scipy.special.digamma(half) - np.log(half))
+        residual = target - np.log(powers) - shift
         return residual, slope.T, chance
