@@ -12,7 +12,7 @@ import pytest
 from pydantic import TypeAdapter, ValidationError, create_model
 
 import tbm_gsa
-from tbm_gsa.explanation.result import Explanation
+from tbm_gsa.explanation.result import Misfits
 from tbm_gsa.reading import Part, read_document
 from tbm_msgs_py.base.fields import FrozenModel
 
@@ -45,7 +45,7 @@ def test_a_result_with_an_unknown_key_is_refused(results):
 def test_keys_of_another_version_are_left_out(tmp_path):
     misfits = {"model": 0.3, "predicted": 0.1, "checked": None, "of_another_version": 1}
     (tmp_path / "one.json").write_text(json.dumps({"one": misfits, "of_another_version": {"a": 1}}))
-    form = create_model("Form", __base__=Part, one=(Explanation.model_fields["misfit"].annotation, ...))
+    form = create_model("Form", __base__=Part, one=(Misfits, ...))
     found = read_document(tmp_path / "one.json", form, "a document")
     assert found.one.predicted == 0.1
     assert "of_another_version" not in TypeAdapter(form).dump_json(found).decode()
