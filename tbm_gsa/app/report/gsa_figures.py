@@ -8,7 +8,7 @@ from matplotlib.axes import Axes
 from matplotlib.colors import to_rgba
 from matplotlib.figure import Figure
 
-from tbm_gsa.app.report.compare_figures import tidy
+from tbm_gsa.app.report.picture import tidy
 from tbm_gsa.sensitivity.results import NOT_DETERMINED, IndexInterval, IndexTable, OutputResult
 from tbm_gsa.sensitivity.study.analysis import OutputFit
 from tbm_gsa.sensitivity.study.inputs import InputSet
