@@ -18,6 +18,7 @@ from dataclasses import dataclass, replace
 from typing import Self
 
 import numpy as np
+import scipy.special
 
 from tbm_dynamics.loads.density import SPACING_HZ
 from tbm_gsa.explanation.load_transfer import LoadTransfer, MachineMotion
@@ -172,6 +173,17 @@ def group_spread(motion: MachineMotion) -> Array:
     sources = _LoadSpectra.of(motion)
     own = _read(np.array([[sources.falling(r, r)] for r in range(len(sources.noise))]), motion.reading.columns)
     return np.asarray(np.sqrt(np.diagonal(own[:, 0], axis1=1, axis2=2).clip(0.0)))
+
+
+def of_logarithms(covariance: Array) -> tuple[Array, Array]:
+    """Covariance (k, k) of the logarithms of band powers, and their means (k,), from that of relative band powers.
+
+    The logarithm of a χ² law: its mean lies below that of the law's mean, and it scatters more. Of the degrees of
+    freedom there is one at least.
+    """
+    half = np.maximum(1.0 / np.maximum(np.diag(covariance), 1e-12), 0.5)
+    wider = np.sqrt(scipy.special.polygamma(1, half) * half)
+    return covariance * np.outer(wider, wider), scipy.special.digamma(half) - np.log(half)
 
 
 def _nearest(frequency: Array, wanted: Array) -> Integers:

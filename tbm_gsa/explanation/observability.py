@@ -32,8 +32,7 @@ from tbm_gsa.explanation.observability_result import (
 )
 from tbm_gsa.explanation.ranges import explaining_inputs
 from tbm_gsa.explanation.visibility import FALSE_RATE, PROBABILITY, Visibility, step_ends
-from tbm_gsa.provenance import machine_sha256, package_versions
-from tbm_gsa.reading import MachineFile
+from tbm_gsa.provenance import machine_file, package_versions
 from tbm_gsa.sensitivity.study.inputs import InputSet
 from tbm_gsa.signals.conditioning import Frame
 from tbm_msgs_py.base.arrays import Array, Integers
@@ -44,7 +43,7 @@ SEGMENT_S: Final = BandReading.segment_s
 SIMILAR: Final = 0.9
 """Correlation from which on two inputs are named as a pair."""
 
-Run = Callable[[Callable[[Machine], Array], Iterable[Machine]], Iterable[Array]]
+RunMachines = Callable[[Callable[[Machine], Array], Iterable[Machine]], Iterable[Array]]
 """`map`, or that of a pool of processes."""
 
 
@@ -87,7 +86,7 @@ def observability(
     sensors: Sequence[SensorChoice],
     candidates: Sequence[SensorChoice] = (),
     settings: ObservationSettings | None = None,
-    run: Run = map,
+    run: RunMachines = map,
 ) -> Observability:
     """Find what sensors on a machine at its operating point can see.
 
@@ -111,15 +110,13 @@ def observability(
     _check(chosen)
     spots = _spots(machine, sensors, candidates)
     equipped, reading = _equipped(machine, [spot for _, spot in spots.values()], list(spots))
-    problem = _Problem.of(machine, equipped, reading, chosen, run)
+    seen = _Observation.of(machine, equipped, reading, chosen, run)
     own = [name for name, (given, _) in spots.items() if given]
-    before = problem.view(own)
-    gains = [
-        problem.gain(before, problem.view([*own, name]), spot) for name, (given, spot) in spots.items() if not given
-    ]
+    before = seen.view(own)
+    gains = [seen.gain(before, seen.view([*own, name]), spot) for name, (given, spot) in spots.items() if not given]
     return Observability(
         machine=machine.name,
-        machine_file=MachineFile(origin=machine.origin, sha256=machine_sha256(machine)),
+        machine_file=machine_file(machine),
         duration=chosen.duration_s,
         noise_density=chosen.noise_density,
         model_error=chosen.model_error,
@@ -130,7 +127,7 @@ def observability(
         unused=tuple(before.unused),
         inputs=before.visible.inputs(),
         loads=before.visible.loads(),
-        pairs=tuple(problem.pairs(before)),
+        pairs=tuple(seen.pairs(before)),
         candidates=tuple(sorted(gains, key=lambda one: -one.bits)),
         versions=package_versions(),
     )
@@ -195,7 +192,7 @@ class _View:
 
 
 @dataclass(frozen=True, eq=False)
-class _Problem:
+class _Observation:
     """A machine with sensors everywhere that is looked at; k statistics, n inputs.
 
     Attributes
@@ -219,8 +216,8 @@ class _Problem:
 
     @classmethod
     def of(
-        cls, machine: Machine, equipped: Machine, reading: BandReading, settings: ObservationSettings, run: Run
-    ) -> _Problem:
+        cls, machine: Machine, equipped: Machine, reading: BandReading, settings: ObservationSettings, run: RunMachines
+    ) -> _Observation:
         """Compute the machine with every input less and more."""
         prior = machine.description.loads.factors
         if not prior.values.all():

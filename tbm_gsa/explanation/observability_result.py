@@ -7,8 +7,8 @@ from typing import Annotated, Literal
 
 from pydantic import Field
 
-from tbm_gsa.reading import Line, MachineFile, Maybe, Name, Part
-from tbm_msgs_py.base.fields import Vector3
+from tbm_gsa.reading import MachineFile, Maybe, Part, TextLine
+from tbm_msgs_py.base.fields import Name, Vector3
 
 
 class Smallest(Part):
@@ -47,8 +47,8 @@ class ObservedInput(Smallest):
         Share of the information on it that is lost because the level of the loads is not known.
     """
 
-    name: Line
-    unit: Line
+    name: TextLine
+    unit: TextLine
     value: float
     hidden_by_loads: Maybe
 
@@ -158,4 +158,4 @@ class Observability(Observable):
     unused: tuple[Name, ...]
     pairs: tuple[SimilarPair, ...]
     candidates: tuple[SensorGain, ...]
-    versions: dict[Name, Line]
+    versions: dict[Name, TextLine]

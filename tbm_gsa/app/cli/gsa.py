@@ -174,7 +174,7 @@ def _running(
 def show(study: FinishedStudy, json: bool) -> None:
     """Print a study as JSON or as a table, what is in doubt above it."""
     if json:
-        print_json(study.result.model_dump())
+        print_json(study.result)
         return
     for doubt in study.result.doubts():
         print_sentence(doubt)

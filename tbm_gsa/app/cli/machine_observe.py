@@ -29,7 +29,7 @@ from tbm_msgs_py.base.texts import quoted
 from tbm_msgs_py.base.units import STANDARD_GRAVITY
 
 if TYPE_CHECKING:
-    from tbm_gsa.explanation.observability import Run, SensorChoice
+    from tbm_gsa.explanation.observability import RunMachines, SensorChoice
 
 ASIDE = (0.0, 1.0, 0.0)
 """From the node of a test point (m), where a sensor more is looked at by default, beside the node itself."""
@@ -91,7 +91,7 @@ def observe(
 
 
 @contextmanager
-def _runs(workers: int) -> Iterator[Run]:
+def _runs(workers: int) -> Iterator[RunMachines]:
     """How the machines are computed: here, or in so many processes."""
     if workers == 1:
         yield map

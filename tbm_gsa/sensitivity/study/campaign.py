@@ -3,16 +3,14 @@
 from collections import deque
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, CancelledError, Future, wait
-from typing import Final, TypeAlias
+from typing import Final
 
 from tbm_gsa.sensitivity.study.cluster import cluster
 from tbm_gsa.sensitivity.study.errors import StudyCancelled, StudyError
 from tbm_gsa.sensitivity.study.shards import WHOLE, Shard
 from tbm_gsa.sensitivity.study.store import Store
 from tbm_gsa.sensitivity.study.workers import Evaluate, Outcome, WorkerPool, local_processes, simulate_sample
-
-Progress: TypeAlias = Callable[[str, float | None], None]
-"""``progress(message, fraction)``: what is being done, and the share of it that is done, None where none is known."""
+from tbm_msgs_py.base.progress import Progress
 
 POLL_SECONDS: Final = 0.2
 # Simulations whose worker died before any came back, after which the fault is not theirs.
