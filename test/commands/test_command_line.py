@@ -164,7 +164,7 @@ def test_the_doctor_finds_all_well(command):
     assert json.loads(out)["ok"] is True
 
 
-NEED_ONE = {"demo", "run", "simulate", "compare", "gsa run", "reproduce"}
+NEED_ONE = {"demo", "run", "simulate", "compare", "gsa run", "gsa shard", "reproduce"}
 NEED_ONE |= {f"machine {verb}" for verb in ("show", "check", "loads", "update", "observe")}
 
 

@@ -1,12 +1,13 @@
-"""Less of a study where that is not what a test is about: no processes, which load for seconds, and small samplings."""
+"""Less work where a test is not about it: no processes, which load for seconds, small samplings, no layout."""
 
 from concurrent.futures import Executor, Future
 from contextlib import contextmanager
 from functools import partial
 
 import pytest
+from matplotlib.layout_engine import ConstrainedLayoutEngine
 
-from tbm_gsa.sensitivity.study import analysis, campaign
+from tbm_gsa.sensitivity.study import analysis, campaign, candidates
 from tbm_gsa.sensitivity.study.workers import WorkerPool
 
 
@@ -32,8 +33,17 @@ def simulations_here():
 
 @contextmanager
 def small_samplings():
-    """Let an analysis in this process sample Sobol indices with a hundredth of the points it takes otherwise."""
+    """Let an analysis in this process take few folds, and a hundredth of the points of Sobol indices."""
     with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(candidates, "FOLDS", 4)
         for name, samples in (("sobol_of_surrogate", 2**7), ("sobol_convergence", (200, 400))):
             patch.setattr(analysis, name, partial(getattr(analysis, name), samples=samples))
+        yield
+
+
+@contextmanager
+def pictures_without_layout():
+    """Draw the figures of pages without making room for their labels, which takes longer than to draw them."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(ConstrainedLayoutEngine, "execute", lambda *_: None)
         yield

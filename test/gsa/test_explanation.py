@@ -15,7 +15,7 @@ import pytest
 import scipy.integrate
 import yaml
 from compare_bags import model_values, write_bag
-from here import simulations_here
+from here import pictures_without_layout, simulations_here
 from pydantic import TypeAdapter
 from scipy.stats import multivariate_normal, norm
 
@@ -235,7 +235,7 @@ def command(tmp_path, monkeypatch, capsys, few, cache):
 
     def run(line):
         monkeypatch.setattr(sys, "argv", ["tbm-monitor", *line.split()])
-        with pytest.raises(SystemExit) as end, simulations_here():
+        with pytest.raises(SystemExit) as end, simulations_here(), pictures_without_layout():
             main()
         return end.value.code, *capsys.readouterr()
 

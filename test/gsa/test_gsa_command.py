@@ -11,7 +11,7 @@ from io import StringIO
 
 import numpy as np
 import pytest
-from here import simulations_here, small_samplings
+from here import pictures_without_layout, simulations_here, small_samplings
 from rich.console import Console
 
 from tbm_dynamics.indicators import INDICATORS
@@ -47,7 +47,7 @@ def definition(tmp_path):
 def small(monkeypatch):
     """Work in this process, with small samplings."""
     monkeypatch.setattr(analysis, "local_processes", pytest.fail)  # one worker is this process
-    with simulations_here(), small_samplings():
+    with simulations_here(), small_samplings(), pictures_without_layout():
         yield
 
 

@@ -9,7 +9,7 @@ from dataclasses import replace
 from html.parser import HTMLParser
 
 import pytest
-from here import simulations_here, small_samplings
+from here import pictures_without_layout, simulations_here, small_samplings
 
 from tbm_dynamics.indicators import INDICATORS
 from tbm_gsa.app.cli import output
@@ -162,7 +162,8 @@ class _Links(HTMLParser):
 def test_the_command_says_what_differs_on_a_whole_page(result, tmp_path, typed, monkeypatch):
     monkeypatch.setattr(workflow, "reproduce", lambda *_, **__: result)
     monkeypatch.setattr(output.results, "_width", 400)  # nothing is wrapped
-    code, out, err = typed("reproduce", "--out", str(tmp_path))
+    with pictures_without_layout():
+        code, out, err = typed("reproduce", "--out", str(tmp_path))
     assert (code, err.split()) == (0, ["page:", f"{tmp_path}/reproduction.html"])
     rows = result.result.rows
     differing = [row for row in rows if row.verdict == "differs" and row.reading in (None, "stiffness_proportional")]

@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 import scipy.special
 from evaluations import OUTPUTS, analytic, doubtful, fails_above
-from here import simulations_here, small_samplings
+from here import pictures_without_layout, simulations_here, small_samplings
 
 from tbm_gsa import fit_surrogate, sobol_closed_form
 from tbm_gsa.app.cli.gsa import show
@@ -42,7 +42,7 @@ def study(tmp_path_factory):
     options = StudyOptions(
         METHODS, workers=1, progress=lambda message, _: reports.append(message), report=write_study_report
     )
-    with simulations_here(), pytest.MonkeyPatch.context() as patch:
+    with simulations_here(), pictures_without_layout(), pytest.MonkeyPatch.context() as patch:
         patch.setattr(analysis, "local_processes", pytest.fail)
         finished = run_study(PROBLEM, analytic, tmp_path_factory.mktemp("study"), options)
     assert reports[-len(ANALYSED) :] == ANALYSED
