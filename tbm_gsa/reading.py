@@ -65,7 +65,7 @@ class Part(BaseModel):
     """
 
     # Not "forbid": pydantic decides that when the class is made, and reading is known when it happens.
-    model_config = ConfigDict(frozen=True, extra="allow", strict=True, allow_inf_nan=False)
+    model_config = ConfigDict(frozen=True, extra="allow", strict=True, allow_inf_nan=False, protected_namespaces=())
 
     @model_validator(mode="after")
     def _own_keys(self, info: ValidationInfo) -> Self:
