@@ -30,7 +30,7 @@ from tbm_gsa.app.cli.output import (
     split_names,
 )
 from tbm_gsa.app.cli.workers import Scheduler, Workers, anonymous_main, shown_progress
-from tbm_gsa.sensitivity.results import NOT_DETERMINED, REPORT_NAME, StudyResult
+from tbm_gsa.sensitivity.results import NOT_DETERMINED, REPORT_NAME, STRONGEST, StudyResult
 from tbm_gsa.sensitivity.study.definition import Definition, read_definition
 from tbm_gsa.sensitivity.study.design import KINDS
 from tbm_gsa.sensitivity.study.evaluate import MachineEvaluation
@@ -192,7 +192,7 @@ def show(study: FinishedStudy, json: bool) -> None:
     notes.print(f"report: {study.folder / REPORT_NAME}", highlight=False)
 
 
-def strongest_table(result: StudyResult, count: int = 5) -> Table:
+def strongest_table(result: StudyResult, count: int = STRONGEST) -> Table:
     """Quality of the surrogate and the strongest inputs of every output."""
     headings = ("=output", "surrogate", ">R² test", ">R² cv", f"strongest {count}")
     table = narrow_table("Strongest inputs, first-order index S1", *headings)
