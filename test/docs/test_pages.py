@@ -133,3 +133,11 @@ def test_every_file_with_verifications_says_why():
     text = (ROOT / "docs" / "verification.md").read_text(encoding="utf-8")
     marked = {file.name for file in (ROOT / "test").rglob("test_*.py") if "mark.verify" in file.read_text("utf-8")}
     assert set(re.findall(r"^\| `(\w+\.py)`", text, re.MULTILINE)) == marked - {"test_pages.py"}
+
+
+def test_every_document_has_a_schema(monkeypatch):
+    monkeypatch.syspath_prepend(str(ROOT / "docs" / "extensions"))
+    from generated_pages import RESULTS
+
+    same = {"gsa resume", "gsa extend", "gsa report", "history baseline set", "history baseline delete"}
+    assert {" ".join(names) for names in with_json()} == {*RESULTS, *same} - {"bag info --scan"}
