@@ -31,7 +31,7 @@ from tbm_gsa.app.cli.shipped import shipped_bag
 from tbm_gsa.app.cli.supervision import ACTIVE_STATUSES, watch
 from tbm_gsa.provenance import machine_file
 from tbm_gsa.reading import MachineFile, Maybe, Part
-from tbm_gsa.sensitivity.results import NOT_DETERMINED, STRONGEST, is_determined
+from tbm_gsa.sensitivity.results import NOT_DETERMINED, is_determined
 from tbm_gsa.sensitivity.study.outputs import checked_outputs
 from tbm_msgs_py.bags.metadata import is_synthetic
 from tbm_msgs_py.base.errors import RunError
@@ -47,6 +47,7 @@ _ASKED_S = 10.0
 """Longest wait for a study to start after it was asked for, and for its result."""
 _START_S = 300.0
 """Longest start of the nodes, with everything to compile."""
+_STRONGEST = 5
 _STUDY_S = 3.0
 """Length of a simulation of the study, the default of the node."""
 
@@ -279,10 +280,10 @@ def print_tables(found: DemoResult, *, synthetic: bool) -> None:
         error = f"{100.0 * row.relative_error:.0f} %"
         add_row(table, point, row.node, f"{row.predicted_g:.3g}", f"{row.measured_g:.3g}", error)
     results.print(table)
-    title = f"\nStrongest {STRONGEST} inputs of each output, first Sobol index"
+    title = f"\nStrongest {_STRONGEST} inputs of each output, first Sobol index"
     table = narrow_table(title, "=output", "surrogate", ">R² test", ">R² cv", "inputs")
     for name, output in found.outputs.items():
-        ranked = list(output.strongest.items())[:STRONGEST]
+        ranked = list(output.strongest.items())[:_STRONGEST]
         quality = (f"{r2:.3f}" if math.isfinite(r2) else "–" for r2 in (output.r2_test, output.r2_cv))
         shown = ranked_inputs(ranked) if output.determined else NOT_DETERMINED
         add_row(table, name, output.surrogate, *quality, shown)

@@ -36,7 +36,7 @@ from tbm_gsa.sensitivity.study.design import KINDS
 from tbm_gsa.sensitivity.study.evaluate import MachineEvaluation
 from tbm_gsa.sensitivity.study.failures import REFUSED
 from tbm_gsa.sensitivity.study.inputs import PAPER_INPUTS
-from tbm_gsa.sensitivity.study.problem import Problem
+from tbm_gsa.sensitivity.study.problem import StudyProblem
 from tbm_msgs_py.base.errors import InputError
 
 if TYPE_CHECKING:
@@ -91,7 +91,7 @@ def run(
     if high_hz is not None and set(names) <= set(INDICATORS):
         raise InputError(f"--high-hz {high_hz:g}: no output is of an acceleration, allowed: with one")
     evaluate.check({item.code: (item.lower, item.upper) for item in definition.inputs.inputs})
-    problem = Problem(definition.inputs, names, samples, test, seed, evaluate.settings, design)
+    problem = StudyProblem(definition.inputs, names, samples, test, seed, evaluate.settings, design)
     with _running(out, method, allow_failures, workers, scheduler) as options:
         study = run_study(problem, evaluate, out, options)
     show(study, json)
@@ -151,7 +151,7 @@ def report(
 app.command()(explain)
 
 
-def _evaluation(problem: Problem) -> MachineEvaluation:
+def _evaluation(problem: StudyProblem) -> MachineEvaluation:
     """Make the evaluation of a store that is gone on with."""
     return MachineEvaluation.from_settings(problem.settings, problem.outputs)
 

@@ -39,7 +39,6 @@ from tbm_msgs_py.base.errors import InputError, RunError
 from tbm_msgs_py.base.units import R_MIN
 from tbm_msgs_py.nodes.parameter_file import ParameterFile
 from tbm_msgs_py.nodes.processes import record_signals
-from tbm_msgs_py.nodes.registry import MACHINE_NODES
 
 if TYPE_CHECKING:
     from tbm_gsa.app.nodes.watch import Watch, WatchState
@@ -47,6 +46,7 @@ if TYPE_CHECKING:
 _FIRST_BLOCK_S = 300.0
 """Longest wait for the first block; on a cold cache the kernel is compiled in it."""
 _LOOK_S = 0.2
+_NODES = ("load_node", "dynamics_node", "analysis_node")
 _LOADS_OPTION = typer.Option(
     "--loads", help="spectral or cutter; default: that of --params, else spectral.", show_choices=False
 )
@@ -126,10 +126,10 @@ def run(
     """Run loads, dynamics and analysis as ROS 2 nodes and count what they publish."""
     settle_ros_environment()
     site = ParameterFile(params)
-    for node in MACHINE_NODES:
+    for node in _NODES:
         site.check(topics.absolute(node), node)
     if not named(context, "machine"):
-        machine = site.common(MACHINE_NODES, "machine", machine)
+        machine = site.common(_NODES, "machine", machine)
     described = load_machine(machine)
     described.assemble()
     level = loads or _level(site)
@@ -156,7 +156,7 @@ def run(
 
 
 def _level(site: ParameterFile) -> LoadModel:
-    stated = site.common(MACHINE_NODES[:2], "loads", LOAD_MODELS[0])
+    stated = site.common(_NODES[:2], "loads", LOAD_MODELS[0])
     for level in LOAD_MODELS:
         if level == stated:
             return level
