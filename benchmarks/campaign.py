@@ -15,7 +15,7 @@ import numpy as np
 from tbm_gsa.sensitivity.study.campaign import run_campaign
 from tbm_gsa.sensitivity.study.evaluate import MachineEvaluation
 from tbm_gsa.sensitivity.study.inputs import PAPER_INPUTS
-from tbm_gsa.sensitivity.study.problem import Problem
+from tbm_gsa.sensitivity.study.problem import StudyProblem
 from tbm_gsa.sensitivity.study.store import Store
 
 SAMPLES, WORKERS = 60, 2
@@ -24,7 +24,7 @@ SAMPLES, WORKERS = 60, 2
 def main() -> None:
     """Run all."""
     evaluate = MachineEvaluation.of("dz101", 3.0, 0)
-    problem = Problem(PAPER_INPUTS, evaluate.outputs, SAMPLES, 0, 0, evaluate.settings)
+    problem = StudyProblem(PAPER_INPUTS, evaluate.outputs, SAMPLES, 0, 0, evaluate.settings)
     with tempfile.TemporaryDirectory() as folder, Store.create_or_open(Path(folder) / "store.sqlite", problem) as store:
         samples = [sample for _, sample in store.pending()]
         evaluate(samples[0])  # compiled and loaded

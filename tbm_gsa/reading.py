@@ -65,7 +65,7 @@ class Part(BaseModel):
     """
 
     # Not "forbid": pydantic decides that when the class is made, and reading is known when it happens.
-    model_config = ConfigDict(frozen=True, extra="allow", strict=True, allow_inf_nan=False)
+    model_config = ConfigDict(frozen=True, extra="allow", strict=True, allow_inf_nan=False, protected_namespaces=())
 
     @model_validator(mode="after")
     def _own_keys(self, info: ValidationInfo) -> Self:
@@ -91,9 +91,10 @@ class RecordingFile(Part):
 
 
 Read = TypeVar("Read")
+PartT = TypeVar("PartT", bound=Part)
 
 
-def read_document(file: Path, form: type[Read], what: str, error: type[InputError] = InputError) -> Read:
+def read_document(file: Path, form: type[PartT], what: str, error: type[InputError] = InputError) -> PartT:
     """Read a result from its JSON file, which another version may have written.
 
     Parameters
@@ -117,20 +118,29 @@ def read_document(file: Path, form: type[Read], what: str, error: type[InputErro
         raise error(f"{file}: {problem.strerror}, allowed: {what}") from None
     except UnicodeDecodeError:
         raise error(f"{file}: no UTF-8 text, allowed: {what}") from None
-    return validated(TypeAdapter(form), text, f"{file}: not {what}", error)
+    return validated(TypeAdapter(form), text, f"{file}: not {what}", error, form)
 
 
-def validated(adapter: TypeAdapter[Read], text: str, refusal: str, error: type[InputError] = InputError) -> Read:
-    """Read JSON that may have been edited since; an `error` holds the refusal and what is wrong."""
+def validated(
+    adapter: TypeAdapter[Read],
+    text: str,
+    refusal: str,
+    error: type[InputError] = InputError,
+    model: type[BaseModel] = Part,
+) -> Read:
+    """Read JSON that may have been edited since; an `error` holds the refusal and what of the model is wrong."""
     try:
         return adapter.validate_json(text, context=_READ_BACK)
     except ValidationError as problem:
-        raise error(f"{refusal} ({_problem(problem)})") from None
+        raise error(f"{refusal} ({_problem(problem, model)})") from None
 
 
-def _problem(error: ValidationError) -> str:
+def _problem(error: ValidationError, model: type[BaseModel]) -> str:
     """Return the first problem of a document, and its place."""
     first = error.errors(include_url=False)[0]
     if first["type"] == "json_invalid":
         return f"no JSON: {shortened(first['ctx']['error'], LONGEST_NAME)}"
-    return first_problem(error, choices=[model.__name__ for model in Part.__subclasses__()])
+    place, problem = first_problem(error, model)
+    choices = {one.__name__ for one in Part.__subclasses__()}  # members of a choice are no keys
+    place = ".".join(part for part in place.split(".") if part not in choices)
+    return f"{place}: {problem}" if place else problem

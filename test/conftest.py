@@ -78,6 +78,19 @@ def startup_cycles() -> Path:
     return file
 
 
+@pytest.fixture(scope="session")
+def machine():
+    """The shipped machine; it is frozen, so that all tests share it."""
+    from tbm_dynamics import load_machine
+
+    return load_machine("dz101")
+
+
+@pytest.fixture(scope="session")
+def system(machine):
+    return machine.assemble()
+
+
 @pytest.fixture
 def command(tmp_path):
     """Run a command to its end in an empty folder: exit code, stdout, stderr."""

@@ -5,11 +5,10 @@ from __future__ import annotations
 import json
 from collections.abc import Iterable, Iterator
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import typer
 from pydantic import BaseModel
-from sphinx.application import Sphinx
 
 from tbm_dynamics.machine.summary import MachineSummary
 from tbm_gsa.app.cli.bag.import_ import ImportResult
@@ -33,6 +32,9 @@ from tbm_gsa.paper.reproduction.result import ReproductionResult
 from tbm_gsa.sensitivity.results import StudyResult
 from tbm_msgs_py.nodes.parameters import node_parameters
 from tbm_msgs_py.nodes.registry import NODES
+
+if TYPE_CHECKING:
+    from sphinx.application import Sphinx
 
 RESULTS: dict[str, type[BaseModel]] = {
     "demo": DemoResult,

@@ -10,6 +10,7 @@ from tbm_gsa.comparison.results import (
     AxisResult,
     AxisSpectra,
     LevelAxis,
+    LevelIntervals,
     PointBand,
     SpectralPeak,
     SpectrumResult,
@@ -106,17 +107,15 @@ def _statistics(
 
 def _level_axis(field: SignalStatistics, model: SignalStatistics) -> LevelAxis:
     error_limits = error_interval(field.rms, model.rms, (field.rms_width, model.rms_width))
-    return LevelAxis.model_validate(
-        {
-            "field_rms": finite(field.rms),
-            "model_rms": finite(model.rms),
-            "relative_error": finite(float(relative_error(field.rms, model.rms))),
-            "intervals": {
-                "field_rms": finite_interval(field.intervals["rms"]),
-                "model_rms": finite_interval(model.intervals["rms"]),
-                "relative_error": finite_interval(error_limits),
-            },
-        }
+    return LevelAxis(
+        field_rms=finite(field.rms),
+        model_rms=finite(model.rms),
+        relative_error=finite(float(relative_error(field.rms, model.rms))),
+        intervals=LevelIntervals(
+            field_rms=finite_interval(field.intervals["rms"]),
+            model_rms=finite_interval(model.intervals["rms"]),
+            relative_error=finite_interval(error_limits),
+        ),
     )
 
 

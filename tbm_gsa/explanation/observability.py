@@ -32,7 +32,8 @@ from tbm_gsa.explanation.observability_result import (
 )
 from tbm_gsa.explanation.ranges import explaining_inputs
 from tbm_gsa.explanation.visibility import FALSE_RATE, PROBABILITY, Visibility, step_ends
-from tbm_gsa.provenance import machine_file, package_versions
+from tbm_gsa.provenance import machine_sha256, package_versions
+from tbm_gsa.reading import MachineFile
 from tbm_gsa.sensitivity.study.inputs import InputSet
 from tbm_gsa.signals.conditioning import Frame
 from tbm_msgs_py.base.arrays import Array, Integers
@@ -116,7 +117,7 @@ def observability(
     gains = [seen.gain(before, seen.view([*own, name]), spot) for name, (given, spot) in spots.items() if not given]
     return Observability(
         machine=machine.name,
-        machine_file=machine_file(machine),
+        machine_file=MachineFile(origin=machine.origin, sha256=machine_sha256(machine)),
         duration=chosen.duration_s,
         noise_density=chosen.noise_density,
         model_error=chosen.model_error,

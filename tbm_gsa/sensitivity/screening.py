@@ -13,8 +13,7 @@ from SALib.sample import fast_sampler
 from SALib.sample import morris as morris_sampler
 from scipy.stats import t as student
 
-from tbm_gsa.sensitivity.sobol.indices import Groups, SobolIndices, checked_groups
-from tbm_gsa.sensitivity.sobol.monte_carlo import CONFIDENCE
+from tbm_gsa.sensitivity.sobol.indices import CONFIDENCE, Groups, SobolIndices, checked_groups
 from tbm_gsa.sensitivity.surrogates.samples import checked_bounds
 from tbm_msgs_py.base.arrays import Array
 from tbm_msgs_py.base.errors import InputError

@@ -29,7 +29,7 @@ def sampling_rate(time: ArrayLike) -> float:
 
 
 @dataclass(frozen=True, eq=False)
-class Run:
+class UniformRun:
     """Uniform samples without a gap: time (n,) s, values (n, 3); `joined` if they go on where the last run ended."""
 
     time: Array
@@ -53,7 +53,7 @@ class UniformClock:
         self._grid: float | None = None  # next time of the grid, once stamps jitter
         self._begun = False
 
-    def feed(self, time: Array, values: Array) -> Iterator[Run]:
+    def feed(self, time: Array, values: Array) -> Iterator[UniformRun]:
         """Return the runs that the next samples complete: time (n,) s strictly increasing, values (n, 3) finite."""
         self._check_rate(time)
         cuts = np.flatnonzero(np.diff(time) > GAP_PERIODS * self._period) + 1
@@ -64,20 +64,20 @@ class UniformClock:
                 yield from self.finish()
             yield from self._go_on(stamps, rows)
 
-    def finish(self) -> Iterator[Run]:
+    def finish(self) -> Iterator[UniformRun]:
         """End the run; on a grid, its last samples come now."""
         if self._grid is not None:
             yield from self._on_grid(self._time[-1])
         self._forget()
 
-    def _go_on(self, stamps: Array, rows: Array) -> Iterator[Run]:
+    def _go_on(self, stamps: Array, rows: Array) -> Iterator[UniformRun]:
         time = np.concatenate([self._time, stamps])
         if self._grid is None and not self._is_uniform(time):
             self._grid = self._time[-1] + self._period if self._begun else float(stamps[0])
         self._values = np.concatenate([self._values, rows])
         self._time = time
         if self._grid is None:
-            yield Run(stamps, rows, self._begun)
+            yield UniformRun(stamps, rows, self._begun)
             self._begun = True
             keep = max(0, len(time) - MARGIN)
         else:
@@ -86,7 +86,7 @@ class UniformClock:
             keep = max(0, int(np.searchsorted(time, self._grid)) - MARGIN)
         self._time, self._values = self._time[keep:], self._values[keep:]
 
-    def _on_grid(self, end: float) -> Iterator[Run]:
+    def _on_grid(self, end: float) -> Iterator[UniformRun]:
         """Values on the grid up to a time that stamps surround."""
         assert self._grid is not None  # noqa: S101 - called on a grid only
         count = int((end - self._grid) / self._period + 1e-9) + 1
@@ -94,7 +94,9 @@ class UniformClock:
             return
         grid = self._grid + self._period * np.arange(count, dtype=np.float64)
         first = self._time[0]
-        yield Run(grid, scipy.interpolate.CubicSpline(self._time - first, self._values)(grid - first), self._begun)
+        yield UniformRun(
+            grid, scipy.interpolate.CubicSpline(self._time - first, self._values)(grid - first), self._begun
+        )
         self._grid, self._begun = float(grid[-1]) + self._period, True
 
     def _is_uniform(self, time: Array) -> bool:

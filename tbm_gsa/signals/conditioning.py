@@ -12,7 +12,7 @@ from typing import Literal, Self
 import numpy as np
 import scipy  # its parts load on first use
 
-from tbm_gsa.signals.clock import Run, UniformClock
+from tbm_gsa.signals.clock import UniformClock, UniformRun
 from tbm_msgs_py.base.arrays import Array
 from tbm_msgs_py.base.causal_filter import CausalFilter
 from tbm_msgs_py.base.errors import InputError
@@ -136,7 +136,7 @@ class ZeroPhaseConditioner:
         yield from self._add(self._clock.finish())
         yield from self._end_run()
 
-    def _add(self, runs: Iterator[Run]) -> Iterator[Segment]:
+    def _add(self, runs: Iterator[UniformRun]) -> Iterator[Segment]:
         for run in runs:
             if not run.joined:
                 yield from self._end_run()

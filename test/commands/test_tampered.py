@@ -21,7 +21,7 @@ from tbm_gsa.reading import read_document
 from tbm_gsa.sensitivity.study.errors import StudyError
 from tbm_gsa.sensitivity.study.evaluate import MachineEvaluation
 from tbm_gsa.sensitivity.study.inputs import PAPER_INPUTS, InputSet
-from tbm_gsa.sensitivity.study.problem import Problem
+from tbm_gsa.sensitivity.study.problem import StudyProblem
 from tbm_gsa.sensitivity.study.store import Store
 from tbm_gsa.sensitivity.study.workers import Outcome
 from tbm_msgs_py.base.errors import InputError
@@ -233,7 +233,7 @@ def test_a_document_that_is_none_is_one_line(tmp_path, command, line, text):
 def test_a_tampered_study_is_one_line(tmp_path):
     inputs = InputSet(PAPER_INPUTS.inputs[:2], {"both": ("x1", "x2")})
     evaluate = MachineEvaluation.of("dz101", 0.02, 0)
-    problem = Problem(inputs, evaluate.outputs, 3, 1, 0, evaluate.settings)
+    problem = StudyProblem(inputs, evaluate.outputs, 3, 1, 0, evaluate.settings)
     with Store.create_or_open(tmp_path / "store.sqlite", problem) as store:
         for row, _ in store.pending()[:3]:
             store.record(Outcome(row, dict.fromkeys(problem.outputs, 1.0), None, 0.1))

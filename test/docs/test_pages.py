@@ -46,6 +46,25 @@ def test_links_lead_somewhere(page):
         assert (page.parent / target).exists() or target.rpartition("/")[2] in MADE, target
 
 
+def test_the_walks_name_the_files_that_there_are():
+    text = (ROOT / "docs" / "architecture.md").read_text(encoding="utf-8")
+    files = {str(path.relative_to(ROOT).with_suffix("")) for path in ROOT.glob("tbm_*/**/*.py")}
+    walks = re.findall(r"^\*\*[^*]+\*\* \((\d+) files\)\.(.*?)\n\n", text, re.MULTILINE | re.DOTALL)
+    assert len(walks) == 3
+    for stated, walk in walks:
+        found = set()
+        for step in walk.split("→"):
+            folder = ""
+            for name in re.findall(r"`([^`]+)`", step):
+                if name.endswith("/"):
+                    folder = name
+                else:  # of several, that on the lowest floor
+                    ends = f"/{folder}{name}"
+                    found.add(min((file for file in files if file.endswith(ends)), key=len, default=f"no {ends}"))
+        assert not [name for name in found if name.startswith("no ")]
+        assert len(found) == int(stated), sorted(found)
+
+
 def test_the_page_of_operation_names_the_services_history(monkeypatch):
     unit = (ROOT / "config" / "tbm_monitor.service").read_text(encoding="utf-8")
     # systemd.unit(5): %S is /var/lib for the services of the system.
@@ -114,3 +133,11 @@ def test_every_file_with_verifications_says_why():
     text = (ROOT / "docs" / "verification.md").read_text(encoding="utf-8")
     marked = {file.name for file in (ROOT / "test").rglob("test_*.py") if "mark.verify" in file.read_text("utf-8")}
     assert set(re.findall(r"^\| `(\w+\.py)`", text, re.MULTILINE)) == marked - {"test_pages.py"}
+
+
+def test_every_document_has_a_schema(monkeypatch):
+    monkeypatch.syspath_prepend(str(ROOT / "docs" / "extensions"))
+    from generated_pages import RESULTS
+
+    same = {"gsa resume", "gsa extend", "gsa report", "history baseline set", "history baseline delete"}
+    assert {" ".join(names) for names in with_json()} == {*RESULTS, *same} - {"bag info --scan"}

@@ -12,23 +12,13 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from machine_files import all_connections, built, plain, stage_of, static_mesh_force, without
 
-from tbm_dynamics import MachineError, load_machine
+from tbm_dynamics import MachineError
 from tbm_dynamics.loads.description import COMPONENTS
 from tbm_dynamics.mesh.planetary import stage_law
 from tbm_dynamics.structure.assembly import node_positions
 from tbm_dynamics.structure.system import DIRECTIONS
 
 AXES = ("ux", "uy", "uz")
-
-
-@pytest.fixture(scope="module")
-def machine():
-    return load_machine("dz101")
-
-
-@pytest.fixture(scope="module")
-def system(machine):
-    return machine.assemble()
 
 
 @pytest.fixture(scope="module")

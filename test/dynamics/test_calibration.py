@@ -20,11 +20,6 @@ from tbm_msgs_py.base.units import STANDARD_GRAVITY
 
 
 @pytest.fixture(scope="module")
-def machine():
-    return load_machine("dz101")
-
-
-@pytest.fixture(scope="module")
 def prediction(machine):
     return predict(machine)
 

@@ -21,11 +21,6 @@ RATE = 500.0
 
 
 @pytest.fixture(scope="module")
-def machine():
-    return load_machine("dz101")
-
-
-@pytest.fixture(scope="module")
 def loads(machine):
     return machine.cutter_loads(seed=11)
 

@@ -6,7 +6,6 @@ Sources: the same realisation at other factors, and Table 1's regions and lines 
 import numpy as np
 import pytest
 
-from tbm_dynamics import load_machine
 from tbm_dynamics.loads.description import COMPONENTS, LOAD_GROUPS
 from tbm_dynamics.loads.spectral import SpectralLoads
 
@@ -25,11 +24,6 @@ PLACES = {
 def loads_at(machine, **factors):
     changed = machine.with_inputs(**{f"loads.{group}": value for group, value in factors.items()})
     return changed.loads(seed=4).evaluate(TIME)
-
-
-@pytest.fixture(scope="module")
-def machine():
-    return load_machine("dz101")
 
 
 def test_factors_of_one_leave_every_amplitude_as_it_is(machine):

@@ -256,11 +256,6 @@ def test_every_shipped_machine_can_be_built():
         load_machine(name).assemble()
 
 
-@pytest.fixture(scope="module")
-def machine():
-    return load_machine("dz101")
-
-
 PLACES = {
     "x1": (6.2, "operating_point", "speed_r_min", 6.2),
     "x2": (1800.0, "operating_point", "torque_kn_m", 1800.0),

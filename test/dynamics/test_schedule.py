@@ -12,7 +12,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from tbm_dynamics import MachineError, OperatingPoint, load_machine, simulate
+from tbm_dynamics import MachineError, OperatingPoint, simulate
 from tbm_dynamics.loads.stepper import load_stepper
 from tbm_dynamics.streaming.schedule import Schedule, pairs, read_schedule
 from tbm_dynamics.streaming.streams import LoadStream
@@ -21,11 +21,6 @@ from tbm_dynamics.structure.drive import gear_pair
 COLUMNS = {"time": "t_s", "speed": "rpm", "torque": "torque_kNm", "thrust": "thrust_kN"}
 R_MIN = 2.0 * np.pi / 60.0
 TIME_STEP, SAMPLES = 1e-3, 50
-
-
-@pytest.fixture(scope="module")
-def machine():
-    return load_machine("dz101")
 
 
 @pytest.fixture(scope="module")

@@ -12,7 +12,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from machine_files import built, small
 
-from tbm_dynamics import Machine, SimulationError, Simulator, load_machine, simulate
+from tbm_dynamics import Machine, SimulationError, Simulator, simulate
 from tbm_dynamics.integration import simulator
 from tbm_dynamics.integration.condensed import Condensed
 from tbm_dynamics.integration.lobatto import Lobatto
@@ -20,16 +20,6 @@ from tbm_dynamics.structure.system import DIRECTIONS
 
 STEPS = 700
 NODES = (3, 8, 14)
-
-
-@pytest.fixture(scope="module")
-def machine():
-    return load_machine("dz101")
-
-
-@pytest.fixture(scope="module")
-def system(machine):
-    return machine.assemble()
 
 
 @pytest.fixture(scope="module")

@@ -9,17 +9,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from tbm_dynamics import SimulationError, Simulator, load_machine, simulate
+from tbm_dynamics import SimulationError, Simulator, simulate
 from tbm_dynamics.streaming.streams import DynamicsStream, LoadStream, step_ns
 
 RATE, TIME_STEP, SAMPLES = 10_000.0, 1e-4, 200
 EPOCH = 1_700_000_000_123_456_789
 STEP = 100_000
-
-
-@pytest.fixture(scope="module")
-def machine():
-    return load_machine("dz101")
 
 
 def blocks(machine, count, seed=4):

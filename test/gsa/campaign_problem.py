@@ -3,7 +3,7 @@
 from evaluations import OUTPUTS
 
 from tbm_gsa.sensitivity.study.inputs import PAPER_INPUTS, InputSet
-from tbm_gsa.sensitivity.study.problem import Problem
+from tbm_gsa.sensitivity.study.problem import StudyProblem
 
 THREE = InputSet(tuple(PAPER_INPUTS[code] for code in ("x2", "x4", "x16")))
-PROBLEM = Problem(THREE, OUTPUTS, 30, 6, 0)
+PROBLEM = StudyProblem(THREE, OUTPUTS, 30, 6, 0)

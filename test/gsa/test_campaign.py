@@ -13,12 +13,12 @@ from tbm_gsa.sensitivity.study.design import make_design
 from tbm_gsa.sensitivity.study.distributions import Uniform
 from tbm_gsa.sensitivity.study.errors import StudyCancelled, StudyError
 from tbm_gsa.sensitivity.study.inputs import PAPER_INPUTS, InputSet
-from tbm_gsa.sensitivity.study.problem import Problem, difference
+from tbm_gsa.sensitivity.study.problem import StudyProblem, difference
 from tbm_gsa.sensitivity.study.store import Counts, Store
 from tbm_gsa.sensitivity.study.workers import Outcome
 
 THREE = InputSet(tuple(PAPER_INPUTS[code] for code in ("x2", "x4", "x16")))
-PROBLEM = Problem(THREE, OUTPUTS, train=12, test=3, seed=0, settings={"machine": "none", "duration": 3.0})
+PROBLEM = StudyProblem(THREE, OUTPUTS, train=12, test=3, seed=0, settings={"machine": "none", "duration": 3.0})
 
 
 @pytest.fixture

@@ -6,7 +6,6 @@ Source: `load_transfer` and `load_scatter` of the varied machine, which are held
 import numpy as np
 import pytest
 
-from tbm_dynamics import load_machine
 from tbm_gsa.explanation import cause_curves as module
 from tbm_gsa.explanation import curve_cache
 from tbm_gsa.explanation.band_reading import BandReading, Sensor
@@ -20,11 +19,6 @@ from tbm_gsa.sensitivity.study.inputs import InputSet
 from tbm_msgs_py.base.errors import InputError
 
 READING = BandReading({"cutterhead": Sensor(), "girder": Sensor()}, bands=((0.5, 20.0), (125.0, 135.0)))
-
-
-@pytest.fixture(scope="module")
-def machine():
-    return load_machine("dz101")
 
 
 @pytest.fixture(autouse=True)

@@ -15,7 +15,7 @@ from tbm_gsa.sensitivity.study import cluster as cluster_module
 from tbm_gsa.sensitivity.study.campaign import run_campaign
 from tbm_gsa.sensitivity.study.errors import StudyCancelled, StudyError
 from tbm_gsa.sensitivity.study.evaluate import MachineEvaluation
-from tbm_gsa.sensitivity.study.problem import Problem
+from tbm_gsa.sensitivity.study.problem import StudyProblem
 from tbm_gsa.sensitivity.study.store import Counts, Store
 
 
@@ -47,7 +47,7 @@ def test_results_are_those_of_direct_calls(store, cluster):
 
 def test_the_machine_need_not_be_on_the_worker(tmp_path, cluster):
     evaluate = MachineEvaluation.of("dz101", 0.02, 0)
-    problem = Problem(THREE, evaluate.outputs, 2, 1, 0, evaluate.settings)
+    problem = StudyProblem(THREE, evaluate.outputs, 2, 1, 0, evaluate.settings)
     with Store.create_or_open(tmp_path / "machine.sqlite", problem) as store:
         run_campaign(store, evaluate, scheduler=cluster.address)
         X, Y = store.results("train")

@@ -84,11 +84,6 @@ def test_walkers_sample_a_normal_distribution():
     assert np.abs(samples[np.argmax(logs)] / size).max() < 0.2
 
 
-@pytest.fixture(scope="module")
-def machine():
-    return load_machine("dz101")
-
-
 READING = BandReading({point: Sensor() for point in ("cutterhead", "girder")}, bands=((0.5, 20.0), (125.0, 135.0)))
 QUIET = np.full(len(READING.statistics), NOISE)
 UNSTATED = np.full(len(READING.statistics), np.nan)

@@ -21,7 +21,7 @@ from tbm_gsa.app.cli.workers import shown_progress
 from tbm_gsa.sensitivity.study import analysis
 from tbm_gsa.sensitivity.study.evaluate import MachineEvaluation
 from tbm_gsa.sensitivity.study.inputs import PAPER_INPUTS, InputSet
-from tbm_gsa.sensitivity.study.problem import Problem
+from tbm_gsa.sensitivity.study.problem import StudyProblem
 from tbm_gsa.sensitivity.study.run import StudyOptions, report_study
 from tbm_gsa.sensitivity.study.store import Store
 from tbm_gsa.sensitivity.study.workers import Outcome
@@ -107,7 +107,7 @@ def test_a_machine_is_one_by_whatever_path(tmp_path, monkeypatch):
 
 
 def test_a_study_reported_before_its_end_says_so(tmp_path, small):
-    problem = Problem(InputSet(PAPER_INPUTS.inputs[:2]), ("MF_M",), train=20, test=2, seed=0)
+    problem = StudyProblem(InputSet(PAPER_INPUTS.inputs[:2]), ("MF_M",), train=20, test=2, seed=0)
     with Store.create_or_open(tmp_path / "store.sqlite", problem) as store:
         for row, sample in store.pending()[:15]:
             store.record(Outcome(row, {"MF_M": sample["x2"]}, None, 0.1))
@@ -118,7 +118,7 @@ def test_a_study_reported_before_its_end_says_so(tmp_path, small):
 
 def test_indices_that_test_points_contradict_are_in_doubt(tmp_path, small):
     """Folds of the training points cannot know: here all test points lie on another slope."""
-    problem = Problem(InputSet(PAPER_INPUTS.inputs[:2]), ("MF_M",), train=20, test=3, seed=0)
+    problem = StudyProblem(InputSet(PAPER_INPUTS.inputs[:2]), ("MF_M",), train=20, test=3, seed=0)
     with Store.create_or_open(tmp_path / "store.sqlite", problem) as store:
         for place, (row, sample) in enumerate(store.pending()):
             store.record(Outcome(row, {"MF_M": sample["x2"] if place < 20 else -sample["x2"]}, None, 0.1))

@@ -39,11 +39,6 @@ DIRECT = [
 
 
 @pytest.fixture(scope="module")
-def machine():
-    return load_machine("dz101")
-
-
-@pytest.fixture(scope="module")
 def motion(machine):
     return machine_motion(machine, READING)
 

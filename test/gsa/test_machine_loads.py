@@ -15,15 +15,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from tbm_dynamics import load_machine
 from tbm_gsa.app.cli.main import main
 from tbm_gsa.paper.load_summary import RATE_HZ, ComponentSummary, found_line, load_run
 from tbm_gsa.paper.published import TABLE_1
-
-
-@pytest.fixture(scope="module")
-def machine():
-    return load_machine("dz101")
 
 
 @pytest.fixture

@@ -183,7 +183,7 @@ def test_the_check_finds_size_frequency_and_mesh_force(data, command):
     assert f"mesh frequency {mesh_hz:.2f} Hz, static mesh force {force / 1e3:.1f} kN each" in out
 
 
-def test_pictures_are_drawn_and_not_cut(data, command):
+def test_pictures(data, command):
     code, out, err = command(f"show --machine {data['name']} --out picture.png --json")
     assert (code, json.loads(out)["machine"], err) == (0, data["name"], "drawing: picture.png\n")
     assert Path("picture.png").read_bytes().startswith(b"\x89PNG\r\n\x1a\n")

@@ -26,7 +26,7 @@ from tbm_gsa.paper.reproduction.surrogates import surrogate_rows
 from tbm_gsa.paper.reproduction.verdict import VERDICTS
 from tbm_gsa.paper.reproduction.workflow import reproduce
 from tbm_gsa.sensitivity.study.inputs import PAPER_INPUTS
-from tbm_gsa.sensitivity.study.problem import Problem
+from tbm_gsa.sensitivity.study.problem import StudyProblem
 from tbm_gsa.sensitivity.study.store import Store
 
 TINY = Sizes(
@@ -203,7 +203,7 @@ def test_bad_input_is_one_line(tmp_path, typed):
     assert not out.exists()
     other = tmp_path / "other"
     with Store.create_or_open(
-        other / "stiffness_proportional/store.sqlite", Problem(PAPER_INPUTS, INDICATORS, 10, 2, 5)
+        other / "stiffness_proportional/store.sqlite", StudyProblem(PAPER_INPUTS, INDICATORS, 10, 2, 5)
     ):
         pass
     _refused(typed("reproduce", "--out", str(other)), "store.sqlite", "holds another study")

@@ -19,7 +19,7 @@ from tbm_gsa.sensitivity.study.campaign import run_campaign
 from tbm_gsa.sensitivity.study.errors import StudyError
 from tbm_gsa.sensitivity.study.inputs import PAPER_INPUTS, InputSet
 from tbm_gsa.sensitivity.study.merging import merge_studies
-from tbm_gsa.sensitivity.study.problem import Problem
+from tbm_gsa.sensitivity.study.problem import StudyProblem
 from tbm_gsa.sensitivity.study.shards import Shard
 from tbm_gsa.sensitivity.study.store import STORE_NAME, Store
 
@@ -35,7 +35,7 @@ def add(sample):
 
 
 def problem(train=20, seed=0):
-    return Problem(INPUTS, ("sum",), train, 3, seed)
+    return StudyProblem(INPUTS, ("sum",), train, 3, seed)
 
 
 def run(folder, shard, asked=None):

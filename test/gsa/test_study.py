@@ -25,12 +25,12 @@ from tbm_gsa.sensitivity.results import StudyResult
 from tbm_gsa.sensitivity.study import analysis
 from tbm_gsa.sensitivity.study.errors import StudyCancelled, StudyError
 from tbm_gsa.sensitivity.study.inputs import PAPER_INPUTS, InputSet
-from tbm_gsa.sensitivity.study.problem import Problem
+from tbm_gsa.sensitivity.study.problem import StudyProblem
 from tbm_gsa.sensitivity.study.run import StudyOptions, report_study, resume_study, run_study
 from tbm_gsa.sensitivity.study.store import Store
 
 THREE = InputSet(tuple(PAPER_INPUTS[code] for code in ("x2", "x4", "x16")))
-PROBLEM = Problem(THREE, OUTPUTS, train=40, test=8, seed=0, settings={"machine": "<b>analytic & quick</b>"})
+PROBLEM = StudyProblem(THREE, OUTPUTS, train=40, test=8, seed=0, settings={"machine": "<b>analytic & quick</b>"})
 METHODS = ("svr", "krg", "prs")
 ANALYSED = [f"analysis {done} of {len(OUTPUTS)} outputs" for done in range(len(OUTPUTS) + 1)]
 
@@ -151,7 +151,7 @@ def test_a_cancelled_study_resumes_to_the_same_numbers(study, tmp_path, monkeypa
 @pytest.fixture(scope="module")
 def doubted(tmp_path_factory):
     """A study in doubt: failures at one end of x2, an output that nothing explains, a constant one, no test points."""
-    problem = Problem(THREE, ("force", "noise", "still"), train=40, test=0, seed=0)
+    problem = StudyProblem(THREE, ("force", "noise", "still"), train=40, test=0, seed=0)
     options = StudyOptions(("prs",), workers=1, report=write_study_report)
     with simulations_here(), small_samplings():
         return run_study(problem, doubtful, tmp_path_factory.mktemp("doubted"), options)
@@ -198,7 +198,7 @@ def test_a_constant_output_is_named_and_left_out(doubted):
 
 
 def test_many_failures_are_refused_unless_allowed(tmp_path):
-    problem = Problem(THREE, OUTPUTS, train=40, test=0, seed=0)
+    problem = StudyProblem(THREE, OUTPUTS, train=40, test=0, seed=0)
     match = r"11 of 40 simulations failed \(28%\); 11 of them in the upper half of x2, .* or --allow-failures$"
     with simulations_here(), small_samplings(), pytest.raises(StudyError, match=match):
         run_study(problem, fails_above, tmp_path, StudyOptions(("prs",), workers=1))
@@ -209,14 +209,14 @@ def test_many_failures_are_refused_unless_allowed(tmp_path):
 
 
 def test_when_all_fail_the_reason_is_said(tmp_path):
-    problem = Problem(THREE, OUTPUTS, train=12, test=2, seed=0)
+    problem = StudyProblem(THREE, OUTPUTS, train=12, test=2, seed=0)
     match = r"all 14 simulations failed; commonest reason \(14 of 14\): KeyError: 'x1'; allowed: some that end well"
     with simulations_here(), pytest.raises(StudyError, match=match):
         run_study(problem, lambda sample: sample["x1"], tmp_path, StudyOptions(workers=1, allow_failures=True))
 
 
 def test_too_few_simulations_name_the_output(tmp_path):
-    problem = Problem(THREE, OUTPUTS, train=5, test=0, seed=0)
+    problem = StudyProblem(THREE, OUTPUTS, train=5, test=0, seed=0)
     message = "output force: 5 samples for a surrogate, allowed: at least 10"
     with pytest.raises(StudyError, match=message), simulations_here():
         run_study(problem, analytic, tmp_path, StudyOptions(workers=1))

@@ -137,7 +137,7 @@ def test_what_a_run_prints_fits(capsys):
     count = SimpleNamespace(received=12_345_678, lost=1_234_567, stream_time=1_234_567.89)
     names = ("/tbm/model/cutterhead/block", "/tbm/model/mesh_forces")
     state = SimpleNamespace(blocks={name.removeprefix("/tbm/"): count for name in names}, diagnostics={})
-    run._print_table(state, 1.0)
+    run._print_table(run.RunResult.of(state, 1.0))
     _fits(capsys.readouterr().out, *names, "12345678", "1234567", "1234567.89")
 
 

@@ -24,7 +24,7 @@ from tbm_gsa.app.cli.output import (
     results,
     staged_progress,
 )
-from tbm_gsa.app.cli.shipped import MAPPING_OPTION, RECORDING_ARGUMENT, recording_path
+from tbm_gsa.app.cli.shipped import RECORDING_ARGUMENT, recording_path
 from tbm_gsa.comparison.results import ComparisonResult
 from tbm_gsa.comparison.workflow import RecordingComparison, compare_recording
 from tbm_gsa.history import (
@@ -45,7 +45,9 @@ from tbm_msgs_py.recordings.recording_health import COUNTS
 def compare(
     bag: Annotated[Path, RECORDING_ARGUMENT],
     machine: MachineOption = DEFAULT_MACHINE,
-    mapping: Annotated[Path | None, MAPPING_OPTION] = None,
+    mapping: Annotated[
+        Path | None, typer.Option(help="Mapping of topics to test points; default: mapping.yaml in or beside the bag.")
+    ] = None,
     html: Annotated[Path | None, typer.Option(help="Write a page with figures to this file.", dir_okay=False)] = None,
     model_duration: Annotated[float, typer.Option(help="Length of the model run (s).")] = 60.0,
     window: Annotated[float, typer.Option(help="Length of a window (s).")] = 2.0,

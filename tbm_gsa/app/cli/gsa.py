@@ -38,10 +38,10 @@ from tbm_gsa.app.cli.output import (
     results,
 )
 from tbm_gsa.app.cli.workers import Scheduler, Workers, anonymous_main, shown_progress
-from tbm_gsa.sensitivity.results import NOT_DETERMINED, REPORT_NAME, StudyResult
+from tbm_gsa.sensitivity.results import NOT_DETERMINED, REPORT_NAME, STRONGEST, StudyResult
 from tbm_gsa.sensitivity.study.evaluate import MachineEvaluation
 from tbm_gsa.sensitivity.study.failures import REFUSED
-from tbm_gsa.sensitivity.study.problem import Problem
+from tbm_gsa.sensitivity.study.problem import StudyProblem
 
 if TYPE_CHECKING:
     from tbm_gsa.sensitivity.study.run import FinishedStudy, StudyOptions
@@ -142,7 +142,7 @@ for _command in (shard, merge, explain):
     app.command()(_command)
 
 
-def _evaluation(problem: Problem) -> MachineEvaluation:
+def _evaluation(problem: StudyProblem) -> MachineEvaluation:
     """Make the evaluation of a store that is gone on with."""
     return MachineEvaluation.from_settings(problem.settings, problem.outputs)
 
@@ -183,7 +183,7 @@ def show(study: FinishedStudy, json: bool) -> None:
     notes.print(f"report: {study.folder / REPORT_NAME}", highlight=False)
 
 
-def strongest_table(result: StudyResult, count: int = 5) -> Table:
+def strongest_table(result: StudyResult, count: int = STRONGEST) -> Table:
     """Quality of the surrogate and the strongest inputs of every output."""
     headings = ("=output", "surrogate", ">R² test", ">R² cv", f"strongest {count}")
     table = narrow_table("Strongest inputs, first-order index S1", *headings)

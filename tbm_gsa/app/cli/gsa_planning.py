@@ -14,7 +14,7 @@ from tbm_gsa.sensitivity.study.definition import Definition, read_definition
 from tbm_gsa.sensitivity.study.design import KINDS
 from tbm_gsa.sensitivity.study.evaluate import MachineEvaluation
 from tbm_gsa.sensitivity.study.inputs import PAPER_INPUTS
-from tbm_gsa.sensitivity.study.problem import Problem
+from tbm_gsa.sensitivity.study.problem import StudyProblem
 from tbm_msgs_py.base.errors import InputError
 
 MOST_SAMPLES: Final = 1_000_000
@@ -43,7 +43,7 @@ def planned_study(
     design: str,
     sizes: tuple[int, int],
     seed: int,
-) -> tuple[Problem, MachineEvaluation]:
+) -> tuple[StudyProblem, MachineEvaluation]:
     """Plan a study of `sizes` training and test simulations; everything about it is checked."""
     definition = Definition(PAPER_INPUTS) if inputs is None else read_definition(inputs)
     names = split_names("--outputs", [] if outputs is None else [outputs]) or definition.outputs or INDICATORS
@@ -52,4 +52,4 @@ def planned_study(
     if high_hz is not None and set(names) <= set(INDICATORS):
         raise InputError(f"--high-hz {high_hz:g}: no output is of an acceleration, allowed: with one")
     evaluate.check({item.code: (item.lower, item.upper) for item in definition.inputs.inputs})
-    return Problem(definition.inputs, names, *sizes, seed, evaluate.settings, design), evaluate
+    return StudyProblem(definition.inputs, names, *sizes, seed, evaluate.settings, design), evaluate

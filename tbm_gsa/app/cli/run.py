@@ -146,10 +146,11 @@ def run(
     watching = watch(described.description.test_points)
     patience = math.inf if sim_time else _FIRST_BLOCK_S
     first_block, stopped = _run(watching, commands, out / "logs", point, duration, patience)
+    found = RunResult.of(watching.state, first_block)
     if json:
-        print_json(RunResult.of(watching.state, first_block))
+        print_json(found)
     else:
-        _print_table(watching.state, first_block)
+        _print_table(found)
     if stopped:
         notes.print("stopped by a signal", highlight=False)
 
@@ -263,12 +264,13 @@ def _follow(
             asked = True
 
 
-def _print_table(state: WatchState, first_block: float | None) -> None:
+def _print_table(found: RunResult) -> None:
     table = narrow_table("Blocks", "topic", ">received", ">lost", ">stream time (s)")
-    for name, count in state.blocks.items():
-        add_row(table, topics.absolute(name), count.received, count.lost, f"{count.stream_time:.2f}")
+    for name, count in found.topics.items():
+        add_row(table, name, count.blocks, count.lost, f"{count.stream_time:.2f}")
     results.print(table)
     results.print()
-    results.print("no block" if first_block is None else f"first block after {first_block:.1f} s")
-    for name, (_, message, _) in sorted(state.diagnostics.items()):
-        results.print(f"{name}: {message}", highlight=False)
+    first = found.first_block_seconds
+    results.print("no block" if first is None else f"first block after {first:.1f} s")
+    for name, status in found.diagnostics.items():
+        results.print(f"{name}: {status.message}", highlight=False)

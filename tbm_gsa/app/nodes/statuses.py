@@ -14,12 +14,11 @@ from tbm_gsa.comparison import StreamCounters, WindowResult, dead_axes
 from tbm_gsa.comparison.results import OperatingKind
 from tbm_gsa.comparison.streams import Side
 from tbm_gsa.comparison.units import unit_doubt
-from tbm_gsa.sensitivity.results import NOT_DETERMINED, OutputResult, StudyResult
+from tbm_gsa.sensitivity.results import NOT_DETERMINED, STRONGEST, OutputResult, StudyResult
 from tbm_gsa.sensitivity.study.failures import WARNED
 from tbm_msgs_py.nodes import messages
 
 _QUANTITIES = ("model_rms", "field_rms", "relative_error", "field_crest_factor", "field_kurtosis")
-_STRONGEST = 5
 _WHOLE = 0.9  # share of a window below which its holes are named
 _OPERATION: dict[OperatingKind, str] = {
     "steady": "compared",
@@ -131,7 +130,7 @@ def gsa_result_statuses(prefix: str, machine: str, study: StudyResult, status: G
     failures = study.failure_summary
     doubts = [failures.text()] if failures is not None and failures.warned else []
     for name, output in study.outputs.items():
-        strongest = sorted(output.first, key=output.first.__getitem__, reverse=True)[:_STRONGEST]
+        strongest = sorted(output.first, key=output.first.__getitem__, reverse=True)[:STRONGEST]
         values = _quality(output)
         values |= {f"first_{code}": output.first[code] for code in strongest}
         values |= {f"total_{code}": output.total[code] for code in strongest}

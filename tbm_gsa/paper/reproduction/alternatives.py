@@ -27,7 +27,7 @@ from tbm_gsa.sensitivity.sobol.closed_form import sobol_closed_form
 from tbm_gsa.sensitivity.study.campaign import run_campaign
 from tbm_gsa.sensitivity.study.curves import response_curve
 from tbm_gsa.sensitivity.study.inputs import PAPER_INPUTS
-from tbm_gsa.sensitivity.study.problem import Problem, Setting
+from tbm_gsa.sensitivity.study.problem import Setting, StudyProblem
 from tbm_gsa.sensitivity.study.store import Store
 from tbm_gsa.sensitivity.surrogates import Surrogate, fit_surrogate
 
@@ -157,7 +157,7 @@ def try_alternative(name: str, folder: Path, seed: int = 0, workers: int = 2) ->
     description = ALTERNATIVES[name](load_machine("dz101").description)
     evaluate = WiderEvaluation(description.model_dump_json(), seed)
     settings: dict[str, Setting] = {"alternative": name, "duration": SIMULATION_S, "load_seed": seed}
-    problem = Problem(PAPER_INPUTS, OUTPUTS, SAMPLES, 2, seed, settings)
+    problem = StudyProblem(PAPER_INPUTS, OUTPUTS, SAMPLES, 2, seed, settings)
     with Store.create_or_open(folder / f"{name.replace(' ', '_')}.sqlite", problem) as store:
         run_campaign(store, evaluate, workers=workers)
         X, Y = store.results("train")

@@ -17,7 +17,7 @@ from tbm_gsa.sensitivity.study.errors import StudyError
 from tbm_gsa.sensitivity.study.evaluate import MachineEvaluation
 from tbm_gsa.sensitivity.study.failures import checked_failures
 from tbm_gsa.sensitivity.study.inputs import PAPER_INPUTS
-from tbm_gsa.sensitivity.study.problem import Problem
+from tbm_gsa.sensitivity.study.problem import StudyProblem
 from tbm_gsa.sensitivity.study.run import FinishedStudy, StudyOptions, run_study
 from tbm_gsa.sensitivity.study.store import STORE_NAME, Store
 from tbm_msgs_py.base.progress import Progress
@@ -52,9 +52,9 @@ class Campaign:
         return MachineEvaluation(name, text, self.simulation_s, self.seed)
 
     @property
-    def problem(self) -> Problem:
+    def problem(self) -> StudyProblem:
         """What its store answers."""
-        return Problem(PAPER_INPUTS, INDICATORS, self.train, self.test, self.seed, self.evaluation.settings)
+        return StudyProblem(PAPER_INPUTS, INDICATORS, self.train, self.test, self.seed, self.evaluation.settings)
 
     def check(self) -> None:
         """Raise a StudyError where the machine does not take the paper's inputs."""

@@ -8,13 +8,12 @@ import numpy as np
 from scipy.special import erf
 from scipy.stats import t as student
 
-from tbm_gsa.sensitivity.sobol.indices import Groups, SobolIndices, checked_groups
+from tbm_gsa.sensitivity.sobol.indices import CONFIDENCE, Groups, SobolIndices, checked_groups
 from tbm_gsa.sensitivity.surrogates.base import CrossValidation, Surrogate
 from tbm_gsa.sensitivity.surrogates.expansion import Expansion, KernelExpansion, PolynomialExpansion
 from tbm_msgs_py.base.arrays import Array
 from tbm_msgs_py.base.errors import InputError
 
-CONFIDENCE: Final = 0.95
 # Numbers per block of the pairwise integrals: about what a processor's second-level cache holds.
 BLOCK_NUMBERS: Final = 100_000
 # A surrogate with less than this share of the output's variance is constant; its indices would be rounding errors.

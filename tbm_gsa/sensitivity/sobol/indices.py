@@ -2,13 +2,14 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TypeAlias
+from typing import Final, TypeAlias
 
 import numpy as np
 
 from tbm_msgs_py.base.arrays import Array
 from tbm_msgs_py.base.errors import InputError
 
+CONFIDENCE: Final = 0.95  # of every interval
 # Column numbers of the inputs that are taken together; None takes each input by itself.
 Groups: TypeAlias = Sequence[Sequence[int]]
 

@@ -8,13 +8,12 @@ import numpy as np
 from numpy.typing import ArrayLike
 from SALib.analyze.sobol import first_order, second_order, total_order
 
-from tbm_gsa.sensitivity.sobol.indices import Groups, SobolIndices
+from tbm_gsa.sensitivity.sobol.indices import CONFIDENCE, Groups, SobolIndices
 from tbm_gsa.sensitivity.sobol.pick_freeze import PickFreezeDesign, Values
 from tbm_msgs_py.base.arrays import Array
 
 SAMPLE_SIZES: Final = (20_000, 40_000, 60_000, 80_000, 100_000)
 """Evaluations, more and more, of the paper's section 4.2; at the last its indices have converged."""
-CONFIDENCE: Final = 0.95
 RESAMPLES: Final = 200
 # Resamples are drawn in groups so that their counts never need more than this many numbers.
 GROUP_NUMBERS: Final = 1_000_000

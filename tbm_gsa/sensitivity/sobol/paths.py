@@ -20,8 +20,8 @@ from numpy.typing import DTypeLike
 from scipy.linalg import cho_factor, cho_solve
 from scipy.stats import norm, qmc
 
-from tbm_gsa.sensitivity.sobol.indices import Groups
-from tbm_gsa.sensitivity.sobol.monte_carlo import CONFIDENCE, resample
+from tbm_gsa.sensitivity.sobol.indices import CONFIDENCE, Groups
+from tbm_gsa.sensitivity.sobol.monte_carlo import resample
 from tbm_gsa.sensitivity.sobol.pick_freeze import PickFreezeDesign
 from tbm_gsa.sensitivity.surrogates.expansion import gaussian_kernel
 from tbm_gsa.sensitivity.surrogates.krg import Kriging

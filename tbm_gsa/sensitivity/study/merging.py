@@ -9,7 +9,7 @@ from typing import Final
 
 from tbm_gsa.reading import Part
 from tbm_gsa.sensitivity.study.errors import StudyError
-from tbm_gsa.sensitivity.study.problem import Problem, difference
+from tbm_gsa.sensitivity.study.problem import StudyProblem, difference
 from tbm_gsa.sensitivity.study.store import STORE_NAME, EndedRow, Store
 from tbm_gsa.sensitivity.study.workers import Outcome
 
@@ -88,9 +88,9 @@ def merge_studies(folders: Sequence[Path], out: Path) -> MergeResult:
     )
 
 
-def _problem(folders: Sequence[Path]) -> Problem:
+def _problem(folders: Sequence[Path]) -> StudyProblem:
     """Return what all parts answer."""
-    found: list[Problem] = []
+    found: list[StudyProblem] = []
     for folder in folders:
         with Store.open(folder / STORE_NAME) as store:
             found.append(store.problem)

@@ -24,7 +24,7 @@ OF_MACHINE: Final = ("machine", "speed_r_min", "torque_kn_m", "thrust_kn")
 
 
 @dataclass(frozen=True)
-class Problem:
+class StudyProblem:
     """What a store answers; two stores with equal problems hold equal numbers.
 
     Parameters
@@ -65,7 +65,7 @@ class Problem:
         return {key: json.dumps(value, ensure_ascii=False) for key, value in parts.items()}
 
     @staticmethod
-    def from_json(texts: Mapping[str, str]) -> "Problem":
+    def from_json(texts: Mapping[str, str]) -> "StudyProblem":
         """Inverse of `to_json`."""
         written = texts.get("format")
         if written != str(FORMAT):
@@ -75,7 +75,7 @@ class Problem:
         return validated(_STORED_PROBLEM, _object(parts), "not the problem of a study", StudyError)
 
 
-_STORED_PROBLEM: Final = TypeAdapter(Problem)
+_STORED_PROBLEM: Final = TypeAdapter(StudyProblem)
 
 
 def _object(texts: Mapping[str, str]) -> str:
@@ -83,7 +83,7 @@ def _object(texts: Mapping[str, str]) -> str:
     return "{" + ", ".join(f"{json.dumps(key)}: {text}" for key, text in texts.items()) + "}"
 
 
-def difference(stored: Problem, wanted: Problem) -> str | None:
+def difference(stored: StudyProblem, wanted: StudyProblem) -> str | None:
     """Return the first difference of two problems in words; None if their simulations are the same.
 
     Groups say which indices are added up, and nothing about simulations; the machine is known by its digest, wherever
@@ -92,7 +92,7 @@ def difference(stored: Problem, wanted: Problem) -> str | None:
     return next(_differences(stored, wanted), None)
 
 
-def _differences(stored: Problem, wanted: Problem) -> Iterator[str]:
+def _differences(stored: StudyProblem, wanted: StudyProblem) -> Iterator[str]:
     digests = [problem.settings.get(DIGEST) for problem in (stored, wanted)]
     of_machine = OF_MACHINE if digests[0] is not None and digests[0] == digests[1] else ()
     for key in sorted({*stored.settings, *wanted.settings}.difference(of_machine)):

@@ -9,7 +9,7 @@ from tbm_gsa.sensitivity.results import RESULT_NAME, StudyResult
 from tbm_gsa.sensitivity.study.analysis import OutputAnalysis, analyse, check_methods
 from tbm_gsa.sensitivity.study.campaign import run_campaign
 from tbm_gsa.sensitivity.study.failures import checked_failures
-from tbm_gsa.sensitivity.study.problem import Problem
+from tbm_gsa.sensitivity.study.problem import StudyProblem
 from tbm_gsa.sensitivity.study.store import STORE_NAME, Store
 from tbm_gsa.sensitivity.study.workers import Evaluate
 from tbm_gsa.sensitivity.surrogates import SURROGATES
@@ -69,13 +69,13 @@ class StudyOptions:
 
 
 def run_study(
-    problem: Problem, evaluate: Evaluate, folder: str | Path, options: StudyOptions | None = None
+    problem: StudyProblem, evaluate: Evaluate, folder: str | Path, options: StudyOptions | None = None
 ) -> FinishedStudy:
     """Run a study, or go on with it where the folder holds one of the same problem.
 
     Parameters
     ----------
-    problem : Problem
+    problem : StudyProblem
     evaluate : callable
         See `run_campaign`; its settings belong into the problem.
     folder : str or Path
@@ -95,7 +95,7 @@ def run_study(
 
 def resume_study(
     folder: str | Path,
-    make_evaluate: Callable[[Problem], Evaluate],
+    make_evaluate: Callable[[StudyProblem], Evaluate],
     options: StudyOptions | None = None,
     added: int | None = None,
 ) -> FinishedStudy:

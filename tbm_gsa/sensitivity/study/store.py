@@ -18,7 +18,7 @@ from pydantic import ConfigDict, TypeAdapter
 from tbm_gsa.reading import Number, validated
 from tbm_gsa.sensitivity.study.design import add_points, make_design
 from tbm_gsa.sensitivity.study.errors import StudyError
-from tbm_gsa.sensitivity.study.problem import Problem, difference
+from tbm_gsa.sensitivity.study.problem import StudyProblem, difference
 from tbm_gsa.sensitivity.study.shards import WHOLE, Shard
 from tbm_gsa.sensitivity.study.workers import Outcome
 from tbm_msgs_py.base.arrays import Array
@@ -76,13 +76,13 @@ class EndedRow:
 class Store:
     """An open store. Use `create_or_open` or `open`, and close it or use it as a context manager."""
 
-    def __init__(self, path: Path, connection: sqlite3.Connection, problem: Problem) -> None:
+    def __init__(self, path: Path, connection: sqlite3.Connection, problem: StudyProblem) -> None:
         self.path = path
         self.problem = problem
         self._connection = connection
 
     @classmethod
-    def create_or_open(cls, path: Path, problem: Problem) -> Self:
+    def create_or_open(cls, path: Path, problem: StudyProblem) -> Self:
         """Open the store of a problem; write it with its design first if there is none.
 
         Groups, and another place of the same machine file, are taken over: they say nothing about simulations.
@@ -116,7 +116,7 @@ class Store:
         connection = _connect(path)
         try:
             connection.execute("PRAGMA journal_mode=WAL")
-            problem = Problem.from_json(dict(connection.execute("SELECT key, value FROM problem")))
+            problem = StudyProblem.from_json(dict(connection.execute("SELECT key, value FROM problem")))
             if not connection.execute("SELECT COUNT(*) FROM planned").fetchone()[0]:
                 raise StudyError("no simulation is planned, allowed: the store of a study with its design")
         except sqlite3.DatabaseError as error:
@@ -161,7 +161,7 @@ class Store:
             _write_parts(self._connection, extended)
         self.problem = extended
 
-    def _take_over(self, problem: Problem) -> None:
+    def _take_over(self, problem: StudyProblem) -> None:
         """Replace the problem by one that differs in what has no bearing on simulations."""
         if problem != self.problem:
             with self._connection:
@@ -270,7 +270,7 @@ def _connect(path: Path) -> sqlite3.Connection:
     return sqlite3.connect(path, timeout=30.0)
 
 
-def _write_problem(connection: sqlite3.Connection, problem: Problem) -> None:
+def _write_problem(connection: sqlite3.Connection, problem: StudyProblem) -> None:
     """Write schema, problem and design of a new store."""
     design = make_design(problem.inputs, problem.train, problem.test, problem.seed, problem.design)
     connection.executescript(SCHEMA)
@@ -281,7 +281,7 @@ def _write_problem(connection: sqlite3.Connection, problem: Problem) -> None:
             _plan(connection, design.test, "test", TEST_DESIGN, problem.seed)
 
 
-def _write_parts(connection: sqlite3.Connection, problem: Problem) -> None:
+def _write_parts(connection: sqlite3.Connection, problem: StudyProblem) -> None:
     """Write the parts of a problem over those that are there."""
     connection.executemany("REPLACE INTO problem VALUES (?, ?)", problem.to_json().items())
 

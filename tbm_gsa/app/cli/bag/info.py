@@ -12,7 +12,7 @@ import typer
 from rich.text import Text
 
 from tbm_gsa.app.cli.output import JSON_OPTION, add_row, narrow_table, print_json, progress_bar, results
-from tbm_gsa.app.cli.shipped import MAPPING_OPTION, RECORDING_ARGUMENT, recording_path
+from tbm_gsa.app.cli.shipped import RECORDING_ARGUMENT, recording_path
 from tbm_gsa.reading import Maybe, Part
 from tbm_msgs_py.bags.bag import Bag, BagInfo
 from tbm_msgs_py.bags.definitions import JOINT_STATE_TYPE, definition_hash
@@ -126,7 +126,9 @@ class ScannedBag(BagContents):
 def info(
     bag: Annotated[Path, RECORDING_ARGUMENT],
     scan: Annotated[bool, typer.Option("--scan", help="Read it through for damage and faults of the sensors.")] = False,
-    mapping: Annotated[Path | None, MAPPING_OPTION] = None,
+    mapping: Annotated[
+        Path | None, typer.Option(help="Mapping of topics to test points; default: mapping.yaml in or beside the bag.")
+    ] = None,
     json: Annotated[bool, JSON_OPTION] = False,
 ) -> None:
     """List the topics of a recording, its length, and what is missing."""
