@@ -15,7 +15,9 @@ from tbm_msgs_py.base.arrays import Array
 
 SHORTEST_S: Final = 15.0
 """Of a part: what a verdict needs."""
-_LEAST_COVERAGE: Final = 0.9  # of a window that counts
+INDEPENDENT_S: Final = 3.0
+"""After which levels are nearly: weakly damped modes ring, and the power of a band is taken over a second."""
+_LEAST_COVERAGE: Final = 0.5  # of a window that counts
 
 
 def change_times(points: Mapping[str, PointComparison]) -> tuple[float, ...]:
@@ -34,7 +36,8 @@ def change_times(points: Mapping[str, PointComparison]) -> tuple[float, ...]:
         return ()
     values = np.array([[one[start] for one in series] for start in common])
     length = min(b - a for a, b in pairwise(common))
-    return tuple(common[place] for place in changes(values, max(2, round(SHORTEST_S / length))))
+    together = max(1, round(INDEPENDENT_S / length))
+    return tuple(common[place] for place in changes(values, max(2, round(SHORTEST_S / length)), together))
 
 
 def _levels(axis: AxisResult, band: str) -> dict[float, float]:

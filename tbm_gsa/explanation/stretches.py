@@ -14,10 +14,14 @@ from tbm_gsa.explanation.result import Explanation, Verdict
 from tbm_gsa.explanation.workflow import ExplainOptions, explain
 from tbm_gsa.reading import Line, Number, Part
 from tbm_gsa.sensitivity.study.errors import StudyError
+from tbm_gsa.signals.settings import Settings
 from tbm_msgs_py.base.errors import RecordingError
 
 MODEL_S: Final = 4.0
 """Length of the model's run of a comparison, of which an explanation takes nothing but the names of the bands."""
+
+WINDOW_S: Final = 0.5
+"""Of the windows that tell when the recording changes: many, for it may be short."""
 
 
 class StretchFinding(Part):
@@ -72,7 +76,8 @@ def explain_stretches(
     RecordingError
         A recording that cannot be compared.
     """
-    whole = compare_recording(bag, machine, model_duration=MODEL_S).result
+    fine = Settings(window_s=WINDOW_S)
+    whole = compare_recording(bag, machine, model_duration=MODEL_S, settings=fine).result
     ends = (0.0, *whole.changes, whole.recording.duration)
     found = []
     for number, (begin, end) in enumerate(pairwise(ends), start=1):
