@@ -17,7 +17,7 @@ import sys
 import tempfile
 import time
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -171,26 +171,32 @@ def medians(runs: list[dict[str, float]]) -> dict[str, float]:
     return {key: statistics.median(run[key] for run in runs[1:]) for key in runs[0]}
 
 
-def measure(runs: int) -> dict[str, Any]:
+@dataclass(frozen=True)
+class Starts:
+    """Medians over so many runs: of the help, and by node; s."""
+
+    runs: int
+    load: tuple[float, ...]
+    help: dict[str, float]
+    nodes: dict[str, dict[str, float]]
+
+
+def measure(runs: int) -> Starts:
     """All figures."""
-    found: dict[str, Any] = {"help": medians([help_seconds() for _ in range(runs + 1)]), "nodes": {}}
+    of_help = medians([help_seconds() for _ in range(runs + 1)])
     watcher = Watcher()
-    for name in NODES:
-        found["nodes"][name] = medians([node_seconds(watcher, name) for _ in range(runs + 1)])
+    nodes = {name: medians([node_seconds(watcher, name) for _ in range(runs + 1)]) for name in NODES}
     watcher.close()
-    return {"runs": runs, "load": os.getloadavg(), **found}
+    return Starts(runs, os.getloadavg(), of_help, nodes)
 
 
-def show(document: dict[str, Any]) -> None:
+def show(found: Starts) -> None:
     """Print the table, and whether the targets hold."""
-    load = " ".join(f"{value:.1f}" for value in document["load"])
-    print(f"median of {document['runs']}, load average {load}\n")
+    load = " ".join(f"{value:.1f}" for value in found.load)
+    print(f"median of {found.runs}, load average {load}\n")
     print("| | active, s | first message, s | CPU until active, s | target |\n|" + " --- |" * 5)
-    given = document["help"]
-    rows = [("`tbm-monitor --help`", given["seconds"], None, given["cpu"], HELP_TARGET_S)]
-    rows += [
-        (name, row["active"], row.get("first"), row["cpu"], NODE_TARGET_S) for name, row in document["nodes"].items()
-    ]
+    rows = [("`tbm-monitor --help`", found.help["seconds"], None, found.help["cpu"], HELP_TARGET_S)]
+    rows += [(name, row["active"], row.get("first"), row["cpu"], NODE_TARGET_S) for name, row in found.nodes.items()]
     for name, active, first, used, target in rows:
         came = "" if first is None else f"{first:.2f}"
         held = "held" if max(active, first or 0.0) < target else "missed"
@@ -204,8 +210,8 @@ def main() -> None:
     parser.add_argument("--json", action="store_true", help="print a JSON document")
     given = parser.parse_args()
     settle_ros_environment()
-    document = measure(given.runs)
-    print(json.dumps(document)) if given.json else show(document)
+    found = measure(given.runs)
+    print(json.dumps(asdict(found))) if given.json else show(found)
 
 
 if __name__ == "__main__":

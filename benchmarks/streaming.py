@@ -17,6 +17,7 @@ import subprocess
 import sys
 import tempfile
 import time
+from dataclasses import asdict, dataclass
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -208,7 +209,18 @@ class System(NodeProcesses):
         super().stop()
 
 
-def measure(duration: float) -> dict[str, Any]:
+@dataclass(frozen=True)
+class Streaming:
+    """Run of so many seconds: figures by topic and by process, faults on `/diagnostics`."""
+
+    seconds: float
+    load: tuple[float, ...]
+    topics: dict[str, dict[str, float]]
+    processes: dict[str, dict[str, float]]
+    faults: list[str]
+
+
+def measure(duration: float) -> Streaming:
     """Run at real time: rates, losses, latencies by topic; CPU and memory by process."""
     with tempfile.TemporaryDirectory() as folder, System(Path(folder)) as system:
         watcher = Watcher()
@@ -235,8 +247,7 @@ def measure(duration: float) -> dict[str, Any]:
             for name, process in processes.items()
         }
         watcher.close()
-    found = {"topics": rows(watcher, wall), "processes": used, "faults": sorted(watcher.faults)}
-    return {"seconds": wall, "load": os.getloadavg(), **found}
+    return Streaming(wall, os.getloadavg(), rows(watcher, wall), used, sorted(watcher.faults))
 
 
 def rows(watcher: Watcher, wall: float) -> dict[str, dict[str, float]]:
@@ -297,26 +308,25 @@ def sweep() -> list[dict[str, float]]:
     return found
 
 
-def show(document: dict[str, Any]) -> None:
+def show(found: Streaming | None, swept: list[dict[str, float]]) -> None:
     """Print the tables."""
-    if "topics" in document:
-        load = " ".join(f"{value:.1f}" for value in document["load"])
-        print(f"{document['seconds']:.0f} s, load average {load}\n")
+    if found is not None:
+        load = " ".join(f"{value:.1f}" for value in found.load)
+        print(f"{found.seconds:.0f} s, load average {load}\n")
         print("| topic | messages/s | samples/s | lost | p50 ms | p99 ms | most ms |\n|" + " --- |" * 7)
-        for name, row in document["topics"].items():
+        for name, row in found.topics.items():
             print(
                 f"| {name} | {row['messages_s']:.1f} | {row['samples_s']:.0f} | {row['lost']} | {row['p50_ms']:.1f} "
                 f"| {row['p99_ms']:.1f} | {row['most_ms']:.1f} |"
             )
         print("\n| process | CPU of a core, % | memory MB | at the end | most |\n|" + " --- |" * 5)
-        for name, row in document["processes"].items():
+        for name, row in found.processes.items():
             memories = " | ".join(f"{row[key]:.1f}" for key in ("memory_mb", "end_mb", "most_mb"))
             print(f"| {name} | {row['cpu_percent']:.0f} | {memories} |")
-    if "faults" in document:
-        print("\n" + ("\n".join(document["faults"]) or "no fault on /diagnostics"))
-    if "sweep" in document:
+        print("\n" + ("\n".join(found.faults) or "no fault on /diagnostics"))
+    if swept:
         print("\n| times the design's rates | lost | share of the stream |\n| --- | --- | --- |")
-        for row in document["sweep"]:
+        for row in swept:
             print(f"| {row['rate']:g} | {row['lost']} | {row['share']:.2f} |")
 
 
@@ -332,10 +342,12 @@ def main() -> None:
     settle_ros_environment()
     if given.role:
         return sensors() if given.role == "sensors" else clock(given.rate)
-    document = measure(given.duration) if given.duration else {}
-    if given.sweep:
-        document["sweep"] = sweep()
-    print(json.dumps(document)) if given.json else show(document)
+    found = measure(given.duration) if given.duration else None
+    swept = sweep() if given.sweep else []
+    if given.json:
+        print(json.dumps((asdict(found) if found else {}) | ({"sweep": swept} if swept else {})))
+    else:
+        show(found, swept)
     return None
 
 

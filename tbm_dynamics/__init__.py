@@ -1,7 +1,8 @@
 """Dynamics of the driving system of a tunnel boring machine."""
 
-from importlib import import_module
 from typing import TYPE_CHECKING
+
+from tbm_msgs_py.base.lazy import lazy_names
 
 if TYPE_CHECKING:
     from tbm_dynamics.integration.simulator import Simulator
@@ -24,21 +25,16 @@ __all__ = [
     "simulate",
 ]
 
-# Loaded on first use: what reads a machine or makes its loads needs nothing that integrates.
-_HOME = {
-    "Machine": "tbm_dynamics.machine.machine",
-    "MachineError": "tbm_msgs_py.base.errors",
-    "OperatingPoint": "tbm_msgs_py.base.operating_point",
-    "Response": "tbm_dynamics.response",
-    "SimulationError": "tbm_msgs_py.base.errors",
-    "Simulator": "tbm_dynamics.integration.simulator",
-    "load_machine": "tbm_dynamics.machine.machine",
-    "shipped_machines": "tbm_dynamics.machine.loading",
-    "simulate": "tbm_dynamics.streaming.simulation",
-}
-
-
-def __getattr__(name: str) -> object:
-    if name not in _HOME:
-        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    return getattr(import_module(_HOME[name]), name)
+# What reads a machine or makes its loads needs nothing that integrates.
+__getattr__ = lazy_names(
+    __name__,
+    {
+        "tbm_dynamics.integration.simulator": "Simulator",
+        "tbm_dynamics.machine.loading": "shipped_machines",
+        "tbm_dynamics.machine.machine": "Machine load_machine",
+        "tbm_dynamics.response": "Response",
+        "tbm_dynamics.streaming.simulation": "simulate",
+        "tbm_msgs_py.base.errors": "MachineError SimulationError",
+        "tbm_msgs_py.base.operating_point": "OperatingPoint",
+    },
+)

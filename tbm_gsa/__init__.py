@@ -1,7 +1,8 @@
 """Global sensitivity analysis of a tunnel boring machine's drive: surrogates, Sobol indices, studies, reports."""
 
-from importlib import import_module
 from typing import TYPE_CHECKING
+
+from tbm_msgs_py.base.lazy import lazy_names
 
 if TYPE_CHECKING:
     from tbm_gsa.sensitivity.sobol.closed_form import sobol_closed_form
@@ -10,13 +11,16 @@ if TYPE_CHECKING:
 
 __all__ = ["fit_surrogate", "sobol_closed_form", "sobol_monte_carlo"]
 
-# Loaded on first use: the worker processes of a campaign and the quick commands need neither scikit-learn nor SALib,
-# which take longer to import than a short simulation takes to run.
-_HOME = {
-    "fit_surrogate": "tbm_gsa.sensitivity.surrogates",
-    "sobol_closed_form": "tbm_gsa.sensitivity.sobol.closed_form",
-    "sobol_monte_carlo": "tbm_gsa.sensitivity.sobol.monte_carlo",
-}
+# The worker processes of a campaign and the quick commands need neither scikit-learn nor SALib, which take longer to
+# import than a short simulation takes to run.
+_public = lazy_names(
+    __name__,
+    {
+        "tbm_gsa.sensitivity.sobol.closed_form": "sobol_closed_form",
+        "tbm_gsa.sensitivity.sobol.monte_carlo": "sobol_monte_carlo",
+        "tbm_gsa.sensitivity.surrogates": "fit_surrogate",
+    },
+)
 
 
 def __getattr__(name: str) -> object:
@@ -24,6 +28,4 @@ def __getattr__(name: str) -> object:
         from importlib.metadata import version  # noqa: PLC0415 - its import takes a third of that of this package
 
         return version("tbm_monitor")
-    if name not in _HOME:
-        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    return getattr(import_module(_HOME[name]), name)
+    return _public(name)

@@ -1,11 +1,17 @@
 """Where numbers come from: the content of the machine file and the versions of what computed them."""
 
+from __future__ import annotations
+
 import hashlib
 import platform
+from collections.abc import Iterable, Mapping
 from importlib.metadata import PackageNotFoundError, version
+from typing import TYPE_CHECKING
 
-from tbm_dynamics import Machine
 from tbm_gsa.reading import MachineFile
+
+if TYPE_CHECKING:
+    from tbm_dynamics import Machine
 
 PACKAGES = ("tbm_monitor", "numpy", "scipy", "scikit-learn", "SALib")
 
@@ -23,12 +29,17 @@ def machine_file(machine: Machine) -> MachineFile:
     return MachineFile(origin=machine.origin, sha256=machine_sha256(machine))
 
 
-def package_versions() -> dict[str, str]:
+def package_versions(packages: Iterable[str] = PACKAGES) -> dict[str, str]:
     """Versions of Python and of what the numbers come from; packages that are not installed are left out."""
     found = {"python": platform.python_version()}
-    for package in PACKAGES:
+    for package in packages:
         try:
             found[package] = version(package)
         except PackageNotFoundError:  # run from the source tree
             continue
     return found
+
+
+def versions_text(versions: Mapping[str, str]) -> str:
+    """Versions in one line."""
+    return ", ".join(f"{name} {number}" for name, number in versions.items())

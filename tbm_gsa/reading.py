@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from pathlib import Path
-from typing import Annotated, Final, TypeVar
+from typing import Annotated, Final, Self, TypeVar
 
 from pydantic import (
     AfterValidator,
@@ -14,12 +14,16 @@ from pydantic import (
     Field,
     TypeAdapter,
     ValidationError,
+    ValidationInfo,
     WithJsonSchema,
+    model_validator,
 )
 
 from tbm_msgs_py.base.errors import InputError
+from tbm_msgs_py.base.fields import Name
 from tbm_msgs_py.base.files import read_text
-from tbm_msgs_py.base.texts import LONGEST_LINE, LONGEST_NAME, quoted, shortened
+from tbm_msgs_py.base.texts import LONGEST_LINE, LONGEST_NAME, shortened
+from tbm_msgs_py.base.validation import first_problem
 
 LARGEST_DOCUMENT: Final = 256 << 20
 """Bytes of a document: a comparison of hours of recording is tens of megabytes."""
@@ -30,8 +34,7 @@ LARGEST_NUMBER: Final = 1e30
 Number = Annotated[float, Field(ge=-LARGEST_NUMBER, le=LARGEST_NUMBER)]
 Size = Annotated[float, Field(ge=0.0, le=LARGEST_NUMBER)]
 Seed = Annotated[int, Field(ge=0, lt=2**31)]
-Name = Annotated[str, Field(min_length=1, max_length=LONGEST_NAME)]
-Line = Annotated[str, Field(max_length=LONGEST_LINE)]
+TextLine = Annotated[str, Field(max_length=LONGEST_LINE)]
 PathText = Annotated[str, Field(max_length=4096)]
 
 
@@ -51,10 +54,26 @@ Maybe = Annotated[
 """A number that is NaN, in JSON null, where it is not defined."""
 
 
-class Part(BaseModel):
-    """Base of a result and of what is used of one; other keys may stand beside its own."""
+_READ_BACK: Final = "read back"
 
-    model_config = ConfigDict(frozen=True, extra="ignore", strict=True, allow_inf_nan=False)
+
+class Part(BaseModel):
+    """Base of a result and of its parts.
+
+    What is built here has its own keys and no others. A document that is read back may be of another version: keys that
+    this one does not know are left out.
+    """
+
+    # Not "forbid": pydantic decides that when the class is made, and reading is known when it happens.
+    model_config = ConfigDict(frozen=True, extra="allow", strict=True, allow_inf_nan=False)
+
+    @model_validator(mode="after")
+    def _own_keys(self, info: ValidationInfo) -> Self:
+        if unknown := self.__pydantic_extra__:
+            if info.context != _READ_BACK:
+                raise ValueError(f"{', '.join(unknown)}: no keys of {type(self).__name__}")
+            unknown.clear()
+        return self
 
 
 class MachineFile(Part):
@@ -75,7 +94,7 @@ Read = TypeVar("Read")
 
 
 def read_document(file: Path, form: type[Read], what: str, error: type[InputError] = InputError) -> Read:
-    """Read a result from its JSON file.
+    """Read a result from its JSON file, which another version may have written.
 
     Parameters
     ----------
@@ -104,7 +123,7 @@ def read_document(file: Path, form: type[Read], what: str, error: type[InputErro
 def validated(adapter: TypeAdapter[Read], text: str, refusal: str, error: type[InputError] = InputError) -> Read:
     """Read JSON that may have been edited since; an `error` holds the refusal and what is wrong."""
     try:
-        return adapter.validate_json(text)
+        return adapter.validate_json(text, context=_READ_BACK)
     except ValidationError as problem:
         raise error(f"{refusal} ({_problem(problem)})") from None
 
@@ -114,10 +133,4 @@ def _problem(error: ValidationError) -> str:
     first = error.errors(include_url=False)[0]
     if first["type"] == "json_invalid":
         return f"no JSON: {shortened(first['ctx']['error'], LONGEST_NAME)}"
-    models = {model.__name__ for model in Part.__subclasses__()}  # of a choice; they are no keys
-    place = shortened(".".join(str(part) for part in first["loc"] if part not in models), LONGEST_NAME)
-    if first["type"] == "missing":
-        return f"{place}: missing"
-    given = first["input"]
-    shown = f", given: {quoted(given)}" if isinstance(given, str | int | float | None) else ""
-    return f"{place + ': ' if place else ''}{first['msg'].removeprefix('Value error, ')}{shown}"
+    return first_problem(error, choices=[model.__name__ for model in Part.__subclasses__()])

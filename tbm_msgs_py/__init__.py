@@ -1,7 +1,8 @@
 """Topics, blocks and recordings of a tunnel boring machine; rclpy is needed only below `tbm_msgs_py.nodes`."""
 
-from importlib import import_module
 from typing import TYPE_CHECKING
+
+from tbm_msgs_py.base.lazy import lazy_names
 
 if TYPE_CHECKING:
     from tbm_msgs_py.bags.bag import Bag, BagInfo
@@ -42,32 +43,17 @@ __all__ = [
     "read_recording",
 ]
 
-# Loaded on first use: nodes that only exchange blocks need nothing that reads recordings.
-_HOME = {
-    "ACCELERATION": "tbm_msgs_py.blocks",
-    "LOADS": "tbm_msgs_py.blocks",
-    "AccelerationRecord": "tbm_msgs_py.recordings.acceleration",
-    "Bag": "tbm_msgs_py.bags.bag",
-    "BagInfo": "tbm_msgs_py.bags.bag",
-    "BagWriter": "tbm_msgs_py.bags.writing",
-    "Block": "tbm_msgs_py.blocks",
-    "BlockError": "tbm_msgs_py.blocks",
-    "BlockLayout": "tbm_msgs_py.blocks",
-    "TopicMapping": "tbm_msgs_py.recordings.mapping",
-    "OperatingPoint": "tbm_msgs_py.base.operating_point",
-    "Recording": "tbm_msgs_py.recordings.recording",
-    "RecordingError": "tbm_msgs_py.base.errors",
-    "RecordingReader": "tbm_msgs_py.recordings.recording",
-    "SensorMapping": "tbm_msgs_py.recordings.mapping",
-    "load_mapping": "tbm_msgs_py.recordings.mapping",
-    "mesh_forces": "tbm_msgs_py.blocks",
-    "open_recording": "tbm_msgs_py.recordings.recording",
-    "read_acceleration": "tbm_msgs_py.recordings.recording",
-    "read_recording": "tbm_msgs_py.recordings.recording",
-}
-
-
-def __getattr__(name: str) -> object:
-    if name not in _HOME:
-        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    return getattr(import_module(_HOME[name]), name)
+# Nodes that only exchange blocks need nothing that reads recordings.
+__getattr__ = lazy_names(
+    __name__,
+    {
+        "tbm_msgs_py.bags.bag": "Bag BagInfo",
+        "tbm_msgs_py.bags.writing": "BagWriter",
+        "tbm_msgs_py.base.errors": "RecordingError",
+        "tbm_msgs_py.base.operating_point": "OperatingPoint",
+        "tbm_msgs_py.blocks": "ACCELERATION LOADS Block BlockError BlockLayout mesh_forces",
+        "tbm_msgs_py.recordings.acceleration": "AccelerationRecord",
+        "tbm_msgs_py.recordings.mapping": "SensorMapping TopicMapping load_mapping",
+        "tbm_msgs_py.recordings.recording": "Recording RecordingReader open_recording read_acceleration read_recording",
+    },
+)

@@ -12,6 +12,7 @@ from pydantic import BaseModel
 from sphinx.application import Sphinx
 
 from tbm_dynamics.machine.summary import MachineSummary
+from tbm_gsa.app.cli.bag.import_ import ImportResult
 from tbm_gsa.app.cli.bag.info import BagContents, ScannedBag
 from tbm_gsa.app.cli.bag.play import PlayResult
 from tbm_gsa.app.cli.bag.record import RecordResult
@@ -21,6 +22,7 @@ from tbm_gsa.app.cli.doctor import Diagnosis
 from tbm_gsa.app.cli.machine import CheckedMachine, MachineList
 from tbm_gsa.app.cli.machine_update import UpdateResult
 from tbm_gsa.app.cli.main import app as command_line
+from tbm_gsa.app.cli.run import RunResult
 from tbm_gsa.app.cli.simulate import SimulationResult
 from tbm_gsa.comparison.results import ComparisonResult
 from tbm_gsa.explanation.observability_result import Observability
@@ -34,12 +36,14 @@ from tbm_msgs_py.nodes.registry import NODES
 
 RESULTS: dict[str, type[BaseModel]] = {
     "demo": DemoResult,
+    "run": RunResult,
     "simulate": SimulationResult,
     "compare": ComparisonResult,
     "gsa run": StudyResult,
     "gsa explain": Explanation,
     "bag info": BagContents,
     "bag info --scan": ScannedBag,
+    "bag import": ImportResult,
     "bag recover": RecoveryResult,
     "bag record": RecordResult,
     "bag play": PlayResult,
@@ -119,7 +123,7 @@ def parameter_page() -> str:
 
 
 def schema_page() -> str:
-    """JSON schema of every result that is a model."""
+    """JSON schema of every result."""
     lines = ["# JSON schemas", "", "Made from the models that write and read the results of `--json`.", ""]
     for command, result in RESULTS.items():
         found = json.dumps(result.model_json_schema(mode="serialization"))

@@ -99,18 +99,20 @@ def split_basis(system: System, tolerance: float = DEFAULT_TOLERANCE) -> SplitBa
     patterns = np.einsum("ic,kin->kcn", shared, rows).reshape(-1, system.size) @ expand
     M, C, K = (expand.T @ matrix @ expand for matrix in (system.M, system.C, system.K))
     meshes = np.arange(2 * shared.shape[1]) < shared.shape[1]
-    whole = _Problem(M, C, K, expand.T @ input_columns(system), patterns, meshes)
+    whole = _MatrixProblem(M, C, K, expand.T @ input_columns(system), patterns, meshes)
     symmetric = [
         _reduced(whole.restricted(unknowns), expand[:, unknowns], tolerance) for unknowns in whole.components()
     ]
     first, turn = system.drives.dofs[0], system.drives.turns[0]
     M, C, K = (turn @ matrix[np.ix_(first, first)] @ turn.T for matrix in (system.M, system.C, system.K))
-    individual = _Problem(M, C, K, np.zeros((len(first), INPUTS)), rows[:, 0, first] @ turn.T, np.array([True, False]))
+    individual = _MatrixProblem(
+        M, C, K, np.zeros((len(first), INPUTS)), rows[:, 0, first] @ turn.T, np.array([True, False])
+    )
     return SplitBasis(tuple(symmetric), _reduced(individual, np.eye(len(first)), tolerance), shared)
 
 
 @dataclass(frozen=True)
-class _Problem:
+class _MatrixProblem:
     """Matrices (d, d), inputs (d, 7) and coupling rows (k, d) of some unknowns; which couplings are meshes."""
 
     M: np.ndarray
@@ -136,11 +138,11 @@ class _Problem:
         moved = joined.any(axis=1) | np.any(self.inputs != 0.0, axis=1)
         return [np.flatnonzero(labels == label) for label in range(count) if moved[labels == label].any()]
 
-    def restricted(self, unknowns: np.ndarray) -> _Problem:
+    def restricted(self, unknowns: np.ndarray) -> _MatrixProblem:
         """Return the same for some of the unknowns."""
         square = np.ix_(unknowns, unknowns)
         M, C, K = (matrix[square] for matrix in (self.M, self.C, self.K))
-        return _Problem(M, C, K, self.inputs[unknowns], self.rows[:, unknowns], self.meshes)
+        return _MatrixProblem(M, C, K, self.inputs[unknowns], self.rows[:, unknowns], self.meshes)
 
 
 def _symmetric_unknowns(system: System, shared: np.ndarray) -> np.ndarray:
@@ -154,7 +156,7 @@ def _symmetric_unknowns(system: System, shared: np.ndarray) -> np.ndarray:
     return expand
 
 
-def _reduced(problem: _Problem, expand: np.ndarray, tolerance: float) -> ModalPart:
+def _reduced(problem: _MatrixProblem, expand: np.ndarray, tolerance: float) -> ModalPart:
     """Modal part of some unknowns; `expand` (d, u) gives the motion of the part from them."""
     inputs = np.flatnonzero(np.any(problem.inputs != 0.0, axis=0))
     size = np.abs(problem.rows).max(axis=1)
@@ -168,7 +170,7 @@ def _reduced(problem: _Problem, expand: np.ndarray, tolerance: float) -> ModalPa
 
 
 def _shapes(
-    problem: _Problem, coupled: np.ndarray, pushed: np.ndarray, meshes: np.ndarray, tolerance: float
+    problem: _MatrixProblem, coupled: np.ndarray, pushed: np.ndarray, meshes: np.ndarray, tolerance: float
 ) -> np.ndarray:
     """Motions that are kept, (d, m), mass-orthonormal and diagonal in the stiffness."""
     M, K = problem.M, problem.K
@@ -188,7 +190,7 @@ def _shapes(
     return np.asarray(basis @ rotation)
 
 
-def _resonant_modes(problem: _Problem) -> np.ndarray:
+def _resonant_modes(problem: _MatrixProblem) -> np.ndarray:
     """Mass-normalised modes that a load could bring to resonance, (d, k)."""
     highest = (2.0 * np.pi * _RESONANT_HZ) ** 2
     squares, modes = scipy.linalg.eigh(problem.K, problem.M, subset_by_value=(-np.inf, highest))
@@ -197,7 +199,7 @@ def _resonant_modes(problem: _Problem) -> np.ndarray:
     return np.asarray(modes[:, ratio < _RESONANT_RATIO])
 
 
-def _responses(problem: _Problem, forces: np.ndarray, frequencies: Sequence[float]) -> np.ndarray:
+def _responses(problem: _MatrixProblem, forces: np.ndarray, frequencies: Sequence[float]) -> np.ndarray:
     """Accelerations (d, 2 f k) under harmonic forces (d, k), the largest under each force of unit mass."""
     omega = 2.0 * np.pi * np.array(frequencies)[:, None, None]
     answer = omega**2 * np.linalg.solve(problem.K + 1j * omega * problem.C - omega**2 * problem.M, forces[None])

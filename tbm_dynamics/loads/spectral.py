@@ -102,7 +102,7 @@ class SpectralLoads:
 
 
 @dataclass(frozen=True, eq=False)
-class _SpectralLine:
+class _Sinusoid:
     """A line of one component: amplitude · cos 2π(frequency · t + phase)."""
 
     column: int
@@ -186,7 +186,7 @@ def noise_kernel(component: LoadComponent) -> Array:
     return total
 
 
-def _lines(description: LoadDescription, seed: int) -> list[_SpectralLine]:
+def _lines(description: LoadDescription, seed: int) -> list[_Sinusoid]:
     """All lines of all components, with hashed phases."""
     time = (np.arange(GRID_BLOCK + STENCIL) - BEFORE) / GRID_HZ
     carriers = {
@@ -195,7 +195,7 @@ def _lines(description: LoadDescription, seed: int) -> list[_SpectralLine]:
         for line in component.lines
     }
     return [
-        _SpectralLine(column, line.amplitude, Fraction(line.frequency), phase, carriers[line.frequency])
+        _Sinusoid(column, line.amplitude, Fraction(line.frequency), phase, carriers[line.frequency])
         for column, (name, component) in enumerate(zip(COMPONENTS, description.components, strict=True))
         for line, phase in zip(component.lines, _phases(name, component, seed), strict=True)
     ]

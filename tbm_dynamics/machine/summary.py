@@ -24,13 +24,12 @@ from tbm_dynamics.machine.description import (
 )
 from tbm_dynamics.machine.drive import DriveBody, DriveConnection, DrivePlacement, DriveShaft, Gear, Gearbox, Mesh
 from tbm_dynamics.machine.machine import Machine
+from tbm_dynamics.machine.modes import ModeSummary, lowest_modes
 from tbm_dynamics.machine.sensor_place import SensorPlace
 from tbm_dynamics.mesh.planetary import PlanetaryStage, stage_law
 from tbm_dynamics.structure.assembly import node_positions
 from tbm_dynamics.structure.couplings import STAGE_HARMONICS
 from tbm_dynamics.structure.drive import drive_angles, drive_nodes, gear_pair
-from tbm_dynamics.structure.system import System
-from tbm_msgs_py.base.arrays import Array
 from tbm_msgs_py.base.fields import SOURCES, FrozenModel, Source
 
 STRUCTURES = ("cutterhead_bearing_gear", "carrier_girder")
@@ -63,27 +62,6 @@ class CutterType:
     cutters: int
     discs: int
     radius: tuple[float, float]
-
-
-@dataclass(frozen=True)
-class ModeSummary:
-    """A mode of vibration.
-
-    Attributes
-    ----------
-    frequency_hz : float
-    motion : str
-        The largest of the shares.
-    node : int
-        The one that moves most in that way.
-    shares : dict of str to float
-        axial, lateral and torsional share of the kinetic energy; above some 600 Hz they overlap in a few modes.
-    """
-
-    frequency_hz: float
-    motion: str
-    node: int
-    shares: dict[str, float]
 
 
 class StageSummary(PlanetaryStage):
@@ -248,7 +226,7 @@ def machine_summary(machine: Machine, count: int = 10) -> MachineSummary:
         cutters=_cutting(machine),
         masses=_masses(description),
         degrees_of_freedom=system.size,
-        modes=tuple(_modes(system, count)),
+        modes=tuple(lowest_modes(system, count)),
         sources=count_sources(description),
     )
 
@@ -352,42 +330,6 @@ def _masses(description: MachineDescription) -> dict[str, float]:
     }
     found["driveshaft"] = drive.count * (drive.pinion_shaft.mass + drive.gearbox_output.mass + drive.rotor.mass)
     return {**{name: found[name] for name in SUBSYSTEMS}, "total": sum(found.values())}
-
-
-def _modes(system: System, count: int) -> Iterator[ModeSummary]:
-    frequencies, shapes = system.modes
-    for frequency, shape in zip(frequencies[:count], shapes.T, strict=False):
-        parts = motion_parts(system, shape)
-        energy = {name: float(part @ system.M @ part) for name, part in parts.items()}
-        shares = {name: value / sum(energy.values()) for name, value in energy.items()}
-        motion = max(shares, key=shares.__getitem__)
-        at_nodes = parts[motion].reshape(-1, 6)
-        size = np.abs(at_nodes[:, 3]) if motion == "torsional" else np.linalg.norm(at_nodes[:, :3], axis=1)
-        # Drives that move alike differ by rounding: the first of them is named.
-        node = system.nodes[int(np.argmax(size > (1.0 - 1e-6) * size.max()))]
-        yield ModeSummary(float(frequency), motion, node, shares)
-
-
-def motion_parts(system: System, shape: Array) -> dict[str, Array]:
-    """Axial, lateral and torsional part of a motion (n,); together they are the motion.
-
-    The drives stand off the axis: what they do together along it is axial, together around it torsional. Tilting and
-    what differs from drive to drive is lateral, a drive's turn about its own axis torsional.
-    """
-    drives, count = system.drives, len(system.drives.angles)
-    own = np.einsum("pij,pj->pi", drives.turns, shape[drives.dofs]).reshape(count, -1, 6)
-    split = {name: np.zeros_like(own) for name in ("axial", "torsional")}
-    split["axial"][:, :, 0] = own[:, :, 0].mean(axis=0)
-    split["torsional"][:, :, 2] = own[:, :, 2].mean(axis=0)
-    split["torsional"][:, :, 3] = own[:, :, 3]
-    split["lateral"] = own - split["axial"] - split["torsional"]
-    found = {}
-    for name, columns in (("axial", [0]), ("lateral", [1, 2, 4, 5]), ("torsional", [3])):
-        part = np.zeros_like(shape)
-        part.reshape(-1, 6)[:, columns] = shape.reshape(-1, 6)[:, columns]
-        part[drives.dofs] = np.einsum("pji,pj->pi", drives.turns, split[name].reshape(count, -1))
-        found[name] = part
-    return found
 
 
 def count_sources(description: MachineDescription) -> dict[str, int]:

@@ -248,16 +248,17 @@ class InternalPair(_Pair):
         """
         if self.ring_teeth - self.pinion_teeth <= 2:
             return -math.inf  # the tip circles never part
-        distance, angle = self.centre_distance, _involute(self.pressure_angle)
+        distance, angle = self.centre_distance, involute(self.pressure_angle)
         pinion, ring = self.pinion_pitch_radius + self.module, self.ring_pitch_radius - self.module
-        tip = _involute(math.acos(self.pinion_base_radius / pinion))
+        tip = involute(math.acos(self.pinion_base_radius / pinion))
         theta1 = math.acos((ring**2 - pinion**2 - distance**2) / (2.0 * distance * pinion)) + tip - angle
         theta2 = math.acos((distance**2 + ring**2 - pinion**2) / (2.0 * distance * ring))
-        ring_tip = _involute(math.acos(self.ring_base_radius / ring))
+        ring_tip = involute(math.acos(self.ring_base_radius / ring))
         return self.pinion_teeth / self.ring_teeth * theta1 + angle - ring_tip - theta2
 
 
-def _involute(angle: float) -> float:
+def involute(angle: float) -> float:
+    """Involute function of a pressure angle (rad), inv α = tan α − α."""
     return math.tan(angle) - angle
 
 
@@ -281,7 +282,7 @@ def _check_contact_ratio(ratio: float) -> None:
 
 def _check_tip(name: str, teeth: int, pressure_angle: float) -> None:
     tip = math.acos(teeth / (teeth + 2.0) * math.cos(pressure_angle))
-    half = math.pi / (2.0 * teeth) + _involute(pressure_angle) - _involute(tip)
+    half = math.pi / (2.0 * teeth) + involute(pressure_angle) - involute(tip)
     if half <= 0.0:
         raise GearError(
             f"{name} of {teeth} teeth is pointed at {_degrees(pressure_angle)}: its tip would be "

@@ -16,7 +16,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from tbm_dynamics.mesh.geometry import ExternalPair, InternalPair
+from tbm_dynamics.mesh.geometry import ExternalPair, InternalPair, involute
 
 # ISO 6336-1: q' = 0.04723 + 0.15551/z1 + 0.25791/z2 + … (mm·µm/N); half of the constant belongs to either gear.
 _ISO_CONSTANT = 0.04723e-9
@@ -65,11 +65,7 @@ class Tooth:
     def half_angle(self, radius: float | np.ndarray) -> np.ndarray:
         """Half the angle of the tooth at a radius (rad)."""
         flank = np.arccos(np.clip(self.base_radius / np.asarray(radius), None, 1.0))
-        return math.pi / (2 * self.teeth) + _involute(self.pressure_angle) - (np.tan(flank) - flank)
-
-
-def _involute(angle: float) -> float:
-    return math.tan(angle) - angle
+        return math.pi / (2 * self.teeth) + involute(self.pressure_angle) - (np.tan(flank) - flank)
 
 
 def tooth_compliance(tooth: Tooth, radius: np.ndarray, width: float, elasticity: float, poisson: float) -> np.ndarray:

@@ -106,10 +106,6 @@ class SensorModel:
             Absolute step of the first row, from the epoch of the stream.
         acceleration : array_like, shape (n, 3)
             In the machine axes, m/s².
-
-        Returns
-        -------
-        list of SensorPacket
         """
         rows = np.asarray(acceleration, dtype=np.float64)
         if rows.ndim != 2 or rows.shape[1] != 3:

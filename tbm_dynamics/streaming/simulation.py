@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Iterable, Iterator
 
 import numpy as np
 
@@ -15,11 +15,11 @@ from tbm_dynamics.streaming.schedule import Schedule
 from tbm_dynamics.streaming.streams import LoadStream
 from tbm_dynamics.structure.drive import gear_pair
 from tbm_msgs_py.base.errors import SimulationError
+from tbm_msgs_py.base.progress import ShareDone
 
 _BLOCK_STEPS = 8192
 _CHANGE_S = 0.05  # blocks of a schedule: those of the load node
 
-Progress = Callable[[float], None]
 """Called with the fraction of the run that is done, 0 to 1."""
 
 
@@ -62,7 +62,7 @@ class ModelRun:
         self.simulator = Simulator(started, nodes, time_step, method)
         self.torque = 0.0
 
-    def chunks(self, into: Chunk | None = None, progress: Progress | None = None) -> Iterator[Chunk]:
+    def chunks(self, into: Chunk | None = None, progress: ShareDone | None = None) -> Iterator[Chunk]:
         """Chunks of the whole run, written to the rows of `into` if it is given."""
         stream, impulse = self._stream, 0.0
         while (first := stream.next_step) < self.steps:
@@ -92,7 +92,7 @@ def simulate(
     loads: LoadModel = "spectral",
     schedule: Schedule | None = None,
     outputs: Iterable[int | SensorPlace] | None = None,
-    progress: Progress | None = None,
+    progress: ShareDone | None = None,
 ) -> Response:
     """Run a machine from its static equilibrium under its loads.
 

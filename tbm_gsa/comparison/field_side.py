@@ -1,6 +1,6 @@
 """The recorded side: every point of a recording reduced piece by piece, and what was wrong with its data."""
 
-from collections.abc import Callable, Collection, Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
 
@@ -15,6 +15,7 @@ from tbm_gsa.signals.reduction import ReducedSignal, SignalReducer
 from tbm_gsa.signals.settings import Settings
 from tbm_msgs_py.base.arrays import Array
 from tbm_msgs_py.base.errors import InputError
+from tbm_msgs_py.base.progress import ShareDone
 from tbm_msgs_py.recordings.acceleration import AccelerationRecord
 from tbm_msgs_py.recordings.clocks import clock_shifts
 from tbm_msgs_py.recordings.recording import RecordingReader
@@ -62,7 +63,7 @@ def reduce_field(
     settings: Settings,
     history: OperatingHistory | None = None,
     shifts: Mapping[str, int] | None = None,
-    progress: Callable[[float], None] = lambda _: None,
+    progress: ShareDone = lambda _: None,
 ) -> FieldSide:
     """Read a recording from beginning to end.
 

@@ -1,6 +1,6 @@
 """The model's side: one run a level of operation, reduced while it runs."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 
 import numpy as np
 
@@ -8,6 +8,7 @@ from tbm_dynamics import Machine
 from tbm_dynamics.integration.simulator import DEFAULT_STEP
 from tbm_dynamics.streaming.simulation import ModelRun
 from tbm_gsa.signals.reduction import ReducedSignal, SignalReducer
+from tbm_msgs_py.base.progress import ShareDone
 
 MODEL_RATE_HZ = 1.0 / DEFAULT_STEP
 
@@ -17,7 +18,7 @@ def run_model(
     duration: float,
     seed: int,
     reducers: Mapping[str, SignalReducer],
-    progress: Callable[[float], None] = lambda _: None,
+    progress: ShareDone = lambda _: None,
 ) -> dict[str, ReducedSignal]:
     """Simulate a machine at its operating point and reduce the accelerations of test points, at the default step.
 

@@ -14,9 +14,10 @@ from typing import Annotated, Final, Literal
 from pydantic import Field, SerializerFunctionWrapHandler, model_serializer, model_validator
 
 from tbm_dynamics import Machine
-from tbm_gsa.reading import LARGEST_NUMBER, Interval, Line, MachineFile, Name, Number, Part, PathText, Seed, Size
-from tbm_msgs_py.base.fields import Vector3
+from tbm_gsa.reading import LARGEST_NUMBER, Interval, MachineFile, Number, Part, PathText, Seed, Size, TextLine
+from tbm_msgs_py.base.fields import Name, Vector3
 from tbm_msgs_py.recordings.channels import LeftOut
+from tbm_msgs_py.recordings.faults import seconds_by_axis
 from tbm_msgs_py.recordings.used import UsedSources
 
 BAND = r"^\d+(\.\d+)?-\d+(\.\d+)?_hz$"
@@ -198,7 +199,7 @@ class DwellResult(Part):
 class ExpectedLine(Part):
     """Line of the loads, mesh frequency or its double, or axial natural frequency."""
 
-    name: Line
+    name: TextLine
     frequency_hz: Size
     kind: LineKind
 
@@ -239,10 +240,7 @@ class RecordedPoint(Part):
     @property
     def stuck_texts(self) -> list[str]:
         """Sensor axes that held one value, and for how long."""
-        seconds: dict[str, float] = {}
-        for axis, begin, end in self.stuck:
-            seconds[axis] = seconds.get(axis, 0.0) + end - begin
-        return [f"{axis} for {time:.3f} s" for axis, time in seconds.items()]
+        return [f"{axis} for {time:.3f} s" for axis, time in seconds_by_axis(self.stuck).items()]
 
 
 class RecordingResult(Part):
@@ -298,7 +296,7 @@ class ComparisonResult(Part):
     changes: tuple[Number, ...] = ()
     seed: Seed
     model_duration: Duration
-    versions: dict[Name, Line]
+    versions: dict[Name, TextLine]
     synthetic: bool = False
 
     @model_validator(mode="after")

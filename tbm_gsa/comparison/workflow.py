@@ -1,11 +1,12 @@
 """From a recording on disk to a comparison: reduce it, run the model at its levels of operation, compare."""
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 
 from tbm_dynamics import Machine, MachineError, load_machine
+from tbm_dynamics.machine.sensor_place import SensorPlace
 from tbm_gsa.comparison.changed import change_times
 from tbm_gsa.comparison.expected import lines_of_levels
 from tbm_gsa.comparison.field_side import FieldSide, reduce_field
@@ -15,6 +16,7 @@ from tbm_gsa.comparison.offline import PointComparison, compare_signals
 from tbm_gsa.comparison.results import (
     ComparisonResult,
     DwellResult,
+    ExpectedLine,
     LevelResult,
     RecordedPoint,
     RecordingResult,
@@ -27,6 +29,7 @@ from tbm_gsa.signals.settings import Settings
 from tbm_msgs_py.bags.metadata import is_synthetic
 from tbm_msgs_py.base.errors import InputError, RecordingError
 from tbm_msgs_py.base.fields import Vector3
+from tbm_msgs_py.base.progress import Progress
 from tbm_msgs_py.base.texts import listed
 from tbm_msgs_py.recordings.mapping import SensorMapping, TopicMapping
 from tbm_msgs_py.recordings.recording import RecordingReader, open_recording
@@ -35,9 +38,6 @@ from tbm_msgs_py.recordings.recording_health import PointHealth
 LONGEST_MODEL_S = 3600.0
 SHORTEST_MODEL_S = 1.0
 SHORTEST_WINDOW_S, LONGEST_WINDOW_S = 0.01, 86_400.0
-
-Progress = Callable[[str, float | None], None]
-"""Called with what is done now and the share of it, 0 to 1; None where the end is not known."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -91,10 +91,6 @@ def compare_recording(
     span : (float, float), optional
         Begin and end of the stretch that is compared, s after the first sample of all; by default the whole.
 
-    Returns
-    -------
-    RecordingComparison
-
     Raises
     ------
     RecordingError
@@ -115,39 +111,56 @@ def compare_recording(
     lines = lines_of_levels(machines)
     named = {**{line.name: line.frequency_hz for line in lines}, **chosen.expected_lines}
     chosen = replace(chosen, expected_lines=named)
-    predicted = _model_side(machines, field.signals, chosen, (model_duration, seed), progress)
+    run = model_duration, seed
+    predicted = _model_side(machines, field.signals, chosen, run, progress)
     points, failed = _compare_each(reader, field, predicted, chosen)
     places = placed.description.sensor_places
+    result = _result(reader, described, places, field, history, points, failed, chosen, lines, run)
+    return RecordingComparison(
+        result,
+        {name: point.excerpts for name, point in points.items()},
+        {name: field.health[name].start_ns for name in points},
+    )
+
+
+def _result(
+    reader: RecordingReader,
+    machine: Machine,
+    places: Mapping[str, SensorPlace],
+    field: FieldSide,
+    history: OperatingHistory,
+    points: Mapping[str, PointComparison],
+    failed: Mapping[str, str],
+    settings: Settings,
+    lines: tuple[ExpectedLine, ...],
+    run: tuple[float, int],
+) -> ComparisonResult:
+    """Gather what was read, compared and left out, and what it depends on; `run`: duration and seed of the model's."""
     changed = change_times(points)
-    result = ComparisonResult(
-        window_s=chosen.window_s,
+    return ComparisonResult(
+        window_s=settings.window_s,
         confidence=CONFIDENCE,
         points={name: dict(point.axes) for name, point in points.items()},
         spectra={name: dict(point.spectra) for name, point in points.items()},
         nodes={name: places[name].node for name in points},
         offsets={name: places[name].offset for name in points if any(places[name].offset)},
         bands={name: point.band for name, point in points.items()},
-        skipped={**_unknown_points(reader, described), **failed},
+        skipped={**_unknown_points(reader, machine), **failed},
         left_out=tuple(reader.left_out),
         recording=_recording(reader, field),
         expected_lines=lines,
-        machine=described.name,
-        machine_file=machine_file(described),
+        machine=machine.name,
+        machine_file=machine_file(machine),
         sources=reader.sources,
         doubts=(*reader.doubts, *_unit_doubts(points), *_changed(changed)),
         operating_point=history.levels[0],
         levels=_levels(history, points),
         dwells=_dwells(history, field.begin_ns),
         changes=changed,
-        seed=seed,
-        model_duration=model_duration,
+        model_duration=run[0],
+        seed=run[1],
         versions=package_versions(),
         synthetic=is_synthetic(reader.path),
-    )
-    return RecordingComparison(
-        result,
-        {name: point.excerpts for name, point in points.items()},
-        {name: field.health[name].start_ns for name in points},
     )
 
 

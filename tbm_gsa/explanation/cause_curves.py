@@ -27,6 +27,7 @@ from tbm_gsa.sensitivity.study.distributions import Distribution, LogUniform, Un
 from tbm_gsa.sensitivity.study.inputs import Input, InputSet
 from tbm_msgs_py.base.arrays import Array, Integers
 from tbm_msgs_py.base.errors import InputError
+from tbm_msgs_py.base.progress import CountDone
 
 CELLS: Final[Mapping[type[Distribution], int]] = {Uniform: 2, LogUniform: 6}
 """Parts of the range of an input, between whose ends the model is computed, and at the machine's own value."""
@@ -38,7 +39,6 @@ _ERROR_SHARE: Final = 0.5
 _SAME: Final = 1e-3  # of the range, by which a value is still the machine's own
 _FELT: Final = 1e-12  # of a statistic's power: what is less is rounding
 
-Progress = Callable[[int, int], None]
 """Called with how many machines are done, and of how many."""
 
 
@@ -158,7 +158,7 @@ class CauseCurves:
 
 
 def cause_curves(
-    machine: Machine, reading: BandReading, workers: int = WORKERS, progress: Progress = lambda *_: None
+    machine: Machine, reading: BandReading, workers: int = WORKERS, progress: CountDone = lambda *_: None
 ) -> CauseCurves:
     """Compute the curves of a machine at its operating point.
 
@@ -173,7 +173,7 @@ def cause_curves(
     inputs = explaining_inputs(machine)
     motion = machine_motion(machine, reading)
     nominal = load_scatter(motion)
-    own = _Row.of(motion)
+    own = _MachineRow.of(motion)
     units, jobs = {}, []
     for item, place in zip(inputs.inputs, inputs.to_unit([[one.initial for one in inputs.inputs]])[0], strict=True):
         even = np.linspace(0.0, 1.0, _cells(item) + 1)
@@ -187,7 +187,7 @@ def cause_curves(
     rows = {code: [own] * len(unit) for code, unit in units.items()}
     for (code, number), row in _computed(machine, reading, jobs, workers, progress):
         rows[code][number] = row
-    return CauseCurves(inputs, nominal, {code: _Row.table(units[code], found) for code, found in rows.items()})
+    return CauseCurves(inputs, nominal, {code: _MachineRow.table(units[code], found) for code, found in rows.items()})
 
 
 def _cells(item: Input) -> int:
@@ -195,7 +195,7 @@ def _cells(item: Input) -> int:
 
 
 @dataclass(frozen=True, eq=False)
-class _Row:
+class _MachineRow:
     """One machine of a table."""
 
     gain: Array
@@ -204,21 +204,21 @@ class _Row:
     spread: Array
 
     @classmethod
-    def of(cls, motion: MachineMotion) -> _Row:
+    def of(cls, motion: MachineMotion) -> _MachineRow:
         transfer = motion.transfer()
         return cls(transfer.gain, transfer.modulated, transfer.meshes, group_spread(motion))
 
     @staticmethod
-    def table(unit: Array, rows: list[_Row]) -> CurveTable:
+    def table(unit: Array, rows: list[_MachineRow]) -> CurveTable:
         names = ("gain", "modulated", "meshes", "spread")
         return CurveTable(unit, **{name: np.array([getattr(row, name) for row in rows]) for name in names})
 
 
 Job = tuple[str, int, float]
-Done = tuple[tuple[str, int], _Row]
+Done = tuple[tuple[str, int], _MachineRow]
 
 
-def _computed(machine: Machine, reading: BandReading, jobs: list[Job], workers: int, progress: Progress) -> list[Done]:
+def _computed(machine: Machine, reading: BandReading, jobs: list[Job], workers: int, progress: CountDone) -> list[Done]:
     """Rows of machines, by code and number."""
     if workers == 1:
         return [((code, number), _row(machine, reading, code, value)) for code, number, value in jobs]
@@ -231,8 +231,8 @@ def _computed(machine: Machine, reading: BandReading, jobs: list[Job], workers: 
     return found
 
 
-def _row(machine: Machine, reading: BandReading, code: str, value: float) -> _Row:
-    return _Row.of(machine_motion(machine.with_inputs(**{code: value}), reading))
+def _row(machine: Machine, reading: BandReading, code: str, value: float) -> _MachineRow:
+    return _MachineRow.of(machine_motion(machine.with_inputs(**{code: value}), reading))
 
 
 def _log_ratio(values: Array, before: Array) -> Array:

@@ -17,12 +17,13 @@ import numpy as np
 
 from tbm_dynamics import Machine
 from tbm_gsa.explanation.band_reading import BandReading
-from tbm_gsa.explanation.cause_curves import WORKERS, CauseCurves, CurveTable, Progress, cause_curves
+from tbm_gsa.explanation.cause_curves import WORKERS, CauseCurves, CurveTable, cause_curves
 from tbm_gsa.explanation.load_scatter import LoadScatter
 from tbm_gsa.explanation.load_transfer import LoadTransfer
 from tbm_gsa.explanation.ranges import explaining_inputs
 from tbm_gsa.provenance import package_versions
 from tbm_msgs_py.base.files import write_whole
+from tbm_msgs_py.base.progress import CountDone
 
 FORMAT: Final = 1
 """Raised with whatever changes what the curves of a machine are."""
@@ -41,7 +42,7 @@ def cache_folder() -> Path:
 
 
 def cached_curves(
-    machine: Machine, reading: BandReading, workers: int = WORKERS, progress: Progress = lambda *_: None
+    machine: Machine, reading: BandReading, workers: int = WORKERS, progress: CountDone = lambda *_: None
 ) -> CauseCurves:
     """Curves of a machine at its operating point and a reading, from the disk if they are there whole.
 

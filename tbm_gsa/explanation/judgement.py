@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 from typing import Final, get_args
 
@@ -18,6 +17,7 @@ from tbm_gsa.explanation.load_posterior import BandObservation, LoadPosterior, l
 from tbm_gsa.explanation.observed import Observed
 from tbm_gsa.explanation.result import Fault, Verdict
 from tbm_msgs_py.base.arrays import Array, Integers
+from tbm_msgs_py.base.progress import CountDone
 
 LARGEST_DEVIATION: Final = 3.3
 """Standard deviations that one band power may be off by where something is explained."""
@@ -27,8 +27,6 @@ LEAST_MODEL_ERROR: Final = 0.02
 """Of a band power: what runs of the model differ from their prediction by. More would hide what is not explained."""
 LEAST_BAYES_FACTOR: Final = 3.0
 """Of an input or a sensor against nothing."""
-
-Progress = Callable[[int, int], None]
 
 
 @dataclass(frozen=True, eq=False)
@@ -127,7 +125,7 @@ def judge(
     curves: CauseCurves,
     prior: LoadFactors,
     model_error: float = LEAST_MODEL_ERROR,
-    progress: Progress = lambda *_: None,
+    progress: CountDone = lambda *_: None,
 ) -> Judgement:
     """Judge a recording.
 
@@ -147,7 +145,7 @@ def judge(
         Too few band powers that say anything.
     """
     used = observed.used(curves.nominal, prior)
-    bands = replace(observed.bands, powers=observed.bands.powers[used], noise=observed.bands.noise[used])
+    bands = observed.bands.only(used)
     told = curves.only(used)
     still = load_posterior(bands, told.nominal, prior, model_error, np.arange(len(used)))
     codes = [code for code in told.tables if influence(told, code, still, bands.noise) >= LEAST_MOVE]

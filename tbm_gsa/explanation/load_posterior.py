@@ -10,13 +10,14 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import Self
 
 import numpy as np
 import scipy.linalg
 import scipy.special
 
 from tbm_dynamics.loads.description import LoadFactors
-from tbm_gsa.explanation.load_scatter import LoadScatter
+from tbm_gsa.explanation.load_scatter import LoadScatter, of_logarithms
 from tbm_msgs_py.base.arrays import Array, Integers
 from tbm_msgs_py.base.errors import InputError
 
@@ -46,11 +47,19 @@ class BandObservation:
         One-sided density of the noise of each statistic's sensor, m²/s⁴/Hz.
     duration_s : float
         Recorded time.
+    coverage : ndarray, shape (k,), or None
+        Share of it that each statistic's sensor has; None: all.
     """
 
     powers: Array
     noise: Array
     duration_s: float
+    coverage: Array | None = None
+
+    def only(self, places: Integers) -> Self:
+        """Of some statistics (u,) alone."""
+        coverage = None if self.coverage is None else self.coverage[places]
+        return replace(self, powers=self.powers[places], noise=self.noise[places], coverage=coverage)
 
 
 @dataclass(frozen=True, eq=False)
@@ -151,16 +160,8 @@ def load_posterior(
     target = np.log(observed.powers[used])
     errors = np.broadcast_to(np.asarray(model_error), observed.powers.shape)[used]
     alone = scatter if len(used) == len(observed.powers) else scatter.only(used)
-    step = _Step(replace(observed, noise=observed.noise[used]), alone, errors)
-    theta = middle if start is None else start
-    for _ in range(_ROUNDS):
-        residual, slope, chance = step.at(theta, target)
-        weighted = scipy.linalg.solve(chance, slope, assume_a="pos")
-        precision = slope.T @ weighted + np.eye(len(theta)) / size**2
-        move = np.linalg.solve(precision, weighted.T @ residual - (theta - middle) / size**2)
-        theta = theta + move * min(1.0, 1.0 / float(np.abs(move).max()))  # a factor of e at most
-        if np.abs(move).max() < _SETTLED:
-            break
+    step = _Step(observed.only(used), alone, errors)
+    theta = _most_likely(step, target, middle, size, middle if start is None else start)
     residual, slope, chance = step.at(theta, target)
     covariance = np.linalg.inv(
         slope.T @ scipy.linalg.solve(chance, slope, assume_a="pos") + np.eye(len(theta)) / size**2
@@ -177,6 +178,19 @@ def load_posterior(
         scatter=chance,
         log_evidence=float(-0.5 * (off + volume - gained)),
     )
+
+
+def _most_likely(step: _Step, target: Array, middle: Array, size: float, theta: Array) -> Array:
+    """Logarithms (r,) of the factors that are most likely, from a guess on."""
+    for _ in range(_ROUNDS):
+        residual, slope, chance = step.at(theta, target)
+        weighted = scipy.linalg.solve(chance, slope, assume_a="pos")
+        precision = slope.T @ weighted + np.eye(len(theta)) / size**2
+        move = np.linalg.solve(precision, weighted.T @ residual - (theta - middle) / size**2)
+        theta = theta + move * min(1.0, 1.0 / float(np.abs(move).max()))  # a factor of e at most
+        if np.abs(move).max() < _SETTLED:
+            break
+    return theta
 
 
 def telling(observed: BandObservation, scatter: LoadScatter) -> Integers:
@@ -203,15 +217,13 @@ class _Step:
         factors, noise = np.exp(theta), self.observed.noise
         powers = self.scatter.expected(factors, noise)
         slope = 2.0 * np.square(factors)[:, None] * self.scatter.transfer.gain / powers
-        chance = self.scatter.covariance(factors, noise, self.observed.duration_s)
-        half = np.maximum(1.0 / np.maximum(np.diag(chance), 1e-12), 0.5)  # of the degrees of freedom, one at least
-        # The logarithm of a χ² law: its mean lies below that of the law's mean, and it scatters more.
-        wider = np.sqrt(scipy.special.polygamma(1, half) * half)
+        chance, shift = of_logarithms(
+            self.scatter.covariance(factors, noise, self.observed.duration_s, self.observed.coverage)
+        )
         moved = np.square(factors) @ self.scatter.transfer.modulated / powers
         noisy = self.scatter.width * noise / powers
-        chance = chance * np.outer(wider, wider)
         chance += np.diag(
             np.square(self.model_error) + np.square(MODULATION_ERROR * moved) + np.square(NOISE_ERROR * noisy)
         )
-        residual = target - np.log(powers) - (scipy.special.digamma(half) - np.log(half))
+        residual = target - np.log(powers) - shift
         return residual, slope.T, chance

@@ -18,6 +18,7 @@ from dataclasses import dataclass, replace
 from typing import Self
 
 import numpy as np
+import scipy.special
 
 from tbm_dynamics.loads.density import SPACING_HZ
 from tbm_gsa.explanation.load_transfer import LoadTransfer, MachineMotion
@@ -56,8 +57,18 @@ class LoadScatter:
         """Return the mean band powers (k,) at factors (r,), with sensors of the noise densities (k,), m²/s⁴/Hz."""
         return self.transfer.predict(factors) + self.width * noise
 
-    def covariance(self, factors: Array, noise: Array, duration_s: float) -> Array:
+    def covariance(self, factors: Array, noise: Array, duration_s: float, coverage: Array | None = None) -> Array:
         """Return the covariance (k, k) of the logarithms of band powers in a recording of a duration.
+
+        Parameters
+        ----------
+        factors : ndarray, shape (r,)
+        noise : ndarray, shape (k,)
+        duration_s : float
+        coverage : ndarray, shape (k,), optional
+            Share of the recording that each statistic's sensor has segments of, by default all. Sensors lose packets
+            by themselves: of n and m segments of N two have n m / N in common, so that their covariance is that of the
+            whole recording, and only that of a sensor's own bands grows.
 
         Raises
         ------
@@ -67,6 +78,9 @@ class LoadScatter:
         squares, ones = np.square(factors), np.ones_like(noise)
         sources = np.vstack([squares[:, None] * ones, ones, noise])
         found = _summed(self.falling, sources) / effective_duration(duration_s, self.segment_s)
+        if coverage is not None:
+            points = np.array([one.point for one in self.transfer.statistics])
+            found = np.where(points[:, None] == points, found / coverage, found)
         found += _summed(self.staying, sources[: len(squares)])
         powers = self.expected(factors, noise)
         return np.asarray(found / np.outer(powers, powers))
@@ -172,6 +186,17 @@ def group_spread(motion: MachineMotion) -> Array:
     sources = _LoadSpectra.of(motion)
     own = _read(np.array([[sources.falling(r, r)] for r in range(len(sources.noise))]), motion.reading.columns)
     return np.asarray(np.sqrt(np.diagonal(own[:, 0], axis1=1, axis2=2).clip(0.0)))
+
+
+def of_logarithms(covariance: Array) -> tuple[Array, Array]:
+    """Covariance (k, k) of the logarithms of band powers, and their means (k,), from that of relative band powers.
+
+    The logarithm of a χ² law: its mean lies below that of the law's mean, and it scatters more. Of the degrees of
+    freedom there is one at least.
+    """
+    half = np.maximum(1.0 / np.maximum(np.diag(covariance), 1e-12), 0.5)
+    wider = np.sqrt(scipy.special.polygamma(1, half) * half)
+    return covariance * np.outer(wider, wider), scipy.special.digamma(half) - np.log(half)
 
 
 def _nearest(frequency: Array, wanted: Array) -> Integers:

@@ -1,7 +1,7 @@
 """What the sensors on a machine can see at all: which inputs and loads, how large a change must be, what would help.
 
 The statistics are the logarithms of band powers, as the explanation of a recording uses them. Their slopes over the
-logarithm of an input are taken from the machine with the input `STEP` less and more; those over the loads' factors are
+logarithm of an input are taken from the machine a step less and more; those over the loads' factors are
 known. Chance is that of a recording of a given length with a given noise of the sensors. The rest is linear (see
 `detection`): a change beyond a factor of two is an extrapolation.
 """
@@ -18,39 +18,32 @@ from typing import Final
 import numpy as np
 
 from tbm_dynamics import Machine
-from tbm_dynamics.loads.description import LOAD_GROUPS, LoadFactors
+from tbm_dynamics.loads.description import LoadFactors
 from tbm_dynamics.machine.sensor_place import SensorPlace
 from tbm_gsa.explanation.band_reading import BandReading, Sensor
-from tbm_gsa.explanation.detection import Detection
 from tbm_gsa.explanation.load_posterior import MODEL_ERROR, BandObservation, load_posterior
 from tbm_gsa.explanation.load_scatter import load_scatter
 from tbm_gsa.explanation.load_transfer import MachineMotion, load_transfer, machine_motion
 from tbm_gsa.explanation.observability_result import (
     Observability,
-    ObservedInput,
-    ObservedLoad,
     SensorGain,
     SensorSpot,
     SimilarPair,
 )
 from tbm_gsa.explanation.ranges import explaining_inputs
-from tbm_gsa.provenance import machine_sha256, package_versions
-from tbm_gsa.reading import MachineFile
-from tbm_gsa.sensitivity.study.inputs import Input, InputSet
+from tbm_gsa.explanation.visibility import FALSE_RATE, PROBABILITY, Visibility, step_ends
+from tbm_gsa.provenance import machine_file, package_versions
+from tbm_gsa.sensitivity.study.inputs import InputSet
 from tbm_gsa.signals.conditioning import Frame
 from tbm_msgs_py.base.arrays import Array, Integers
 from tbm_msgs_py.base.errors import InputError
 from tbm_msgs_py.base.fields import Vector3
 
 SEGMENT_S: Final = BandReading.segment_s
-STEP: Final = 1.1
-"""Factor on an input to either side, for the slopes."""
 SIMILAR: Final = 0.9
 """Correlation from which on two inputs are named as a pair."""
-FACTOR_REACH: Final = 3.0
-"""Standard deviations of its logarithm by which a load's factor may move."""
 
-Run = Callable[[Callable[[Machine], Array], Iterable[Machine]], Iterable[Array]]
+RunMachines = Callable[[Callable[[Machine], Array], Iterable[Machine]], Iterable[Array]]
 """`map`, or that of a pool of processes."""
 
 
@@ -84,8 +77,8 @@ class ObservationSettings:
     duration_s: float = 60.0
     noise_density: float = 100e-6 * 9.80665
     model_error: float = MODEL_ERROR
-    false_rate: float = 0.05
-    probability: float = 0.9
+    false_rate: float = FALSE_RATE
+    probability: float = PROBABILITY
 
 
 def observability(
@@ -93,7 +86,7 @@ def observability(
     sensors: Sequence[SensorChoice],
     candidates: Sequence[SensorChoice] = (),
     settings: ObservationSettings | None = None,
-    run: Run = map,
+    run: RunMachines = map,
 ) -> Observability:
     """Find what sensors on a machine at its operating point can see.
 
@@ -117,15 +110,13 @@ def observability(
     _check(chosen)
     spots = _spots(machine, sensors, candidates)
     equipped, reading = _equipped(machine, [spot for _, spot in spots.values()], list(spots))
-    problem = _Problem.of(machine, equipped, reading, chosen, run)
+    seen = _Observation.of(machine, equipped, reading, chosen, run)
     own = [name for name, (given, _) in spots.items() if given]
-    before = problem.view(own)
-    gains = [
-        problem.gain(before, problem.view([*own, name]), spot) for name, (given, spot) in spots.items() if not given
-    ]
+    before = seen.view(own)
+    gains = [seen.gain(before, seen.view([*own, name]), spot) for name, (given, spot) in spots.items() if not given]
     return Observability(
         machine=machine.name,
-        machine_file=MachineFile(origin=machine.origin, sha256=machine_sha256(machine)),
+        machine_file=machine_file(machine),
         duration=chosen.duration_s,
         noise_density=chosen.noise_density,
         model_error=chosen.model_error,
@@ -134,9 +125,9 @@ def observability(
         sensors=tuple(spots[name][1] for name in own),
         statistics=tuple(before.names),
         unused=tuple(before.unused),
-        inputs={item.code: problem.input(before, k) for k, item in enumerate(problem.inputs.inputs)},
-        loads=problem.loads(before),
-        pairs=tuple(problem.pairs(before)),
+        inputs=before.visible.inputs(),
+        loads=before.visible.loads(),
+        pairs=tuple(seen.pairs(before)),
         candidates=tuple(sorted(gains, key=lambda one: -one.bits)),
         versions=package_versions(),
     )
@@ -193,18 +184,15 @@ def _powers(reading: BandReading, factors: Array, machine: Machine) -> Array:
 
 @dataclass(frozen=True, eq=False)
 class _View:
-    """What a set of sensors says; u statistics."""
+    """What a set of sensors says, and which of its statistics do."""
 
     names: list[str]
     unused: list[str]
-    inputs: Detection
-    known_loads: Detection
-    smallest: Array
-    smallest_factors: Array
+    visible: Visibility
 
 
 @dataclass(frozen=True, eq=False)
-class _Problem:
+class _Observation:
     """A machine with sensors everywhere that is looked at; k statistics, n inputs.
 
     Attributes
@@ -228,14 +216,14 @@ class _Problem:
 
     @classmethod
     def of(
-        cls, machine: Machine, equipped: Machine, reading: BandReading, settings: ObservationSettings, run: Run
-    ) -> _Problem:
+        cls, machine: Machine, equipped: Machine, reading: BandReading, settings: ObservationSettings, run: RunMachines
+    ) -> _Observation:
         """Compute the machine with every input less and more."""
         prior = machine.description.loads.factors
         if not prior.values.all():
             raise InputError(f"{machine.origin}: loads.factors: one is 0, allowed: positive ones, to be found again")
         inputs = explaining_inputs(machine)
-        ends = np.array([_ends(item) for item in inputs.inputs]).T
+        ends = np.array([step_ends(item) for item in inputs.inputs]).T
         machines = (
             equipped.with_inputs(**{code: float(value)})
             for values in ends
@@ -264,55 +252,23 @@ class _Problem:
         less, more = np.log(self.powers[:, :, places[used]] + (scatter.width * noise)[used])
         slopes = (more - less) / self.steps[:, None]
         loads = 2.0 * np.square(prior.values)[:, None] * scatter.transfer.gain[:, used] / expected[used]
-        inputs = Detection.of(slopes, found.scatter, loads, prior.log_sigma)
         statistics = [statistic.name for statistic in motion.reading.statistics]
         return _View(
             names=[statistics[place] for place in used],
             unused=[name for place, name in enumerate(statistics) if place not in set(used.tolist())],
-            inputs=inputs,
-            known_loads=Detection.of(slopes, found.scatter, loads[:0], prior.log_sigma),
-            smallest=inputs.smallest(chosen.false_rate, chosen.probability),
-            smallest_factors=_each_load(loads, found.scatter, prior.log_sigma).smallest(
-                chosen.false_rate, chosen.probability
+            visible=Visibility.of(
+                self.inputs, prior, slopes, found.scatter, loads, chosen.false_rate, chosen.probability
             ),
         )
 
-    def input(self, view: _View, place: int) -> ObservedInput:
-        """Return what is seen of an input."""
-        item, change = self.inputs.inputs[place], float(view.smallest[place])
-        decrease, increase = _both_ways(
-            change, math.log(item.initial / item.lower), math.log(item.upper / item.initial)
-        )
-        known = float(view.known_loads.information[place])
-        return ObservedInput(
-            name=item.name,
-            unit=item.unit,
-            value=item.initial,
-            decrease=decrease,
-            increase=increase,
-            hidden_by_loads=1.0 - float(view.inputs.information[place]) / known if known else math.nan,
-        )
-
-    def loads(self, view: _View) -> dict[str, ObservedLoad]:
-        """Return what is seen of the factors of the loads."""
-        reach = FACTOR_REACH * self.prior.log_sigma
-        found: dict[str, ObservedLoad] = {}
-        for group, change in zip(LOAD_GROUPS, view.smallest_factors.tolist(), strict=True):
-            decrease, increase = _both_ways(change, reach, reach)
-            found[group] = ObservedLoad(value=getattr(self.prior, group), decrease=decrease, increase=increase)
-        return found
-
-    def found(self, view: _View) -> list[str]:
-        """Codes of the inputs that can be found."""
-        return [item.code for place, item in enumerate(self.inputs.inputs) if self.input(view, place).found]
-
     def pairs(self, view: _View) -> list[SimilarPair]:
         """Pair inputs that do nearly the same, the most similar first."""
-        correlation, codes, found = view.inputs.correlation, self.inputs.codes, self.found(view)
+        correlation, codes = view.visible.changes.correlation, self.inputs.codes
+        found = [code for code, one in view.visible.inputs().items() if one.found]
         pairs = [
             SimilarPair(inputs=(codes[i], codes[j]), correlation=value, times=_times(value))
             for i, j in combinations(range(len(codes)), 2)
-            if abs(value := float(correlation[i, j])) >= SIMILAR and {codes[i], codes[j]} <= set(found)
+            if abs(value := float(correlation[i, j])) >= SIMILAR and codes[i] in found and codes[j] in found
         ]
         return sorted(pairs, key=lambda pair: -abs(pair.correlation))
 
@@ -320,26 +276,20 @@ class _Problem:
         """Return what one sensor more would add."""
         widths = [math.log(item.upper / item.lower) for item in self.inputs.inputs]
         prior = np.array(widths) / math.sqrt(12.0)  # of a uniform law
-        seen, loads = set(self.found(before)), self.loads(before)
-        seen_after = self.found(after)
+        first, then = before.visible, after.visible
+        inputs, loads = first.inputs(), first.loads()
+        seen_after = [code for code, one in then.inputs().items() if one.found]
         return SensorGain(
             **dict(spot),
-            bits=after.inputs.bits(prior) - before.inputs.bits(prior),
-            inputs=tuple(code for code in seen_after if code not in seen),
-            loads=tuple(group for group, one in self.loads(after).items() if one.found and not loads[group].found),
+            bits=then.changes.bits(prior) - first.changes.bits(prior),
+            inputs=tuple(code for code in seen_after if not inputs[code].found),
+            loads=tuple(group for group, one in then.loads().items() if one.found and not loads[group].found),
             smaller={
-                code: float(before.smallest[place] / after.smallest[place])
+                code: float(first.smallest[place] / then.smallest[place])
                 for place, code in enumerate(self.inputs.codes)
-                if code in seen and code in seen_after
+                if code in seen_after and inputs[code].found
             },
         )
-
-
-def _ends(item: Input) -> tuple[float, float]:
-    """Values of an input a step less and more, within its range."""
-    if item.lower <= 0.0:
-        raise InputError(f"input {item.code}: range from {item.lower:g}, allowed: positive values")
-    return max(item.lower, item.initial / STEP), min(item.upper, item.initial * STEP)
 
 
 def _of_sensors(motion: MachineMotion, names: Sequence[str]) -> tuple[MachineMotion, Integers]:
@@ -356,21 +306,6 @@ def _of_sensors(motion: MachineMotion, names: Sequence[str]) -> tuple[MachineMot
         modulated=motion.modulated[:, :, columns],
     )
     return part, np.concatenate([np.flatnonzero(points == name) for name in names])
-
-
-def _each_load(loads: Array, chance: Array, sigma: float) -> Detection:
-    """Return that of each group of loads while the others are free, of slopes (r, u)."""
-    rows = [
-        Detection.of(loads[[place]], chance, np.delete(loads, place, axis=0), sigma).moves
-        for place in range(len(loads))
-    ]
-    return Detection(np.concatenate(rows))
-
-
-def _both_ways(change: float, down: float, up: float) -> tuple[float, float]:
-    """Relative decrease and increase that a logarithm's change is; NaN where it does not reach so far."""
-    decrease = -math.expm1(-change) if change <= down else math.nan
-    return decrease, math.expm1(change) if change <= up else math.nan
 
 
 def _times(correlation: float) -> float:

@@ -7,8 +7,8 @@ from typing import Annotated, Literal
 
 from pydantic import Field
 
-from tbm_gsa.reading import Line, MachineFile, Maybe, Name, Part
-from tbm_msgs_py.base.fields import Vector3
+from tbm_gsa.reading import MachineFile, Maybe, Part, TextLine
+from tbm_msgs_py.base.fields import Name, Vector3
 
 
 class Smallest(Part):
@@ -29,6 +29,11 @@ class Smallest(Part):
         """Whether any change can be found."""
         return not (math.isnan(self.decrease) and math.isnan(self.increase))
 
+    def ways(self) -> tuple[str, str]:
+        """Fall and rise for a table; a dash beyond the range."""
+        fall, rise = ("–" if math.isnan(way) else f"{way:.1%}" for way in (self.decrease, self.increase))
+        return fall, rise
+
 
 class ObservedInput(Smallest):
     """An input of the machine.
@@ -42,16 +47,37 @@ class ObservedInput(Smallest):
         Share of the information on it that is lost because the level of the loads is not known.
     """
 
-    name: Line
-    unit: Line
+    name: TextLine
+    unit: TextLine
     value: float
     hidden_by_loads: Maybe
+
+    def lost_to_loads(self) -> str:
+        """Share for a table."""
+        return "–" if math.isnan(self.hidden_by_loads) else f"{self.hidden_by_loads:.0%}"
 
 
 class ObservedLoad(Smallest):
     """A factor of the loads, and its value in the machine file."""
 
     value: float
+
+
+class Observable(Part):
+    """The smallest changes that a recording could show.
+
+    Attributes
+    ----------
+    false_rate, probability : float
+        Share of recordings of an unchanged machine in which any input is accused, and with which a change is found.
+    inputs, loads : dict
+        By code, and by group.
+    """
+
+    false_rate: float
+    probability: float
+    inputs: dict[Name, ObservedInput]
+    loads: dict[Name, ObservedLoad]
 
 
 class SimilarPair(Part):
@@ -105,7 +131,7 @@ class SensorGain(SensorSpot):
     smaller: dict[Name, float]
 
 
-class Observability(Part):
+class Observability(Observable):
     """What sensors can see in a recording of a length.
 
     Attributes
@@ -114,11 +140,9 @@ class Observability(Part):
         s.
     noise_density : float
         m/s²/√Hz.
-    model_error, false_rate, probability : float
+    model_error : float
     statistics, unused : tuple of str
         Band powers that say something, and that do not, for the noise or a stronger band rules there.
-    inputs, loads : dict
-        By code, and by group.
     pairs : tuple of SimilarPair
     candidates : tuple of SensorGain
         The most helpful first.
@@ -129,13 +153,9 @@ class Observability(Part):
     duration: float
     noise_density: float
     model_error: float
-    false_rate: float
-    probability: float
     sensors: tuple[SensorSpot, ...]
     statistics: tuple[Name, ...]
     unused: tuple[Name, ...]
-    inputs: dict[Name, ObservedInput]
-    loads: dict[Name, ObservedLoad]
     pairs: tuple[SimilarPair, ...]
     candidates: tuple[SensorGain, ...]
-    versions: dict[Name, Line]
+    versions: dict[Name, TextLine]

@@ -15,6 +15,7 @@ from tbm_gsa.explanation.hypotheses import VERDICT_OF, gain_at
 from tbm_gsa.explanation.joint import InputsPosterior
 from tbm_gsa.explanation.judgement import Judgement
 from tbm_gsa.explanation.load_scatter import LoadScatter
+from tbm_gsa.explanation.observability_result import Observable
 from tbm_gsa.explanation.result import (
     ComparedStatistic,
     InputCause,
@@ -25,6 +26,7 @@ from tbm_gsa.explanation.result import (
     NoChange,
     SensorState,
 )
+from tbm_gsa.explanation.visibility import FALSE_RATE, PROBABILITY, Visibility, step_ends
 from tbm_gsa.sensitivity.study.evaluate import MachineEvaluation
 from tbm_msgs_py.base.arrays import Array
 
@@ -116,6 +118,19 @@ class ExplanationParts:
             interval=(low, high),
             machine_value=item.initial,
         )
+
+    def observable(self) -> Observable:
+        """Return what the recording could show, about the machine as it stands in the rock as it was."""
+        found, curves, noise = self.found.nothing.best, self.found.curves, self.found.bands.noise
+        slopes = []
+        for item in curves.inputs.inputs:
+            ends = step_ends(item)
+            less, more = (curves.at(item.code, value).expected(found.factors, noise) for value in ends)
+            slopes.append(np.log(more / less) / math.log(ends[1] / ends[0]))
+        powers = curves.nominal.expected(found.factors, noise)
+        loads = 2.0 * np.square(found.factors)[:, None] * curves.nominal.transfer.gain / powers
+        seen = Visibility.of(curves.inputs, self.found.prior, np.array(slopes), found.scatter, loads)
+        return Observable(false_rate=FALSE_RATE, probability=PROBABILITY, inputs=seen.inputs(), loads=seen.loads())
 
     def joint(self) -> Joint:
         """Posterior of all inputs at once."""

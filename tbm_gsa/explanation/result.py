@@ -10,20 +10,21 @@ import numpy as np
 from pydantic import Field, model_validator
 
 from tbm_gsa.comparison.results import Duration, OperatingLevel
+from tbm_gsa.explanation.observability_result import Observable
 from tbm_gsa.reading import (
     Interval,
-    Line,
     MachineFile,
     Maybe,
-    Name,
     Number,
     Part,
     RecordingFile,
     Seed,
     Size,
+    TextLine,
     read_document,
 )
 from tbm_gsa.sensitivity.study.distributions import distribution_from
+from tbm_msgs_py.base.fields import Name
 from tbm_msgs_py.base.units import STANDARD_GRAVITY
 
 RESULT_NAME: Final = "explanation.json"
@@ -37,7 +38,7 @@ class NoChange(Part):
     """The explanation that nothing has changed."""
 
     input: None = None
-    name: Line = "nothing has changed"
+    name: TextLine = "nothing has changed"
     probability: Size
     log_evidence: Maybe
 
@@ -46,10 +47,10 @@ class InputCause(Part):
     """An input as the only change: its value and 90 % interval, beside the machine's own value."""
 
     input: Name
-    name: Line
-    symbol: Line
-    unit: Line
-    kind: Line
+    name: TextLine
+    symbol: TextLine
+    unit: TextLine
+    kind: TextLine
     probability: Size
     log_evidence: Maybe
     value: Number
@@ -97,7 +98,7 @@ class ComparedStatistic(Part):
     `deviation` is that of the logarithm of field over prediction; `r2_cv` belonged to a surrogate, and is null.
     """
 
-    name: Line
+    name: TextLine
     field: Size
     model: Size
     predicted: Maybe
@@ -117,7 +118,7 @@ class Misfits(Part):
 class ExplanationSettings(Part):
     """What an explanation depends on besides the comparison."""
 
-    machine: Line
+    machine: TextLine
     machine_sha256: Name
     duration: Duration
     load_seed: Seed
@@ -182,6 +183,8 @@ class Explanation(Part):
         Band powers that carry no weight, and why.
     largest_deviation : float
         Of a band power, standard deviations, if the verdict is right.
+    observable : Observable or None
+        What the recording could show; an earlier version wrote none.
     causes : tuple of InputCause or NoChange
         The most probable first; with sensors and what is not explained their probabilities add up to 1.
     joint : Joint
@@ -204,9 +207,10 @@ class Explanation(Part):
     loads: dict[Name, LoadLevel] = Field(default_factory=dict)
     sensors: dict[Name, SensorState] = Field(default_factory=dict)
     cannot_be_told: tuple[Name, ...] = ()
-    doubts: tuple[Line, ...] = ()
-    weightless: dict[Name, Line] = Field(default_factory=dict)
+    doubts: tuple[TextLine, ...] = ()
+    weightless: dict[Name, TextLine] = Field(default_factory=dict)
     largest_deviation: Maybe = math.nan
+    observable: Observable | None = None
     causes: Annotated[tuple[InputCause | NoChange, ...], Field(min_length=1)]
     joint: Joint
     statistics: tuple[ComparedStatistic, ...]
@@ -215,7 +219,7 @@ class Explanation(Part):
     explained: bool
     settings: ExplanationSettings
     seconds: Maybe
-    versions: dict[Name, Line]
+    versions: dict[Name, TextLine]
 
     @model_validator(mode="after")
     def _names_what_it_says(self) -> Explanation:

@@ -12,12 +12,11 @@ from functools import cached_property
 
 import numpy as np
 import scipy.linalg
-import scipy.special
 from numpy.typing import NDArray
 
 from tbm_dynamics.loads.description import LoadFactors
 from tbm_gsa.explanation.load_posterior import MODEL_ERROR, MODULATION_ERROR
-from tbm_gsa.explanation.load_scatter import LoadScatter
+from tbm_gsa.explanation.load_scatter import LoadScatter, of_logarithms
 from tbm_msgs_py.base.arrays import Array
 from tbm_msgs_py.base.errors import InputError
 
@@ -142,13 +141,10 @@ class RockModel:
         return self._law(np.log(self.prior.values))
 
     def _law(self, theta: Array) -> _Law:
-        chance = self.scatter.covariance(np.exp(theta), self.noise, self.duration_s)
-        # The logarithm of a χ² law: its mean lies below that of the law's mean, and it scatters more.
-        half = np.maximum(1.0 / np.maximum(np.diag(chance), 1e-12), 0.5)
-        wider = np.sqrt(scipy.special.polygamma(1, half) * half)
+        chance, shift = of_logarithms(self.scatter.covariance(np.exp(theta), self.noise, self.duration_s))
         _, _, shares = self._at(theta)
         wrong = np.square(self.error) @ np.square(shares) + _LEAST_VARIANCE
-        return _Law(chance * np.outer(wider, wider), scipy.special.digamma(half) - np.log(half), wrong)
+        return _Law(chance, shift, wrong)
 
 
 @dataclass(frozen=True, eq=False)

@@ -12,7 +12,7 @@ from tbm_gsa.comparison.results import ComparisonResult
 from tbm_gsa.comparison.workflow import compare_recording
 from tbm_gsa.explanation.result import Explanation, Verdict
 from tbm_gsa.explanation.workflow import ExplainOptions, explain
-from tbm_gsa.reading import Line, Number, Part
+from tbm_gsa.reading import Number, Part, TextLine
 from tbm_gsa.sensitivity.study.errors import StudyError
 from tbm_gsa.signals.settings import Settings
 from tbm_msgs_py.base.errors import RecordingError
@@ -41,7 +41,7 @@ class StretchFinding(Part):
     begin: Number
     end: Number
     verdict: Verdict | None
-    sentence: Line
+    sentence: TextLine
     folder: str | None
 
     def __str__(self) -> str:

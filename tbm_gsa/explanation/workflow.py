@@ -18,10 +18,10 @@ from tbm_gsa.explanation.parts import ExplanationParts, checked_powers
 from tbm_gsa.explanation.result import RESULT_NAME, Explanation, ExplanationSettings
 from tbm_gsa.provenance import machine_sha256, package_versions
 from tbm_gsa.reading import RecordingFile
-from tbm_gsa.sensitivity.study.campaign import Progress
 from tbm_gsa.sensitivity.study.errors import StudyError
 from tbm_gsa.sensitivity.study.evaluate import MachineEvaluation
 from tbm_msgs_py.base.files import write_json
+from tbm_msgs_py.base.progress import Progress
 
 _SPEED_DIGITS: Final = 3
 _LOAD_DIGITS: Final = 2
@@ -86,6 +86,7 @@ def explain(comparison: ComparisonResult, folder: str | Path, options: ExplainOp
         names,
         seen.reading.band.high,
     )
+    depends = {key: evaluate.settings[key] for key in ("machine", "machine_sha256", "duration", "load_seed", "high_hz")}
     parts = ExplanationParts(found, posterior, checked_powers(found, evaluate), chosen.duration)
     result = Explanation(
         recording=RecordingFile(path=comparison.recording.path, sha256=comparison.recording.sha256),
@@ -100,6 +101,7 @@ def explain(comparison: ComparisonResult, folder: str | Path, options: ExplainOp
         doubts=comparison.doubts,
         weightless=seen.weightless(found.used, curves.nominal),
         largest_deviation=parts.largest_deviation,
+        observable=parts.observable(),
         causes=parts.causes(),
         joint=parts.joint(),
         statistics=parts.statistics(),
@@ -107,8 +109,7 @@ def explain(comparison: ComparisonResult, folder: str | Path, options: ExplainOp
         standardised_misfit=parts.standardised_misfit,
         explained=found.verdict != "not explained",
         settings=ExplanationSettings.model_validate(
-            evaluate.settings
-            | {"samples": chosen.samples, "seeds": 1, "model_error": chosen.model_error, "seed": chosen.seed}
+            depends | {"samples": chosen.samples, "seeds": 1, "model_error": chosen.model_error, "seed": chosen.seed}
         ),
         seconds=time.perf_counter() - start,
         versions=package_versions(),

@@ -70,10 +70,12 @@ class ListedWindow(Part):
     def of(cls, window: StoredEntry) -> ListedWindow:
         """Window as it is listed."""
         entry, source = window.entry, window.source
+        values = asdict(entry)
+        length_ns = values.pop("length_ns")
         return cls(
-            **asdict(entry),
+            **values,
             start=iso_time(entry.start_ns),
-            length_s=entry.length_ns * 1e-9,
+            length_s=length_ns * 1e-9,
             field_crest_factor=entry.field_crest_factor,
             source=source.kind,
             name=source.name,
@@ -100,7 +102,9 @@ class BaselineSummary(Part):
         for (point, axis), usual in baseline.usual.items():
             points.setdefault(point, {})[axis] = usual
         return cls(
-            **vars(baseline),
+            name=baseline.name,
+            machine=baseline.machine,
+            machine_sha256=baseline.machine_sha256,
             source=baseline.kind,
             created=iso_time(baseline.created_ns),
             since=iso_time(baseline.since_ns),

@@ -2,24 +2,21 @@
 
 from __future__ import annotations
 
-import math
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Final, TypeAlias
 
 import numpy as np
 from pydantic import (
-    BaseModel,
     BeforeValidator,
     ConfigDict,
     Field,
     ValidationInfo,
-    WithJsonSchema,
     WrapSerializer,
     computed_field,
 )
 
 from tbm_gsa.provenance import package_versions
-from tbm_gsa.reading import read_document
+from tbm_gsa.reading import Maybe, Part, read_document
 from tbm_gsa.sensitivity.study.errors import StudyError
 from tbm_gsa.sensitivity.study.failures import Failures
 from tbm_msgs_py.base.files import write_json
@@ -57,20 +54,15 @@ def _by_code(given: object, info: ValidationInfo) -> object:
     return {} if given is None else given
 
 
-NullableNumber = Annotated[
-    float,
-    BeforeValidator(lambda given: math.nan if given is None else given),  # JSON has null for what is not finite
-    WithJsonSchema({"type": ["number", "null"]}),
-]
-Interval: TypeAlias = tuple[NullableNumber, NullableNumber]
-ByCode = Annotated[dict[str, NullableNumber], BeforeValidator(_by_code)]
-IntervalsByCode = Annotated[dict[str, Interval], BeforeValidator(_by_code)]
+IndexInterval: TypeAlias = tuple[Maybe, Maybe]
+ByCode = Annotated[dict[str, Maybe], BeforeValidator(_by_code)]
+IntervalsByCode = Annotated[dict[str, IndexInterval], BeforeValidator(_by_code)]
 
 
-class ResultPart(BaseModel):
-    """Base of the parts of a result, made of the attributes of what was found; arrays by the codes of the context."""
+class ResultPart(Part):
+    """Base of the parts of a study, made of the attributes of what was found; arrays by the codes of the context."""
 
-    model_config = ConfigDict(frozen=True, extra="ignore", from_attributes=True)
+    model_config = ConfigDict(from_attributes=True, strict=False, allow_inf_nan=True)
 
 
 class IndexTable(ResultPart):
@@ -99,8 +91,8 @@ class Interaction(ResultPart):
     """Second-order index (S2) of two inputs."""
 
     inputs: tuple[str, str]
-    index: NullableNumber
-    interval: Interval
+    index: Maybe
+    interval: IndexInterval
 
 
 class PathSpread(ResultPart):
@@ -135,11 +127,11 @@ class SurrogateScores(ResultPart):
     """Quality of a surrogate in cross validation and on the test points; errors in the unit of the output."""
 
     transform: str
-    r2_cv: NullableNumber
+    r2_cv: Maybe
     r2_test: float | None
-    rmse_cv: NullableNumber
+    rmse_cv: Maybe
     rmse_test: float | None
-    largest_error_cv: NullableNumber
+    largest_error_cv: Maybe
     largest_error_test: float | None
 
     @computed_field  # type: ignore[prop-decorator]  # of pydantic
@@ -162,7 +154,7 @@ class OutputResult(MethodIndices, SurrogateScores):
     """
 
     surrogate: str
-    r2_nested: NullableNumber
+    r2_nested: Maybe
     second: tuple[Interaction, ...]
     groups: Annotated[
         IndexTable | None,

@@ -69,10 +69,6 @@ def morris_effects(
     groups : sequence of sequences of int, optional
         Column numbers of inputs that move together; every input must be in one.
 
-    Returns
-    -------
-    ElementaryEffects
-
     References
     ----------
     .. [1] M. D. Morris, "Factorial sampling plans for preliminary computational experiments", Technometrics 33 (1991)

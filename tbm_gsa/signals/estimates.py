@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from tbm_gsa.signals.intervals import (
-    Interval,
+    Ends,
     around,
     density_factors,
     group_windows,
@@ -53,11 +53,11 @@ class SignalStatistics:
     """
 
     values: Mapping[str, float]
-    intervals: Mapping[str, Interval]
+    intervals: Mapping[str, Ends]
     rms_width: float
     lines: tuple[SpectralLine, ...]
     spectrum: Spectrum
-    density_factors: Interval
+    density_factors: Ends
 
     @property
     def rms(self) -> float:

@@ -24,10 +24,10 @@ GROUPS = 30
 OVERLAP_CORRELATION = 1.0 / 6.0  # of the amplitudes of half overlapping Hann segments
 _TAIL = (1.0 - CONFIDENCE) / 2.0
 
-Interval = tuple[float, float]
+Ends = tuple[float, float]
 """Lower and upper limit; NaN where there is too little to say."""
 
-UNKNOWN: Interval = (math.nan, math.nan)
+UNKNOWN: Ends = (math.nan, math.nan)
 
 
 def group_windows(level: Integers) -> Integers:
@@ -78,14 +78,14 @@ def jackknife(
     return scipy.stats.t.isf(_TAIL, freedom) * np.sqrt(variance), float(freedom)
 
 
-def around(value: float, half_width: float) -> Interval:
+def around(value: float, half_width: float) -> Ends:
     """Interval of a positive value from the half width of its logarithm."""
     if not (value > 0.0 and math.isfinite(half_width) and half_width < 700.0):
         return UNKNOWN
     return value * math.exp(-half_width), value * math.exp(half_width)
 
 
-def error_interval(measured: float, computed: float, half_widths: tuple[float, float]) -> Interval:
+def error_interval(measured: float, computed: float, half_widths: tuple[float, float]) -> Ends:
     """Interval of the relative error, equation (4), from those of the two RMS values, which are independent."""
     width = math.hypot(*half_widths)
     if not (measured > 0.0 and computed > 0.0 and math.isfinite(width)):
@@ -95,7 +95,7 @@ def error_interval(measured: float, computed: float, half_widths: tuple[float, f
     return (0.0 if low <= 1.0 <= high else float(ends.min())), float(ends.max())
 
 
-def peak_range(peaks: Array) -> Interval:
+def peak_range(peaks: Array) -> Ends:
     """Range of the peak of another recording with as many windows, from the peaks of the windows (w,).
 
     The squares of Gaussian peaks have exponential tails, so a Gumbel law holds for any number of windows. Its
@@ -119,7 +119,7 @@ def peak_range(peaks: Array) -> Interval:
     )
 
 
-def quotient_range(over: float, under: float, range_over: Interval, half_width: float) -> Interval:
+def quotient_range(over: float, under: float, range_over: Ends, half_width: float) -> Ends:
     """Interval of a quotient such as the crest factor, from those of both, taken as independent."""
     if not (over > 0.0 and under > 0.0 and all(map(math.isfinite, range_over)) and math.isfinite(half_width)):
         return UNKNOWN
@@ -131,7 +131,7 @@ def quotient_range(over: float, under: float, range_over: Interval, half_width: 
     )
 
 
-def density_factors(segments: float) -> Interval:
+def density_factors(segments: float) -> Ends:
     """Factors from a density to the ends of its interval, from the number of half overlapping Hann segments."""
     overlap = 2.0 * OVERLAP_CORRELATION**2 * max(0.0, 1.0 - 1.0 / segments)
     freedom = 2.0 * segments / (1.0 + overlap)

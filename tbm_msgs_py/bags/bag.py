@@ -15,13 +15,13 @@ from tbm_msgs_py.bags.chunks import UnpackingBudget, UnpackingError
 from tbm_msgs_py.bags.folder import find_files
 from tbm_msgs_py.bags.mcap_file import McapFile
 from tbm_msgs_py.bags.ordering import in_order
-from tbm_msgs_py.bags.summary import Part, Summary
+from tbm_msgs_py.bags.summary import ChunkPlace, Summary
 from tbm_msgs_py.base.errors import RecordingError
 from tbm_msgs_py.base.texts import quoted
 
 _OVERLAP_NS = 1_000_000_000  # by which chunks of a file that follows time may overlap
 _NOTES = 20  # lines that a recording is worth
-_Placed = tuple[int, Part]  # a part and the number of its file
+_Placed = tuple[int, ChunkPlace]  # a part and the number of its file
 
 
 @dataclass(frozen=True)

@@ -26,7 +26,7 @@ from tbm_msgs_py.bags.batch import LOOSE, POOL, MessageBatch, Topic, joined
 from tbm_msgs_py.bags.channels import DAMAGED, ChannelTable
 from tbm_msgs_py.bags.chunks import ChunkError, UnpackingBudget, UnpackingError, chunk_records, unknown_codec
 from tbm_msgs_py.bags.records import CHUNK_HEAD, CUT, FOOTER, HEAD, MESSAGE_HEAD, Walk, number, walk
-from tbm_msgs_py.bags.summary import MAGIC, FileEnd, Part, Summary, file_end
+from tbm_msgs_py.bags.summary import MAGIC, ChunkPlace, FileEnd, Summary, file_end
 from tbm_msgs_py.bags.unpacking import ZSTD_MAGIC, unpacked, with_unzipped
 from tbm_msgs_py.base.arrays import Bytes, Integers
 from tbm_msgs_py.base.errors import RecordingError
@@ -59,7 +59,7 @@ class McapFile:
         Message count of the file's own statistics, when it got there.
     notes : list of str
         What was found that the counts do not explain: codecs, bytes that are no record; the first of them.
-    parts : list of Part
+    parts : list of ChunkPlace
         Where the last reading found messages.
     """
 
@@ -119,7 +119,7 @@ class McapFile:
         self.messages, self.lost, self.damaged, self.truncated = 0, 0, 0, False
         self.declared: int | None = None
         self.notes: list[str] = []
-        self.parts: list[Part] = []
+        self.parts: list[ChunkPlace] = []
         self._table = ChannelTable()
         self._channels: dict[int, Topic] = {}  # of messages that were read
         self._zipped: dict[int, bool] = {}  # whether the messages of a channel are compressed one by one
@@ -135,7 +135,7 @@ class McapFile:
                 self._note(f"chunks by the index: {why}")
         return end.summary() if end and not self._problem else None
 
-    def index(self) -> list[Part] | None:
+    def index(self) -> list[ChunkPlace] | None:
         """Chunks by the index at the end, to be read by `read_part`; None when it does not name all of the file."""
         with self._open() as file:
             end = file_end(file)
@@ -152,7 +152,7 @@ class McapFile:
         other.notes, other.parts = [], []
         return other
 
-    def read_part(self, part: Part, budget: UnpackingBudget) -> Iterator[MessageBatch]:
+    def read_part(self, part: ChunkPlace, budget: UnpackingBudget) -> Iterator[MessageBatch]:
         """Messages of a part; counts are added to those of the parts before."""
         self._budget = budget
         with self._open() as file:
@@ -258,7 +258,7 @@ class McapFile:
 
     def _found(self, at: int, end: int, messages: Integers) -> None:
         if messages.size:
-            self.parts.append(Part(at, end, int(messages[1].min()), int(messages[1].max())))
+            self.parts.append(ChunkPlace(at, end, int(messages[1].min()), int(messages[1].max())))
 
     def _chunk(self, data: Bytes, first: int, end: int, base: int) -> tuple[Bytes, Integers]:
         """Messages of the chunk with the body ``data[first:end]``, and the bytes that hold them."""

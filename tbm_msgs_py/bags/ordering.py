@@ -102,8 +102,8 @@ class _Waiting:
                 self._runs = tempfile.TemporaryFile(prefix="tbm_monitor.", dir=self._folder)  # noqa: SIM115
             self._runs.seek(0, os.SEEK_END)
             first = self._runs.tell()
-            in_memory = [entry for entry in self._heap if not isinstance(entry[4], _Run)]
-            self._heap = [entry for entry in self._heap if isinstance(entry[4], _Run)]
+            in_memory = [entry for entry in self._heap if not isinstance(entry[4], _SortedRun)]
+            self._heap = [entry for entry in self._heap if isinstance(entry[4], _SortedRun)]
             heapq.heapify(self._heap)
             for log_ns, place, message in heapq.merge(*map(_all_of, in_memory), key=lambda placed: placed[:2]):
                 number = self._numbers.setdefault(message.topic, len(self._topics))
@@ -111,7 +111,7 @@ class _Waiting:
                     self._topics.append(message.topic)
                 self._runs.write(_HEAD.pack(log_ns, place, number, len(message.data)) + message.data)
             self._runs.flush()
-            self._enter(_Run(self._runs.fileno(), first, self._runs.tell(), self._topics))
+            self._enter(_SortedRun(self._runs.fileno(), first, self._runs.tell(), self._topics))
         except OSError as error:
             where = self._folder or tempfile.gettempdir()
             raise RecordingError(
@@ -120,14 +120,14 @@ class _Waiting:
         self._held = 0
 
 
-class _Run:
+class _SortedRun:
     """Messages of one run, read piece by piece."""
 
     def __init__(self, file: int, first: int, end: int, topics: list[Topic]) -> None:
         self._file, self._at, self._end, self._topics = file, first, end, topics
         self._buffer, self._place = b"", 0
 
-    def __iter__(self) -> _Run:
+    def __iter__(self) -> _SortedRun:
         return self
 
     def __next__(self) -> Placed:

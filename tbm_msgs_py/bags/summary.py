@@ -24,7 +24,7 @@ _FOOTER_BODY = struct.Struct("<QQI")
 _LATEST_NS = 2**63  # that a signed number of ns does not reach
 
 
-class Part(NamedTuple):
+class ChunkPlace(NamedTuple):
     """Bytes of a file that hold a chunk and its index, or messages outside chunks, and their log times in ns."""
 
     at: int
@@ -72,7 +72,7 @@ class FileEnd:
             return None
         return Summary(dict(topics), found.message_start_time, found.message_end_time, found.message_count)
 
-    def parts(self, file: IO[bytes]) -> list[Part] | None:
+    def parts(self, file: IO[bytes]) -> list[ChunkPlace] | None:
         """List the chunks in file order; None when the index does not name everything that may hold messages."""
         if self.summary() is None or len(self.chunks) != self.statistics.chunk_count:  # type: ignore[union-attr]
             return None
@@ -83,7 +83,7 @@ class FileEnd:
             times_fit = index.message_start_time <= index.message_end_time < _LATEST_NS
             if not times_fit or not 0 < end - at <= 2 * LONGEST or not _messageless(file, place, at):
                 return None
-            parts.append(Part(at, end, index.message_start_time, index.message_end_time))
+            parts.append(ChunkPlace(at, end, index.message_start_time, index.message_end_time))
             place = end
         size = os.fstat(file.fileno()).st_size
         return parts if _messageless(file, place, size, Opcode.DATA_END) else None

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Collection
 from typing import TypeVar, get_args
 
 from pydantic import BaseModel, ValidationError
@@ -18,25 +19,35 @@ def validated(model: type[ModelT], content: object, label: str, error: type[Inpu
     try:
         return model.model_validate(content)
     except ValidationError as found:
-        place, problem = first_problem(found, model)
-        raise error(f"{label}: {f'{place}: ' if place else ''}{problem}") from None
+        raise error(f"{label}: {first_problem(found, model)}") from None
 
 
-def first_problem(error: ValidationError, model: type[BaseModel]) -> tuple[str, str]:
-    """Place of the first problem of a validation, empty for the whole, and what is wrong and allowed there.
+def first_problem(error: ValidationError, model: type[BaseModel] | None = None, choices: Collection[str] = ()) -> str:
+    """Place of the first problem of a validation, unless it is the whole, and what is wrong and allowed there.
 
     A misspelt key is also a missing one: the misspelling comes first.
+
+    Parameters
+    ----------
+    error : ValidationError
+    model : type, optional
+        What was validated; it says which keys there may be in place of an unknown one.
+    choices : collection of str
+        Members of choices, which are no keys; nor are those whose names begin with ``_``.
     """
     first = min(error.errors(include_url=False), key=lambda problem: problem["type"] != "extra_forbidden")
-    # The members of a choice whose names begin with _ are no keys.
-    place = ".".join(str(part) for part in first["loc"] if not str(part).startswith("_"))
-    return shortened(place, LONGEST_NAME), _problem(first["type"], first["msg"], first["input"], first["loc"], model)
+    keys = [str(part) for part in first["loc"] if part not in choices and not str(part).startswith("_")]
+    place = shortened(".".join(keys), LONGEST_NAME)
+    problem = _problem(first["type"], first["msg"], first["input"], first["loc"], model)
+    return f"{place}: {problem}" if place else problem
 
 
-def _problem(kind: str, message: str, given: object, place: tuple[int | str, ...], model: type[BaseModel]) -> str:
+def _problem(
+    kind: str, message: str, given: object, place: tuple[int | str, ...], model: type[BaseModel] | None
+) -> str:
     if kind == "missing":
         return "missing, allowed: a value that is stated"
-    if kind == "extra_forbidden":
+    if kind == "extra_forbidden" and model is not None:
         return f"unknown key, allowed: {', '.join(_keys_beside(place, model))}"
     if kind != "value_error":
         allowed = re.sub(r"^\w+ should (be|have) ", "", message)

@@ -1,6 +1,6 @@
 """Import of measurements from files of other systems: a description says what a column is, nothing is guessed."""
 
-from tbm_msgs_py.importing.convert import Imported, import_recording
+from tbm_msgs_py.importing.convert import Imported, ImportedStream, import_recording
 from tbm_msgs_py.importing.description import Description, describe
 
-__all__ = ["Description", "Imported", "describe", "import_recording"]
+__all__ = ["Description", "Imported", "ImportedStream", "describe", "import_recording"]

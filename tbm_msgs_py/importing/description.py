@@ -17,7 +17,7 @@ from tbm_msgs_py.base.strict_yaml import read_yaml
 from tbm_msgs_py.base.texts import quoted
 from tbm_msgs_py.base.units import R_MIN, STANDARD_GRAVITY
 from tbm_msgs_py.base.validation import validated
-from tbm_msgs_py.importing.layout import FileLayout, Number, Positive
+from tbm_msgs_py.importing.layout import FileLayout, StrictNumber, StrictPositive
 from tbm_msgs_py.recordings.mapping import IN_UNITS, SensorMapping
 
 UnitT = TypeVar("UnitT", bound=str)
@@ -63,7 +63,7 @@ class PointColumns(SensorMapping):
     """
 
     columns: tuple[Name | None, Name | None, Name | None]
-    full_scale: Positive | None = None
+    full_scale: StrictPositive | None = None
 
     @field_validator("columns")
     @classmethod
@@ -103,7 +103,7 @@ class QuantityColumn(FrozenModel, Generic[UnitT]):
 
     column: Name | None = None
     unit: UnitT
-    value: Number | None = None
+    value: StrictNumber | None = None
 
     @model_validator(mode="after")
     def _one_source(self) -> QuantityColumn[UnitT]:

@@ -16,8 +16,8 @@ LAST_NS = 2**31 * 10**9
 """ROS counts the seconds since 1970 in 31 bits: its times end here, in 2038."""
 
 # Strict: True, or a number in quotes, is none.
-Positive = Annotated[float, Field(gt=0, allow_inf_nan=False, strict=True)]
-Number = Annotated[float, Field(allow_inf_nan=False, strict=True)]
+StrictPositive = Annotated[float, Field(gt=0, allow_inf_nan=False, strict=True)]
+StrictNumber = Annotated[float, Field(allow_inf_nan=False, strict=True)]
 
 
 class TimeColumn(FrozenModel):
@@ -35,7 +35,7 @@ class TimeColumn(FrozenModel):
 
     column: Name
     unit: Literal["s", "ms", "us", "ns", "datetime"]
-    restart_gap: Annotated[Positive, Field(le=LAST_NS / NANOSECONDS)] | None = None
+    restart_gap: Annotated[StrictPositive, Field(le=LAST_NS / NANOSECONDS)] | None = None
 
     @model_validator(mode="after")
     def _dates_do_not_restart(self) -> TimeColumn:
@@ -126,7 +126,7 @@ class FileLayout(FrozenModel):
     """
 
     time: TimeBase = None
-    rate: Annotated[Positive, Field(ge=1e-6, le=NANOSECONDS)] | None = None
+    rate: Annotated[StrictPositive, Field(ge=1e-6, le=NANOSECONDS)] | None = None
     start: Annotated[str, BeforeValidator(_moment)] | None = None
     timezone: Annotated[Name, AfterValidator(_zone)] | None = None
     csv: CsvLayout = CsvLayout()

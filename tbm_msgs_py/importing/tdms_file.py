@@ -35,7 +35,7 @@ _UNIT: Final = ("NI_Scal", "unit_string")  # beginnings of the keys that say wha
 
 
 @dataclass(frozen=True)
-class _Run:
+class _SampleRun:
     """Samples that were taken without a break: number of the first, its time after the earliest start, and step, s."""
 
     first: int
@@ -165,9 +165,9 @@ class TdmsFile(MeasurementFile):
                 last = stated
         return found
 
-    def _runs(self, name: str, channel: Any) -> list[_Run]:
+    def _runs(self, name: str, channel: Any) -> list[_SampleRun]:
         """List the runs of a channel: a new one where its start, offset or increment is stated anew."""
-        runs: list[_Run] = []
+        runs: list[_SampleRun] = []
         earliest = self.start_ns
         for statement in self._times_of(channel):
             if runs and statement.first == len(channel):
@@ -180,8 +180,8 @@ class TdmsFile(MeasurementFile):
                 begin += (own - earliest) / NANOSECONDS
             if runs and not statement.first:  # stated anew before the first sample
                 runs.pop()
-            runs.append(_Run(statement.first if runs else 0, begin, increment))
-        return runs or [_Run(0, 0.0, 0.0)]
+            runs.append(_SampleRun(statement.first if runs else 0, begin, increment))
+        return runs or [_SampleRun(0, 0.0, 0.0)]
 
     def _number(self, name: str, properties: Properties, key: str) -> float:
         value = properties.get(key, 0.0)
@@ -216,7 +216,7 @@ def _has_scale(properties: Properties) -> bool:
     return bool(properties.get("NI_Number_Of_Scales", 0)) or any(map(_SCALE_TYPE.fullmatch, properties))
 
 
-def _times(runs: Sequence[_Run], rows: Integers) -> Array:
+def _times(runs: Sequence[_SampleRun], rows: Integers) -> Array:
     """Find the times, ns after the earliest start, of samples by their numbers."""
     run = np.searchsorted([run.first for run in runs], rows, side="right") - 1
     first = np.array([run.first for run in runs])[run]

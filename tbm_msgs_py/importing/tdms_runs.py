@@ -26,7 +26,7 @@ def read_statements(path: Path) -> dict[str, list[Statement]]:
     reader_module: Any = library("nptdms.reader")
     statements: dict[str, list[Statement]] = {}
 
-    class Reader(reader_module.TdmsReader):  # type: ignore[misc]  # nptdms has no types
+    class SegmentReader(reader_module.TdmsReader):  # type: ignore[misc]  # nptdms has no types
         """Reader of metadata that says what every segment states."""
 
         rows: Mapping[str, int] = MappingProxyType({})
@@ -41,5 +41,5 @@ def read_statements(path: Path) -> dict[str, list[Statement]]:
             self.rows = {name: found.num_values for name, found in self.object_metadata.items()}
 
     with path.open("rb") as file:
-        Reader(file).read_metadata()
+        SegmentReader(file).read_metadata()
     return statements

@@ -37,7 +37,7 @@ class _Format:
 
 
 @dataclass(frozen=True)
-class _Channel:
+class _WavChannel:
     """Readings of a channel, its bytes (n, width), as shares of full scale."""
 
     data: NDArray[np.uint8]
@@ -167,7 +167,7 @@ class WavFile(MeasurementFile):
         for column in columns:
             if column not in there:
                 raise self.no_column(column, there)
-        channels = [_Channel(self._data[:, there.index(column)], self._format.tag) for column in columns]
+        channels = [_WavChannel(self._data[:, there.index(column)], self._format.tag) for column in columns]
         self.compare_rate(self._format.rate, columns[0])
         ticks = (lambda rows: rows * (NANOSECONDS / self._format.rate)) if time else None
         return self.in_pieces(columns, channels, ticks=ticks)

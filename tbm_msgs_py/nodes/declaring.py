@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from typing import TYPE_CHECKING, Any, Generic
+from collections.abc import Callable, Mapping, Sequence
+from typing import TYPE_CHECKING, Generic
 
 from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescriptor, SetParametersResult
 from rclpy.parameter import Parameter as RosParameter
@@ -11,7 +11,7 @@ from rclpy.parameter import Parameter as RosParameter
 from tbm_msgs_py.base.files import data_folder
 from tbm_msgs_py.nodes import qos
 from tbm_msgs_py.nodes.confining import check_below
-from tbm_msgs_py.nodes.parameters import DATA_ROOT, Parameter, SettingsT, parameters_of, read_settings
+from tbm_msgs_py.nodes.parameters import DATA_ROOT, Parameter, ParameterValue, SettingsT, parameters_of, read_settings
 
 if TYPE_CHECKING:
     from tbm_msgs_py.nodes.managed import ManagedNode
@@ -59,7 +59,7 @@ class DeclaredParameters(Generic[SettingsT]):
         self._node, self._model, self._configured = node, settings, configured
         self._check_settings, self._changed = check, changed
         self._declared = parameters_of(settings)
-        self._stated: dict[str, Any] = {}  # values that the start gave
+        self._stated: dict[str, ParameterValue] = {}  # values that the start gave
         node.add_on_set_parameters_callback(self._check)
         node.add_post_set_parameters_callback(self._after_set)
         for one in self._declared.values():
@@ -81,7 +81,7 @@ class DeclaredParameters(Generic[SettingsT]):
     def _live(self, name: str) -> bool:
         return self._declared[name].live
 
-    def _values(self) -> dict[str, Any]:
+    def _values(self) -> dict[str, ParameterValue]:
         return {name: self._node.get_parameter(name).value for name in self._declared}
 
     def _check(self, candidates: Sequence[RosParameter]) -> SetParametersResult:
@@ -91,9 +91,9 @@ class DeclaredParameters(Generic[SettingsT]):
             problems = self._problems(known)
         return SetParametersResult(successful=not problems, reason="; ".join(problems))
 
-    def _problems(self, known: dict[str, Any]) -> list[str]:
+    def _problems(self, known: Mapping[str, ParameterValue]) -> list[str]:
         try:
-            settings = read_settings(self._model, self._values() | known)
+            settings = read_settings(self._model, {**self._values(), **known})
             for name, value in known.items():
                 self._check_path(self._declared[name], value)
             if self._configured():
@@ -105,12 +105,12 @@ class DeclaredParameters(Generic[SettingsT]):
             return [str(error)]
         return []
 
-    def _check_path(self, one: Parameter, value: Any) -> None:
+    def _check_path(self, one: Parameter, value: ParameterValue) -> None:
         """Refuse a path to write to that is set after the start and leads elsewhere."""
         if one.written and value not in one.no_path:
-            stated = self._stated[one.name]
-            root = self._stated.get(DATA_ROOT) or str(data_folder())
-            check_below(one.name, value, [root, "" if stated in one.no_path else stated])
+            stated = str(self._stated[one.name])
+            root = str(self._stated.get(DATA_ROOT) or data_folder())
+            check_below(one.name, str(value), [root, "" if stated in one.no_path else stated])
 
     def _after_set(self, changed: Sequence[RosParameter]) -> None:
         names = frozenset(new.name for new in changed if new.name in self._declared)

@@ -32,7 +32,15 @@ class ParameterError(InputError):
     """A parameter given a value that is not allowed, in one line."""
 
 
-def parameter(
+class _Handling(FrozenModel):
+    """What ROS makes of a parameter, as in `parameter`."""
+
+    changes: Changes = "unconfigured"
+    written: bool = False
+    no_path: tuple[str, ...] = ("",)
+
+
+def parameter(  # as pydantic's Field: any default, for a field of its type
     default: Any,
     text: str,
     *,
@@ -58,8 +66,8 @@ def parameter(
     no_path : tuple of str
         Values of such a parameter that are no path.
     """
-    extra: dict[str, Any] = {"changes": changes, "written": written, "no_path": list(no_path)}
-    return Field(default, description=text, ge=low, le=high, json_schema_extra=extra)
+    handling = _Handling(changes=changes, written=written, no_path=no_path).model_dump(mode="json")
+    return Field(default, description=text, ge=low, le=high, json_schema_extra=handling)
 
 
 live_parameter = partial(parameter, changes="running")
@@ -183,10 +191,7 @@ def _declaration(name: str, field: FieldInfo) -> Parameter:
     if isinstance(default, tuple):  # its elements have the range or the choices
         kind, default = get_args(kind)[0], list(default) or [""]
         bounds += [one for mark in getattr(kind, "__metadata__", ()) for one in getattr(mark, "metadata", [mark])]
-    extra = field.json_schema_extra if isinstance(field.json_schema_extra, dict) else {}
-    given: dict[str, Any] = {key: extra[key] for key in ("changes", "written") if key in extra}
-    if "no_path" in extra:
-        given["no_path"] = tuple(str(value) for value in extra["no_path"])  # type: ignore[union-attr]
+    handling = _Handling.model_validate(field.json_schema_extra or {})
     return Parameter(
         name,
         default,
@@ -194,11 +199,11 @@ def _declaration(name: str, field: FieldInfo) -> Parameter:
         minimum=next((one.ge for one in bounds if getattr(one, "ge", None) is not None), -math.inf),
         maximum=next((one.le for one in bounds if getattr(one, "le", None) is not None), math.inf),
         choices=get_args(kind) if get_origin(kind) is Literal else (),
-        **given,
+        **dict(handling),
     )
 
 
-def read_settings(settings: type[SettingsT], values: Mapping[str, Any]) -> SettingsT:
+def read_settings(settings: type[SettingsT], values: Mapping[str, ParameterValue]) -> SettingsT:
     """Return the settings of the values of parameters by name, as ROS has them.
 
     Raises
@@ -206,12 +211,14 @@ def read_settings(settings: type[SettingsT], values: Mapping[str, Any]) -> Setti
     ParameterError
         What of them is wrong first, in one line: a value, or that two do not go together.
     """
-    nested: dict[str, Any] = {}
+    nested: dict[str, object] = {}
     for name, value in values.items():
         *groups, last = name.split(".")
         place = nested
         for group in groups:
-            place = place.setdefault(group, {})
+            inner = place.setdefault(group, {})
+            assert isinstance(inner, dict)  # noqa: S101 - no parameter has the name of a group
+            place = inner
         place[last] = value if isinstance(value, bool | int | float | str) else [one for one in value if one != ""]
     try:
         return settings.model_validate(nested)
@@ -219,7 +226,7 @@ def read_settings(settings: type[SettingsT], values: Mapping[str, Any]) -> Setti
         raise ParameterError(_first_problem(error, settings, values)) from None
 
 
-def _first_problem(error: ValidationError, settings: type[BaseModel], values: Mapping[str, Any]) -> str:
+def _first_problem(error: ValidationError, settings: type[BaseModel], values: Mapping[str, ParameterValue]) -> str:
     first = error.errors(include_url=False)[0]
     name = ".".join(part for part in first["loc"] if isinstance(part, str))
     message = first["msg"].removeprefix("Value error, ")
@@ -229,5 +236,5 @@ def _first_problem(error: ValidationError, settings: type[BaseModel], values: Ma
     return f"parameter {name}: {message}" if name else message  # of several, the message names one
 
 
-def _text(value: Any) -> str:
+def _text(value: ParameterValue) -> str:
     return shortened(str(value) if isinstance(value, bool | int | float | str) else str(list(value)), LONGEST_NAME)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass, fields
 from itertools import pairwise
 
@@ -166,3 +167,11 @@ def stuck_axes(time: Array, values: Array, rate_hz: float) -> list[tuple[int, fl
         held = ends - starts >= least
         found += [(axis, float(time[a]), float(time[b - 1])) for a, b in zip(starts[held], ends[held], strict=True)]
     return found
+
+
+def seconds_by_axis(stuck: Iterable[tuple[str, float, float]]) -> dict[str, float]:
+    """Seconds that each axis held one value, from the begins and ends of the intervals."""
+    seconds: dict[str, float] = {}
+    for axis, begin, end in stuck:
+        seconds[axis] = seconds.get(axis, 0.0) + end - begin
+    return seconds

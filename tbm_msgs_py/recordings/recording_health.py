@@ -8,7 +8,7 @@ from pathlib import Path
 
 from tbm_msgs_py.base.units import NANOSECONDS
 from tbm_msgs_py.recordings.acceleration import AccelerationRecord
-from tbm_msgs_py.recordings.faults import CLOCK_JUMP_NS, FaultCounts
+from tbm_msgs_py.recordings.faults import CLOCK_JUMP_NS, FaultCounts, seconds_by_axis
 from tbm_msgs_py.recordings.mapping import TopicMapping
 from tbm_msgs_py.recordings.recording import RecordingReader, open_recording
 
@@ -110,10 +110,7 @@ class PointHealth:
     @property
     def stuck_s(self) -> dict[str, float]:
         """Seconds that each sensor axis held one value."""
-        seconds: dict[str, float] = {}
-        for axis, begin, end in self.stuck:
-            seconds[axis] = seconds.get(axis, 0.0) + end - begin
-        return seconds
+        return seconds_by_axis(self.stuck)
 
     def counts(self) -> dict[str, int]:
         """How often each fault of `COUNTS` occurred."""

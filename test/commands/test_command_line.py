@@ -19,7 +19,7 @@ INDICATORS = {"RDef_A", "RDef_L", "RDef_R", "PAcc_A", "PAcc_L", "PAcc_R", "MF_M"
 TINY_STUDY = ["--samples", "12", "--test", "3", "--duration", "0.1", "--outputs", "RDef_A,MF_M"]
 
 
-def test_simulate(command):
+def test_simulate_prints_one_document(command):
     code, out, err = command("simulate", "--duration", "0.5", "--seed", "3", "--json")
     assert code == 0, err
     assert not err
@@ -158,7 +158,7 @@ def test_bad_input_of_a_process(command, given):
     assert len(err.strip().splitlines()) == 1, err
 
 
-def test_doctor(command):
+def test_the_doctor_finds_all_well(command):
     code, out, err = command("doctor", "--json")
     assert code == 0, err
     assert json.loads(out)["ok"] is True

@@ -5,15 +5,19 @@ import signal
 import sqlite3
 import sys
 from contextlib import suppress
+from functools import partial
 
 import pytest
 from tampered import REMOVED, WRONG, places, tampered
 
 from tbm_dynamics import MachineError, load_machine
 from tbm_gsa.app.cli.main import main
+from tbm_gsa.comparison.results import ComparisonResult
 from tbm_gsa.explanation import workflow
+from tbm_gsa.explanation.result import read_explanation
 from tbm_gsa.history import History, HistoryEntry, WindowSource
 from tbm_gsa.provenance import machine_sha256
+from tbm_gsa.reading import read_document
 from tbm_gsa.sensitivity.study.errors import StudyError
 from tbm_gsa.sensitivity.study.evaluate import MachineEvaluation
 from tbm_gsa.sensitivity.study.inputs import PAPER_INPUTS, InputSet
@@ -144,18 +148,34 @@ def comparison():
     }
 
 
+def everywhere_wrong(document, file, read):
+    """Every value of a document wrong in every third way, others at the next: the place, and whether it is refused."""
+    wrongs = [(place, wrong) for place in places(document) for wrong in WRONG.values()]
+    for place, wrong in wrongs[::3]:
+        file.write_text(json.dumps(tampered(document, place, wrong)))
+        try:
+            read(file)
+        except InputError as error:
+            assert len(str(error).splitlines()) == 1
+            assert len(str(error)) < LONGEST
+            yield place, True
+        else:
+            yield place, False
+
+
 def test_a_tampered_explanation_is_one_line(tmp_path, command):
     document = explanation()
     (tmp_path / "right.json").write_text(json.dumps(document))
     assert command("machine update dz101 --from right.json --out right.yaml") == (0, "")
     given = (tmp_path / "right.yaml").read_text()
     refused = 0
-    wrongs = [(place, wrong) for place in places(document) for wrong in WRONG.values()]
-    for number, (place, wrong) in enumerate(wrongs[::3]):  # five at each place, others at the next
-        (tmp_path / "wrong.json").write_text(json.dumps(tampered(document, place, wrong)))
+    for number, (changed, wrong) in enumerate(everywhere_wrong(document, tmp_path / "wrong.json", read_explanation)):
+        if number % (50 if wrong else 5):  # some go the whole way, for the command reads as was done here
+            refused += wrong
+            continue
         out = tmp_path / f"{number}.yaml"
         code, _ = command(f"machine update dz101 --from wrong.json --out {out.name} --input x9 --input x16")
-        assert out.exists() == (code == 0), place
+        assert out.exists() == (code == 0), changed
         if code == 0:
             load_machine(out)
         refused += code == 2
@@ -181,17 +201,19 @@ def test_a_machine_in_no_folder_is_one_line(tmp_path, command):
 
 
 def test_a_tampered_comparison_is_one_line(tmp_path, command, monkeypatch):
-    def read(*_):
+    def observed(*_):
         raise StudyError("as far as its document")
 
-    monkeypatch.setattr(workflow, "observed", read)
+    monkeypatch.setattr(workflow, "observed", observed)
     document = comparison()
     (tmp_path / "right.json").write_text(json.dumps(document))
     assert "as far as its document" in command("gsa explain right.json")[1]
     refused = 0
-    wrongs = [(place, wrong) for place in places(document) for wrong in WRONG.values()]
-    for place, wrong in wrongs[::5]:  # three at each place, others at the next
-        (tmp_path / "wrong.json").write_text(json.dumps(tampered(document, place, wrong)))
+    read = partial(read_document, form=ComparisonResult, what="a comparison")
+    for number, (_, wrong) in enumerate(everywhere_wrong(document, tmp_path / "wrong.json", read)):
+        if number % (50 if wrong else 5):
+            refused += wrong
+            continue
         refused += "as far as its document" not in command("gsa explain wrong.json")[1]
     assert refused > 300
 
@@ -281,7 +303,7 @@ def test_a_tampered_history_is_one_line(tmp_path, command, monkeypatch):
     opened.close()
     refused = 0
     changes = [(table, column, value) for table, found in columns.items() for column in found for value in wrong]
-    for table, column, value in changes[::3]:
+    for table, column, value in changes[::3]:  # others at the next
         file.write_bytes(whole)
         with sqlite3.connect(file) as edited:
             edited.execute("PRAGMA ignore_check_constraints = ON")

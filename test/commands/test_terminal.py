@@ -9,6 +9,7 @@ import sys
 import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
+from pydantic import RootModel
 from rich.table import Table
 from rich.text import Text
 
@@ -54,7 +55,7 @@ def test_no_control_reaches_a_terminal(control, capsys):
         console.print(text)
         console.print(Text(text))
         console.print(table)
-    print_json({text: text})
+    print_json(RootModel({text: text}))
     caught = capsys.readouterr()
     assert not controls(caught.out + caught.err)
 

@@ -163,7 +163,7 @@ def test_package_xml_names_everything_that_setup_requires():
     )
 
 
-def test_one_version(installed):
+def test_there_is_one_version(installed):
     stated = ElementTree.parse(ROOT / "package.xml").findtext("version")
     newest = re.search(r"^## (\S+)", (ROOT / "CHANGELOG.md").read_text(encoding="utf-8"), re.MULTILINE)[1]
     printed = installed("tbm-monitor", "--version").stdout.split()

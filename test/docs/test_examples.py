@@ -74,12 +74,12 @@ def run_page(page, command, *, dear):
 
 
 @pytest.mark.parametrize("page", WITH_EXAMPLES, ids=lambda page: str(page.relative_to(ROOT)))
-def test_examples_run(page, folder, command):
+def test_examples_of_a_page_run(page, folder, command):
     assert os.environ["XDG_DATA_HOME"] == str(folder / "data")
     assert run_page(page, command, dear=False)
 
 
 @pytest.mark.verify
 @pytest.mark.parametrize("page", [page for page in PAGES if any("verify" in one.words for one in examples(page))])
-def test_dear_examples_run(page, folder, command):
+def test_dear_examples_of_a_page_run(page, folder, command):
     assert run_page(page, command, dear=True)

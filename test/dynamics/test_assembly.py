@@ -69,7 +69,7 @@ def gear_turn(system, data):
     return motion
 
 
-def test_size_and_symmetry(system):
+def test_matrices_are_symmetric_and_definite(system):
     assert system.nodes == tuple(range(1, 71))
     for matrix in (system.M, system.C, system.K):
         assert matrix.shape == (420, 420)

@@ -119,7 +119,7 @@ def test_no_disc_leaves_its_heights_and_none_jumps(machine, along):
     assert np.abs(np.diff(force)).max() < 0.5 * np.pi * 1.0 * cycle / (0.2 * 0.1)
 
 
-def test_bad_operating_points(machine):
+def test_bad_operating_points_are_refused(machine):
     head = machine.cutter_loads().head
     with pytest.raises(CutterError, match=r"^thrust 4000 kN, allowed are 4480 kN, which friction takes up, to \d+ kN"):
         CutterLoads(head, 4e6, 0.6)

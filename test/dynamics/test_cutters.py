@@ -29,7 +29,7 @@ def layout():
     return read_layout("dz101", HEAD)
 
 
-def test_the_published_example():
+def test_forces_are_those_of_the_published_example():
     normal, rolling = cutting_forces(ROCK, DISC, [0.08], 0.004)
     assert normal == pytest.approx([174e3], rel=0.003)
     assert rolling == pytest.approx([16.9e3], rel=0.003)
@@ -76,7 +76,7 @@ def test_what_cannot_cut_is_refused(make, message):
         make()
 
 
-def test_the_shipped_layout(layout):
+def test_the_shipped_layout_covers_the_face(layout):
     assert [layout.count(kind) for kind in ("centre", "face", "gauge")] == [4, 32, 11]
     assert len(set(layout.cutter.tolist())) == 47
     assert len(layout.radius) == 51  # the centre ones are twins

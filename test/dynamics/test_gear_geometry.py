@@ -84,7 +84,7 @@ def refused(pair):
 
 
 @pytest.mark.parametrize(("degrees", "least"), [(14.5, 32), (20.0, 18), (25.0, 12), (30.0, 8)])
-def test_undercut(degrees, least):
+def test_a_pinion_of_too_few_teeth_is_undercut(degrees, least):
     expected = f"of {least - 1} teeth is undercut at {degrees:g} deg: at least {least} teeth"
     angle = np.radians(degrees)
     assert refused(ExternalPair(least - 1, 40, MODULE, angle)) == f"pinion {expected}"
@@ -181,7 +181,7 @@ def test_least_tooth_difference_against_turning_teeth(pinion, degrees):
         ExternalPair(8, 30, MODULE, np.radians(30.0)),
     ],
 )
-def test_pairs_that_mesh(pair):
+def test_pairs_that_mesh_are_accepted(pair):
     pair.check()
 
 

@@ -15,7 +15,7 @@ from tbm_dynamics.indicators import INDICATORS, UNITS, indicators
 TIME = np.arange(1000) / 1000.0
 
 
-def test_closed_forms():
+def test_indicators_of_sines_have_closed_forms():
     # Whole periods: RMS of a + b sin is √(a² + b²/2).
     displacement = np.zeros((1000, 6))
     displacement[:, 0] = -3.0

@@ -138,7 +138,7 @@ def test_wheel_driving_runs_through_the_mesh_backwards(teeth):
     assert mesh_stiffness(backwards, WIDTH, *STEEL, mirrored) == pytest.approx(expected, rel=1e-9)
 
 
-def test_the_reference_pair():
+def test_the_reference_pair_has_its_published_stiffness():
     assert mean_stiffness(ExternalPair(20, 40, MODULE, ANGLE)) == pytest.approx(20.6, abs=0.05)
     assert external_pair(20, 40)[1] == pytest.approx(20.6, abs=0.05)
 

@@ -170,7 +170,7 @@ def test_times_that_are_none_are_refused(loads, time):
         loads.evaluate([0.0, time])
 
 
-def test_shapes(loads):
+def test_arrays_of_other_shapes_are_refused(loads):
     assert loads.evaluate([]).shape == (0, 6)
     with pytest.raises(ValueError, match="shape"):
         loads.evaluate(0.0)

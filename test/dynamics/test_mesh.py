@@ -52,7 +52,7 @@ def test_contact_ratio_of_other_pairs(pinion, ring, module, angle):
     )
 
 
-def test_radii():
+def test_radii_follow_from_teeth_and_module():
     assert PAIR.pinion_pitch_radius == pytest.approx(0.176)
     assert PAIR.ring_pitch_radius == pytest.approx(1.672)
     assert PAIR.centre_distance == pytest.approx(1.496)
@@ -108,7 +108,7 @@ def test_stiffness_has_the_harmonics_of_the_rectangular_wave(ratio, levels):
     assert found[1::2] == pytest.approx(amplitude * np.sin(n * np.pi * (ratio - 1.0)), abs=2e-4)
 
 
-def test_tolerances_by_hand():
+def test_tolerances_are_those_worked_out_by_hand():
     # Line by line of the standard with √22 = 4.690416 and √352 = 18.76166, µm, grade 5.
     f_pt = 0.3 * (22 + 0.4 * 18.76166) + 4  # 12.8514
     f_alpha = 3.2 * 4.690416 + 0.22 * 18.76166 + 0.7  # 19.8369

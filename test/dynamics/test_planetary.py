@@ -94,7 +94,7 @@ def wave(coefficients, cycles):
 
 
 @some
-def test_kinematics(stage):
+def test_the_compressions_allow_the_free_motion_only(stage):
     # Motion without compression, ring at rest.
     rows = compressions(stage)
     free = np.delete(rows, 2, axis=1)
@@ -283,7 +283,7 @@ def test_run_out_of_sun_and_ring_does_not_turn_the_carrier(stage, turn):
 
 
 @pytest.mark.parametrize("factor", [0.5, 2.0])
-def test_scales(factor):
+def test_compliance_scales_with_width_and_module(factor):
     # Width stiffens, size by the square of the lever; two accuracy grades double the errors and leave the stiffness.
     plain = stage_law(REFERENCE, *STEEL, 4)
     wide = stage_law(stage_of(20, 25, 3, width=0.14 * factor), *STEEL, 4)

@@ -85,7 +85,7 @@ def test_noise_differs_by_seed_and_sensor():
         assert abs(np.corrcoef(reference, other)[0, 1]) < 0.07
 
 
-def test_range_and_quantisation():
+def test_a_sensor_clips_and_rounds():
     seen = values(model(range=10.0, quantisation=0.25).process(0, SIGNAL))
     assert np.abs(seen).max() == 10.0
     np.testing.assert_array_equal(seen, np.round(np.clip(SIGNAL[::2], -10, 10) * 4) / 4)

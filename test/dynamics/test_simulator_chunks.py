@@ -182,7 +182,7 @@ def test_a_duration_without_steps(machine, duration):
         simulate(machine, duration)
 
 
-def test_progress_and_time(machine):
+def test_progress_is_told_chunk_by_chunk(machine):
     seen = []
     response = simulate(machine, 0.9, progress=seen.append)
     assert seen == [pytest.approx(8192 / 9000), 1.0]

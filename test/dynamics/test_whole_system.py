@@ -74,7 +74,7 @@ def reference(request):
 
 
 @pytest.mark.parametrize("method", ["reduced", "full"])
-def test_every_indicator(reference, method):
+def test_every_indicator_is_that_of_the_reference(reference, method):
     machine, system, count, loads, expected = reference
     finer = 10 if method == "full" and machine.inputs else 1
     between = np.arange((count - 1) * finer + 1) / finer

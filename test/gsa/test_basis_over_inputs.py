@@ -26,7 +26,7 @@ def samples():
 @pytest.mark.parametrize(
     "number", [*range(ALWAYS), *(pytest.param(k, marks=pytest.mark.verify) for k in range(ALWAYS, MACHINES))]
 )
-def test_every_indicator(samples, number):
+def test_every_indicator_holds_over_the_inputs(samples, number):
     machine = load_machine("dz101").with_inputs(**samples[number])
     system = machine.assemble()
     loads = machine.loads(3).evaluate(np.arange(3000) * 1e-4)

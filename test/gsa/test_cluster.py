@@ -91,7 +91,7 @@ def test_a_dying_scheduler_is_one_line_and_results_are_stored(store, tmp_path, c
     assert "Traceback" not in capfd.readouterr().err
 
 
-def test_no_scheduler(store):
+def test_a_scheduler_that_is_none_is_one_line(store):
     with pytest.raises(StudyError, match=r"scheduler tcp://127\.0\.0\.1:9: cannot be reached"):
         run_campaign(store, analytic, scheduler="tcp://127.0.0.1:9")
     for address in ("nowhere", "nonsense://x:1", "tcp://127.0.0.1"):
@@ -125,7 +125,7 @@ def _accept(port, greeting):
             taken[-1].sendall(greeting)
 
 
-def test_without_the_extra(store, monkeypatch):
+def test_without_the_extra_its_package_is_named(store, monkeypatch):
     monkeypatch.setitem(sys.modules, "distributed", None)
     with pytest.raises(StudyError, match=r"needs the package distributed: pip install 'tbm_monitor\[cluster\]'"):
         run_campaign(store, analytic, scheduler="tcp://127.0.0.1:9")

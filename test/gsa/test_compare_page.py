@@ -11,8 +11,7 @@ from typer.testing import CliRunner
 
 from tbm_dynamics import MachineError
 from tbm_gsa.app.cli.compare import compare
-from tbm_gsa.app.report import compare_page as module
-from tbm_gsa.app.report.compare_page import compare_page, write_page
+from tbm_gsa.app.report.compare_page import compare_page
 from tbm_gsa.comparison import ComparisonResult, Settings
 from tbm_gsa.comparison.workflow import compare_recording
 from tbm_gsa.sensitivity.study.evaluate import MachineEvaluation
@@ -115,16 +114,6 @@ def test_a_silent_sensor_and_a_window_that_does_not_fit(tmp_path):
     compared = compare_recording(path, model_duration=2.0, settings=Settings(window_s=60.0))
     assert compared.result.points["shield"]["x"].relative_error is None
     assert "No window of 60 s fits into the recording." in compare_page(compared)
-
-
-def test_a_page_that_fails_leaves_the_old_one(compared, tmp_path, monkeypatch):
-    target = tmp_path / "page.html"
-    target.write_text("the old one")
-    monkeypatch.setattr(module, "compare_page", lambda *_: "\ud800")  # cannot be written as UTF-8
-    with pytest.raises(UnicodeEncodeError):
-        write_page(compared, target)
-    assert target.read_text() == "the old one"
-    assert list(tmp_path.iterdir()) == [target]
 
 
 def test_the_command_prints_one_document_and_draws_the_same_page(bag, result, text, tmp_path):

@@ -42,7 +42,7 @@ def test_levels_and_equation_4(point):
     assert axes["x"].field_band_rms["125-135_hz"] == pytest.approx(np.sqrt(2), rel=5e-3)
 
 
-def test_lines_and_spectra(point):
+def test_the_strongest_line_is_found_in_both_spectra(point):
     axis, spectra = point.axes["x"], point.spectra["x"]
     for (strongest, *_), spectrum in ((axis.field_lines, spectra.field), (axis.model_lines, spectra.model)):
         assert strongest.frequency_hz == pytest.approx(130.3, abs=0.25)
@@ -51,7 +51,7 @@ def test_lines_and_spectra(point):
     assert point.band.high_hz == pytest.approx(400.0)
 
 
-def test_windows(point):
+def test_every_window_is_compared(point):
     windows = point.axes["x"].windows
     assert windows.start == tuple(2.0 * i for i in range(15))
     np.testing.assert_allclose(windows.field_rms, np.sqrt(2), rtol=0.02)

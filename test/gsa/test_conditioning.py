@@ -27,7 +27,7 @@ def inner(values: np.ndarray) -> np.ndarray:
     return values[2000:-2000]
 
 
-def test_common_band():
+def test_the_common_band_is_what_both_rates_carry():
     assert common_band(1000.0, 5000.0) == Band(0.5, 400.0)
     assert common_band(5000.0, 10_000.0) == Band(0.5, 1000.0)
     with pytest.raises(ValueError, match="2 Hz leaves no band"):

@@ -40,7 +40,7 @@ def test_maps_are_inverse_and_rise_from_bound_to_bound(law):
     assert distribution_from(law.to_dict()) == law
 
 
-def test_closed_forms():
+def test_quantiles_have_their_closed_forms():
     np.testing.assert_allclose(LAWS[0].from_unit(UNIT), -2.0 + 5.0 * UNIT, rtol=1e-14)
     np.testing.assert_allclose(LAWS[1].from_unit(UNIT), 2e-4 * 25.0**UNIT, rtol=1e-12)
     standard = NormalDist(8.1e9, 2e8)

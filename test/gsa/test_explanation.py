@@ -219,11 +219,17 @@ def compared(tmp_path_factory):
     return recorded(tmp_path_factory.mktemp("planted"), load_machine("dz101").with_inputs(x16=0.5))
 
 
+@pytest.fixture(scope="module")
+def cache(tmp_path_factory):
+    """Folder of the curves of this module."""
+    return tmp_path_factory.mktemp("cache")
+
+
 @pytest.fixture
-def command(tmp_path, monkeypatch, capsys, few):
+def command(tmp_path, monkeypatch, capsys, few, cache):
     """Run a command line in a folder: its exit code, what it printed, what it complained of."""
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+    monkeypatch.setenv("XDG_CACHE_HOME", str(cache))
     monkeypatch.setattr("tbm_gsa.explanation.observed.SHORTEST_S", 8.0)
     monkeypatch.setattr(signal, "signal", lambda *_: None)
 
@@ -257,7 +263,13 @@ def test_explained_and_written_as_a_machine(compared, command, tmp_path):
     assert set(document["joint"]["inputs"]) == set(LOOKED)
     for row in document["joint"]["inputs"].values():
         assert row["lower"] <= row["interval"][0] <= row["interval"][1] <= row["upper"]
+    seen = document["observable"]
+    assert seen["inputs"]["x6"]["decrease"] is seen["inputs"]["x6"]["increase"] is None  # nothing feels it
+    assert 0.0 < seen["inputs"]["x16"]["decrease"] < 0.5  # which was found
+    assert seen["loads"]["torsion_low"]["decrease"] is None  # from sensors on the axis
+    assert 0.0 < seen["loads"]["axial_low"]["increase"] < 1.0
     page = (tmp_path / "found" / "explanation.html").read_text("utf-8")
+    assert "What this recording could show" in page
     assert "machine: x16 (Stiffness of cutterhead–rock) 1 to 0." in page
     assert "cannot be told from this recording: x6" in page
     code, out, err = command("machine update --from found --out mine.yaml")
@@ -351,7 +363,7 @@ def test_what_a_verdict_needs_is_said(compared, lacking):
 def test_documents_that_are_none(compared, change):
     broken = json.loads(json.dumps(compared))
     change(broken)
-    with pytest.raises(StudyError, match=r"bands: missing|bands: other test points|points: Input should be"):
+    with pytest.raises(StudyError, match=r"bands: missing|bands: other test points|points: 3, allowed"):
         observed(form(broken))
 
 

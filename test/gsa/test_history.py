@@ -72,7 +72,7 @@ def test_the_same_window_again_replaces_the_old_one(history):
     assert history.count() == 4
 
 
-def test_selections(history):
+def test_a_selection_chooses_by_every_option(history):
     history.add(LIVE, [entry(n, point) for n in range(4) for point in ("shield", "gripper")])
     history.add(BAG, [entry(n) for n in range(10, 12)])
     other = WindowSource("offline", "bags/100%_other", "", "open380", "")

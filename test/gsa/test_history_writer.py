@@ -237,7 +237,7 @@ def test_a_baseline_has_to_be_of_the_same_machine(tmp_path, writer):
         writer.usual_ratios("foreign")
 
 
-def test_none_keeps_nothing(said):
+def test_a_history_of_none_keeps_nothing(said):
     writer = HistoryWriter("none", SOURCE, said.append)
     add(writer, 0)
     assert (writer.path, writer.written, said) == ("", 0, [])

@@ -91,7 +91,7 @@ def test_a_load_that_does_not_move():
     assert [line.found_hz for line in still.lines] == [None, None]
 
 
-def test_the_command(command):
+def test_the_command_prints_and_draws_the_loads(command):
     code, out, err = command("machine loads --duration 20 --loads cutter --json --out loads.png")
     assert (code, err) == (0, "drawing: loads.png\n")
     assert json.loads(out)["components"]["fx"]["paper_mean"] == 1.2e7

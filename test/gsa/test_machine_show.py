@@ -19,7 +19,7 @@ import yaml
 from matplotlib.image import imread
 
 from tbm_dynamics import load_machine
-from tbm_dynamics.machine.summary import motion_parts
+from tbm_dynamics.machine.modes import motion_parts
 from tbm_gsa.app.cli.main import main
 from tbm_gsa.sensitivity.study.evaluate import MachineEvaluation
 
@@ -104,7 +104,7 @@ def number_sources(value, source=None, key=None):
     return [found for part in kept for found in number_sources(*part)]
 
 
-def test_tables(data, command):
+def test_tables_show_every_connection(data, command):
     code, out, err = command(f"show --machine {data['name']}")
     assert (code, err, out.count("…")) == (0, "", 0)  # nothing cropped
     rows = [line.split() for line in out.splitlines()]
@@ -118,7 +118,7 @@ def test_tables(data, command):
         assert [subsystem, f"{mass / 1e3:.4g}"] in rows
 
 
-def test_document(data, command):
+def test_the_document_holds_every_section(data, command):
     found = document(command, f"show --machine {data['name']}")
     assert set(found) == {*KEYS.split(), "modes", "sources"}
     assert set(found["drives"]) == set(DRIVE_KEYS.split())
@@ -147,7 +147,7 @@ def test_sources_are_counted(data, command):
     assert document(command, "show --machine stated.yaml")["sources"] == expected
 
 
-def test_modes(data, command):
+def test_modes_are_those_of_scipy_with_shares_of_motion(data, command):
     """A rigid machine moving along the axis is all axial, about it torsional, else lateral; the shares sum to 1."""
     found = document(command, f"show --machine {data['name']} --count 25")
     system = load_machine(data["name"]).assemble()
@@ -166,7 +166,7 @@ def test_modes(data, command):
         assert motion_parts(system, motion)[alone] == pytest.approx(motion, abs=1e-12)
 
 
-def test_check(data, command):
+def test_the_check_finds_size_frequency_and_mesh_force(data, command):
     name, gear, count = data["name"], data["driveshaft"]["gear"], data["driveshaft"]["count"]
     nodes = sum(len(data[part]["nodes"]) for part in STRUCTURES) + 5 * count
     base = gear["module"] * gear["ring_teeth"] / 2.0 * np.cos(np.radians(gear["pressure_angle_deg"]))
@@ -183,7 +183,7 @@ def test_check(data, command):
     assert f"mesh frequency {mesh_hz:.2f} Hz, static mesh force {force / 1e3:.1f} kN each" in out
 
 
-def test_pictures(data, command):
+def test_pictures_are_drawn_and_not_cut(data, command):
     code, out, err = command(f"show --machine {data['name']} --out picture.png --json")
     assert (code, json.loads(out)["machine"], err) == (0, data["name"], "drawing: picture.png\n")
     assert Path("picture.png").read_bytes().startswith(b"\x89PNG\r\n\x1a\n")

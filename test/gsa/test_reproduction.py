@@ -209,7 +209,7 @@ def test_bad_input_is_one_line(tmp_path, typed):
 
 
 @pytest.mark.verify
-def test_the_whole_reproduction(tmp_path, typed):
+def test_the_whole_reproduction_is_written(tmp_path, typed):
     code, out, _ = typed("reproduce", "--out", str(tmp_path), "--json")
     assert code == 0
     document = json.loads(out)

@@ -21,7 +21,7 @@ def test_indices_of_published_functions(name, tolerance):
         assert ((intervals[:, 0] - 1e-3 <= values) & (values <= intervals[:, 1] + 1e-3)).all()
 
 
-def test_equals_salib():
+def test_indices_equal_those_of_salib():
     function = FUNCTIONS["ishigami"]
     problem = {"num_vars": 3, "names": ["a", "b", "c"], "bounds": function.bounds.tolist()}
     points = salib_sample.sample(problem, 512, calc_second_order=False, seed=7)
@@ -41,7 +41,7 @@ def test_every_seed_is_reproducible(seed):
     np.testing.assert_array_equal(one.total, two.total)
 
 
-def test_seeds_differ():
+def test_another_seed_gives_other_indices():
     function = FUNCTIONS["g"]
     one, two = (sobol_monte_carlo(function.call, function.bounds, samples=256, seed=seed) for seed in (0, 1))
     assert (one.first != two.first).any()

@@ -64,7 +64,7 @@ def totals(table):
     return table.count.sum(), table.moments.sum(axis=0)
 
 
-def test_a_sine():
+def test_statistics_of_a_sine_are_exact():
     table = windows(segment(np.column_stack([SINE, SINE, 0.0 * SINE])))
     assert len(table) == 10
     np.testing.assert_allclose(rms(table.count, table.moments)[:, 0], 3.0 / np.sqrt(2.0))
@@ -190,7 +190,7 @@ def test_relative_error_of_a_dead_sensor():
     assert np.isnan(errors[1:]).all()
 
 
-def test_coverage():
+def test_coverage_is_at_most_one():
     assert coverage(500, 1000.0, 1.0) == 0.5
     assert coverage(1001, 1000.0, 1.0) == 1.0
 

@@ -68,7 +68,7 @@ def test_csv_with_a_time_column_keeps_gaps_and_jitter(tmp_path, unit, factor):
     assert stream.rate_hz == pytest.approx(RATE, rel=0.05)
 
 
-def test_csv_with_dates(tmp_path):
+def test_a_csv_file_with_dates_is_imported(tmp_path):
     path = tmp_path / "a.csv"
     moments = [datetime.fromtimestamp(START_NS / 1e9 + k / 8, UTC).isoformat() for k in range(20)]
     path.write_text("when,ax,ay,az\n" + "\n".join(f"{moment},{k},0,-{k}" for k, moment in enumerate(moments)))
@@ -107,7 +107,7 @@ def test_units_axes_and_sensor_go_into_the_mapping(tmp_path):
     assert "allowed: a new folder" in refused(tmp_path / "a.csv", stated, tmp_path / "bag.mcap")
 
 
-def test_bare_file(tmp_path):
+def test_a_bare_file_is_all_that_is_written(tmp_path):
     import_recording(write_csv(tmp_path / "a.csv", columns()), description(), tmp_path / "bag.mcap")
     check(read_acceleration(tmp_path / "bag.mcap", TOPIC))
     assert sorted(file.name for file in tmp_path.iterdir()) == ["a.csv", "bag.mcap"]
@@ -206,7 +206,7 @@ def write_tdms(path):
         )
 
 
-def test_tdms(tmp_path):
+def test_a_tdms_file_is_imported(tmp_path):
     path = tmp_path / "a.tdms"
     write_tdms(path)
     named = {key: entry | {"column": f"PLC/{entry['column']}"} for key, entry in OPERATING.items()}
@@ -234,7 +234,7 @@ def test_tdms(tmp_path):
     assert "column Acc/Q is not there, allowed: Acc/X" in refused(path, wrong, tmp_path / "other")
 
 
-def test_mdf(tmp_path):
+def test_an_mdf_file_is_imported(tmp_path):
     asammdf = pytest.importorskip("asammdf")
     path = tmp_path / "a.mf4"
     with asammdf.MDF(version="4.10") as file:
@@ -318,7 +318,7 @@ def test_wav_of_whole_numbers(tmp_path, width):
     assert "column 3 is not there, allowed: 1, 2" in refused(path, missing, tmp_path / "other")
 
 
-def test_wav_of_floats(tmp_path):
+def test_a_wav_file_of_floats_is_imported(tmp_path):
     scipy.io.wavfile.write(tmp_path / "a.wav", RATE, VALUES.astype(np.float32))
     point = POINT | {"columns": ["1", "2", "3"], "full_scale": 1}
     import_recording(tmp_path / "a.wav", without("rate", points={"shield": point}, time="file"), tmp_path / "bag")
@@ -328,7 +328,7 @@ def test_wav_of_floats(tmp_path):
 
 
 @pytest.mark.parametrize("version", ["5", "7.3"])
-def test_matlab(tmp_path, version):
+def test_a_matlab_file_of_each_version_is_imported(tmp_path, version):
     path = tmp_path / "a.mat"
     content = {"acc": VALUES[:, :2], "z": VALUES[:, 2], "log": {"t": TIME, "note": "text"}}
     if version == "5":

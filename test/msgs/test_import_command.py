@@ -40,7 +40,7 @@ def command(tmp_path, monkeypatch, capsys):
         signal.signal(number, handler)
 
 
-def test_options(command, tmp_path):
+def test_options_alone_describe_a_file(command, tmp_path):
     operating = ["--speed", "rpm:r/min", "--torque", "torque:kN.m", "--thrust", "thrust:kN"]
     code, out, err = command("--map", "girder=a,,c", *SENSOR, "--time", "ms:ms", "--start", START, *operating, "--json")
     assert (code, err) == (0, "")

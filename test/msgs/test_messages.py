@@ -22,7 +22,7 @@ def over_the_wire(message):
 
 
 @pytest.mark.parametrize("layout", [LOADS, mesh_forces(10)])
-def test_block(layout):
+def test_a_block_survives_the_wire(layout):
     values = np.random.default_rng(0).normal(size=(50, len(layout.channels)))
     offsets = np.arange(50) / 5000
     block = messages.block_from(over_the_wire(messages.block(layout, STAMP_NS, offsets, values, "head")))
@@ -48,7 +48,7 @@ def test_operating_point_and_clock():
     assert messages.stamp_to_ns(over_the_wire(messages.clock(STAMP_NS)).clock) == STAMP_NS
 
 
-def test_diagnostics():
+def test_diagnostics_survive_the_wire():
     status = messages.status("model", "warn", "slow", {"real_time_factor": 0.8123456789, "lost": 3}, "dz101")
     received = over_the_wire(messages.diagnostics(STAMP_NS, [status])).status[0]
     assert (received.level, received.hardware_id) == (DiagnosticStatus.WARN, "dz101")

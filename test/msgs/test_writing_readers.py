@@ -145,7 +145,7 @@ class Plain:
         vars(self).update(values)
 
 
-def test_javascript_reader(recording, javascript):
+def test_the_javascript_reader_reads_a_recording(recording, javascript):
     command = ["node", "read.js", str(recording / "bag.mcap")]
     done = subprocess.run(command, cwd=javascript, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr

@@ -36,7 +36,7 @@ def bag(tmp_path):
     return tmp_path / "bag"
 
 
-def test_demo(bag, tmp_path):
+def test_the_demo_ends_by_itself_with_a_result(bag, tmp_path):
     command = [sys.executable, "-m", "tbm_gsa.app.cli.main", "demo", "--bag", bag]
     command += ["--samples", "15", "--test", "3", "--outputs", "RDef_A,MF_M", "--json"]
     process = subprocess.Popen(command, cwd=tmp_path, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)

@@ -174,7 +174,7 @@ def test_lost_and_wrong_blocks(host_node, peer):
     node.wait_for(lambda: "kN?" not in peer.text(STATUS))
 
 
-def test_lifecycle(host_node, peer):
+def test_only_an_active_node_answers(host_node, peer):
     meshes = peer.listen(PointCloud2, "/tbm/model/mesh_forces", qos.BLOCK)
     host_node(DynamicsNode, autostart=False)
     for _ in range(2):

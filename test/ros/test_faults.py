@@ -158,7 +158,7 @@ class System:
             assert (stamps(self.meshes)[-1] - since) * 1e-9 < WINDOW + 2.0 * WINDOW + 2.0 * STATUS_S
 
 
-def test_sensors_that_err(system):
+def test_sensors_that_err_are_named(system):
     spoilt = {
         "cutterhead": wrong_rate,
         "shield": in_g,

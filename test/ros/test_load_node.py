@@ -102,7 +102,7 @@ def test_lifecycle_and_the_bits_of_the_blocks(host_node, peer, clock):
     clock.run_until(lambda: len(blocks) > before + 2)
 
 
-def test_operating_point(host_node, peer, clock):
+def test_an_operating_point_is_applied_or_refused(host_node, peer, clock):
     blocks = peer.listen(PointCloud2, "/tbm/loads/block", qos.BLOCK)
     points = peer.listen(JointState, "/tbm/loads/operating_point", qos.OPERATING_POINT)
     node = host_node(LoadNode, use_sim_time=True, seed=1)

@@ -49,13 +49,13 @@ def test_what_it_does_not_say(tmp_path, text):
     assert ParameterFile(None).stated("load_node", "machine") is None
 
 
-def test_names_with_dots(tmp_path):
+def test_names_with_dots_are_groups(tmp_path):
     nested = site(tmp_path, "/**: {ros__parameters: {gsa: {folder: here}}}")
     assert nested.stated("analysis_node", "gsa.folder") == "here"
     assert site(tmp_path, "/**: {ros__parameters: {gsa.folder: here}}").stated("analysis_node", "gsa.folder") == "here"
 
 
-def test_what_nodes_share(tmp_path):
+def test_what_nodes_share_is_one_value(tmp_path):
     one = site(tmp_path, FILES["any namespace"])
     assert one.common(["load_node"], "machine", "b") == "a"
     with pytest.raises(InputError, match=r"machine: a of load_node, b of dynamics_node; allowed: one for all of them"):

@@ -6,7 +6,7 @@ import copy
 from collections.abc import Iterator, Mapping
 from functools import cache
 from importlib import import_module
-from typing import Any
+from typing import Any  # click's contexts: typer may carry a click of its own
 
 import typer
 from typer.core import TyperCommand, TyperGroup

@@ -23,8 +23,9 @@ from tbm_gsa.app.cli.output import (
     print_json,
     progress_bar,
     results,
+    staged_progress,
 )
-from tbm_gsa.app.cli.shipped import RECORDING_ARGUMENT, recording_path
+from tbm_gsa.app.cli.shipped import MAPPING_OPTION, RECORDING_ARGUMENT, recording_path
 from tbm_gsa.comparison.results import ComparisonResult
 from tbm_gsa.comparison.workflow import RecordingComparison, compare_recording
 from tbm_gsa.history import (
@@ -38,16 +39,14 @@ from tbm_gsa.history import (
 )
 from tbm_gsa.signals.settings import Settings
 from tbm_msgs_py.bags.metadata import is_synthetic
-from tbm_msgs_py.base.files import check_result
+from tbm_msgs_py.base.files import check_result, write_whole
 from tbm_msgs_py.recordings.recording_health import COUNTS
 
 
 def compare(
     bag: Annotated[Path, RECORDING_ARGUMENT],
     machine: MachineOption = DEFAULT_MACHINE,
-    mapping: Annotated[
-        Path | None, typer.Option(help="Mapping of topics to test points; default: mapping.yaml in or beside the bag.")
-    ] = None,
+    mapping: Annotated[Path | None, MAPPING_OPTION] = None,
     html: Annotated[Path | None, typer.Option(help="Write a page with figures to this file.", dir_okay=False)] = None,
     model_duration: Annotated[float, typer.Option(help="Length of the model run (s).")] = 60.0,
     window: Annotated[float, typer.Option(help="Length of a window (s).")] = 2.0,
@@ -69,7 +68,6 @@ def compare(
     if kept and history is not None:
         check_history(history)  # a bad one is refused before the work
     with progress_bar("comparing") as bar:
-        task = bar.add_task("", total=None)
         compared = compare_recording(
             bag,
             machine,
@@ -77,22 +75,20 @@ def compare(
             model_duration,
             seed,
             Settings(window_s=window),
-            progress=lambda stage, share: bar.update(
-                task, description=stage, total=None if share is None else 1.0, completed=share or 0.0
-            ),
+            progress=staged_progress(bar),
             span=None if begin == 0.0 and end is None else (begin, math.inf if end is None else end),
         )
     if html is not None:
-        from tbm_gsa.app.report.compare_page import write_page  # noqa: PLC0415 - matplotlib takes its time
+        from tbm_gsa.app.report.compare_page import compare_page  # noqa: PLC0415 - matplotlib takes its time
 
-        write_page(compared, html)
+        write_whole(html, compare_page(compared).encode())
     if kept:
         _keep(compared, "synthetic" if synthetic else "offline", history)
     elif keep is None:
         notes.print("not put into the history: the recording is synthetic, --keep puts it there", highlight=False)
     result = compared.result
     if json:
-        print_json(result.model_dump())
+        print_json(result)
     else:
         print_tables(result)
     for point, reason in result.skipped.items():

@@ -38,6 +38,7 @@ from tbm_gsa.sensitivity.results import NOT_DETERMINED, is_determined
 from tbm_gsa.sensitivity.study.outputs import checked_outputs
 from tbm_msgs_py.bags.metadata import is_synthetic
 from tbm_msgs_py.base.errors import RunError
+from tbm_msgs_py.base.files import write_whole
 from tbm_msgs_py.base.units import STANDARD_GRAVITY
 from tbm_msgs_py.recordings.mapping import default_mapping_file
 from tbm_msgs_py.recordings.recording import Recording, read_recording
@@ -245,7 +246,7 @@ def _wait_while(watching: Watch, nodes: NodeProcesses, condition: Callable[[], b
 
 def explained(path: Path, machine: Machine, out: Path, seed: int) -> list[StretchFinding]:
     """Explain the recording stretch by stretch, with a page for each."""
-    from tbm_gsa.app.report.explanation_page import write_explanation_page  # noqa: PLC0415 - matplotlib loads slowly
+    from tbm_gsa.app.report.explanation_page import explanation_page  # noqa: PLC0415 - matplotlib loads slowly
     from tbm_gsa.explanation.stretches import explain_stretches  # noqa: PLC0415 - as above
     from tbm_gsa.explanation.workflow import ExplainOptions  # noqa: PLC0415 - as above
 
@@ -254,7 +255,7 @@ def explained(path: Path, machine: Machine, out: Path, seed: int) -> list[Stretc
         stretches = explain_stretches(path, machine, out / "explanations", options)
     for one in stretches:
         if one.explanation is not None and one.finding.folder is not None:
-            write_explanation_page(one.explanation, Path(one.finding.folder) / "explanation.html")
+            write_whole(Path(one.finding.folder) / "explanation.html", explanation_page(one.explanation).encode())
     return [one.finding for one in stretches]
 
 

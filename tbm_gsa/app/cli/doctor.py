@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 import os
-import platform
 import shutil
 import tempfile
 import time
 from collections.abc import Callable
-from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Annotated
 
@@ -17,6 +15,7 @@ import typer
 from tbm_gsa.app.cli.output import JSON_OPTION, print_json, results
 from tbm_gsa.app.cli.processes import NodeCommand, NodeProcesses, settle_ros_environment
 from tbm_gsa.app.cli.shipped import shipped_bag
+from tbm_gsa.provenance import package_versions, versions_text
 from tbm_gsa.reading import Part
 from tbm_msgs_py.base.errors import RunError
 from tbm_msgs_py.nodes.transport import DISCOVERY_RANGE
@@ -25,7 +24,7 @@ from tbm_msgs_py.topics import absolute
 SENDER = "tbm_gsa.app.nodes.exchange"
 _PATIENCE_S = 60.0  # for a block of another process; it starts in seconds, on a busy computer too
 
-_PACKAGES = (
+_PACKAGES = (  # ROS from the system has no Python package of that name
     "tbm_monitor",
     "numpy",
     "scipy",
@@ -61,12 +60,13 @@ def doctor(json: Annotated[bool, JSON_OPTION] = False) -> None:
         checks[name] = _attempt(check)
         if not json:  # each as it is known: the first compiles for a while
             _print_check(name, checks[name])
-    found = Diagnosis(ok=all(check.ok for check in checks.values()), checks=checks, versions=_versions())
+    found = Diagnosis(
+        ok=all(check.ok for check in checks.values()), checks=checks, versions=package_versions(_PACKAGES)
+    )
     if json:
         print_json(found)
     else:
-        listed = ", ".join(f"{name} {number}" for name, number in found.versions.items())
-        results.print(f"versions: {listed}", highlight=False)
+        results.print(f"versions: {versions_text(found.versions)}", highlight=False)
     if not found.ok:
         raise typer.Exit(2)
 
@@ -80,16 +80,6 @@ def _attempt(check: Callable[[], str]) -> Check:
         return Check(ok=True, detail=check())
     except Exception as error:  # noqa: BLE001 - whatever is wrong is the answer
         return Check(ok=False, detail=" ".join(f"{type(error).__name__}: {error}".split()))
-
-
-def _versions() -> dict[str, str]:
-    found = {"python": platform.python_version()}
-    for package in _PACKAGES:
-        try:
-            found[package] = version(package)
-        except PackageNotFoundError:  # ROS from the system has no Python package of that name
-            continue
-    return found
 
 
 def _ros() -> str:

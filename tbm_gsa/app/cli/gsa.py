@@ -10,9 +10,18 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 from rich.table import Table
 
-from tbm_dynamics import load_machine
-from tbm_dynamics.indicators import INDICATORS
 from tbm_gsa.app.cli.explain import explain
+from tbm_gsa.app.cli.gsa_planning import (
+    MOST_SAMPLES,
+    Design,
+    Duration,
+    HighHz,
+    Inputs,
+    Samples,
+    TestSamples,
+    planned_study,
+)
+from tbm_gsa.app.cli.gsa_shards import merge, shard
 from tbm_gsa.app.cli.output import (
     DEFAULT_MACHINE,
     JSON_OPTION,
@@ -27,17 +36,12 @@ from tbm_gsa.app.cli.output import (
     progress_bar,
     ranked_inputs,
     results,
-    split_names,
 )
 from tbm_gsa.app.cli.workers import Scheduler, Workers, anonymous_main, shown_progress
 from tbm_gsa.sensitivity.results import NOT_DETERMINED, REPORT_NAME, StudyResult
-from tbm_gsa.sensitivity.study.definition import Definition, read_definition
-from tbm_gsa.sensitivity.study.design import KINDS
 from tbm_gsa.sensitivity.study.evaluate import MachineEvaluation
 from tbm_gsa.sensitivity.study.failures import REFUSED
-from tbm_gsa.sensitivity.study.inputs import PAPER_INPUTS
 from tbm_gsa.sensitivity.study.problem import Problem
-from tbm_msgs_py.base.errors import InputError
 
 if TYPE_CHECKING:
     from tbm_gsa.sensitivity.study.run import FinishedStudy, StudyOptions
@@ -48,7 +52,6 @@ Folder = Annotated[Path, typer.Option("--out", help="Folder of the study: store,
 Methods = Annotated[
     list[str] | None, typer.Option("--method", help="Surrogate to choose from: svr, krg, rbf or prs; may be repeated.")
 ]
-MOST_SAMPLES = 1_000_000
 AllowFailures = Annotated[
     bool,
     typer.Option(
@@ -60,20 +63,14 @@ AllowFailures = Annotated[
 @app.command()
 def run(
     out: Folder = Path("gsa"),
-    samples: Annotated[int, typer.Option(min=10, max=MOST_SAMPLES, help="Training simulations.")] = 200,
-    test: Annotated[int, typer.Option(min=2, max=MOST_SAMPLES, help="Test simulations.")] = 20,
-    design: Annotated[str, typer.Option(help=f"Training points: {', '.join(KINDS)}.")] = "lhs",
+    samples: Samples = 200,
+    test: TestSamples = 20,
+    design: Design = "lhs",
     machine: MachineOption = DEFAULT_MACHINE,
-    duration: Annotated[float, typer.Option(min=0.01, max=3600.0, help="Length of a simulation (s).")] = 3.0,
-    inputs: Annotated[
-        Path | None,
-        typer.Option(help="YAML file with inputs, distributions, groups, outputs; default: the paper's Table 4."),
-    ] = None,
+    duration: Duration = 3.0,
+    inputs: Inputs = None,
     outputs: Annotated[str | None, OUTPUTS_OPTION] = None,
-    high_hz: Annotated[
-        float | None,
-        typer.Option(help="Upper limit of the band of accelerations (Hz); default: a comparison's, 1000."),
-    ] = None,
+    high_hz: HighHz = None,
     method: Methods = None,
     allow_failures: AllowFailures = False,
     workers: Workers = 2,
@@ -84,14 +81,7 @@ def run(
     """Simulate a design, fit surrogates, print Sobol indices; an unfinished study of the folder goes on."""
     from tbm_gsa.sensitivity.study.run import run_study  # noqa: PLC0415 - what analyses and draws takes a second to import
 
-    definition = Definition(PAPER_INPUTS) if inputs is None else read_definition(inputs)
-    names = split_names("--outputs", [] if outputs is None else [outputs]) or definition.outputs or INDICATORS
-    load_machine(machine).assemble()  # a bad machine is refused before a folder is made
-    evaluate = MachineEvaluation.of(machine, duration, seed, names, high_hz)
-    if high_hz is not None and set(names) <= set(INDICATORS):
-        raise InputError(f"--high-hz {high_hz:g}: no output is of an acceleration, allowed: with one")
-    evaluate.check({item.code: (item.lower, item.upper) for item in definition.inputs.inputs})
-    problem = Problem(definition.inputs, names, samples, test, seed, evaluate.settings, design)
+    problem, evaluate = planned_study(machine, duration, inputs, outputs, high_hz, design, (samples, test), seed)
     with _running(out, method, allow_failures, workers, scheduler) as options:
         study = run_study(problem, evaluate, out, options)
     show(study, json)
@@ -148,7 +138,8 @@ def report(
     show(study, json)
 
 
-app.command()(explain)
+for _command in (shard, merge, explain):
+    app.command()(_command)
 
 
 def _evaluation(problem: Problem) -> MachineEvaluation:
@@ -183,7 +174,7 @@ def _running(
 def show(study: FinishedStudy, json: bool) -> None:
     """Print a study as JSON or as a table, what is in doubt above it."""
     if json:
-        print_json(study.result.model_dump())
+        print_json(study.result)
         return
     for doubt in study.result.doubts():
         print_sentence(doubt)

@@ -6,7 +6,7 @@ import re
 import time
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any  # click's contexts: typer may carry a click of its own
 
 import typer
 from rich.table import Table

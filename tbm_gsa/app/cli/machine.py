@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any  # click's contexts: typer may carry a click of its own
 
 import typer
 from typer.core import TyperGroup

@@ -22,14 +22,14 @@ from tbm_gsa.app.cli.output import (
     results,
 )
 from tbm_gsa.app.cli.workers import Workers, anonymous_main
-from tbm_gsa.explanation.observability_result import Observability, ObservedInput, SimilarPair, Smallest
+from tbm_gsa.explanation.observability_result import Observability, SimilarPair
 from tbm_msgs_py.base.arrays import Array
 from tbm_msgs_py.base.errors import InputError
 from tbm_msgs_py.base.texts import quoted
 from tbm_msgs_py.base.units import STANDARD_GRAVITY
 
 if TYPE_CHECKING:
-    from tbm_gsa.explanation.observability import Run, SensorChoice
+    from tbm_gsa.explanation.observability import RunMachines, SensorChoice
 
 ASIDE = (0.0, 1.0, 0.0)
 """From the node of a test point (m), where a sensor more is looked at by default, beside the node itself."""
@@ -91,7 +91,7 @@ def observe(
 
 
 @contextmanager
-def _runs(workers: int) -> Iterator[Run]:
+def _runs(workers: int) -> Iterator[RunMachines]:
     """How the machines are computed: here, or in so many processes."""
     if workers == 1:
         yield map
@@ -149,7 +149,7 @@ def _print(found: Observability) -> None:
     table = narrow_table(title, "input", "", ">fall", ">rise", ">lost to loads")
     seen = {code: one for code, one in found.inputs.items() if one.found}
     for code, one in seen.items():
-        add_row(table, code, one.name, *_ways(one), _share(one))
+        add_row(table, code, one.name, *one.ways(), one.lost_to_loads())
     results.print(table)
     if missing := [f"{code} {one.name}" for code, one in found.inputs.items() if code not in seen]:
         print_sentence(f"not seen within their range: {', '.join(missing)}")
@@ -157,17 +157,9 @@ def _print(found: Observability) -> None:
         print_sentence(f"do nearly the same: {', '.join(map(_similar, found.pairs))}")
     table = narrow_table("\nfactors of the loads", "group", ">fall", ">rise")
     for group, load in found.loads.items():
-        add_row(table, group, *_ways(load))
+        add_row(table, group, *load.ways())
     results.print(table)
     _print_candidates(found)
-
-
-def _ways(one: Smallest) -> list[str]:
-    return ["–" if math.isnan(way) else f"{way:.1%}" for way in (one.decrease, one.increase)]
-
-
-def _share(one: ObservedInput) -> str:
-    return "–" if math.isnan(one.hidden_by_loads) else f"{one.hidden_by_loads:.0%}"
 
 
 def _similar(pair: SimilarPair) -> str:

@@ -10,13 +10,15 @@ from typing import IO, TYPE_CHECKING, Annotated, Any, Literal
 import typer
 from rich import box
 from rich.console import Console, ConsoleOptions, RenderableType
-from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
+from rich.progress import BarColumn, TextColumn, TimeElapsedColumn, TimeRemainingColumn
+from rich.progress import Progress as ProgressBar
 from rich.segment import Segment
 from rich.table import Table
 from rich.text import Text
 
 from tbm_msgs_py.base.errors import InputError
 from tbm_msgs_py.base.files import json_text
+from tbm_msgs_py.base.progress import Progress
 from tbm_msgs_py.base.texts import printable
 
 if TYPE_CHECKING:
@@ -37,7 +39,7 @@ def _named(stream: IO[str]) -> Iterator[None]:
 class _Printable(Console):
     """Console that shows control characters in texts, which may be of others, and obeys only its own."""
 
-    def print(self, *objects: Any, **options: Any) -> None:
+    def print(self, *objects: Any, **options: Any) -> None:  # as rich has it
         """Print as rich does; columns of tables are as wide as what is shown in them."""
         for column in (column for table in objects if isinstance(table, Table) for column in table.columns):
             column._cells = [printable(str(cell), "\n") for cell in column.cells]
@@ -129,23 +131,22 @@ def print_sentence(text: str) -> None:
     results.print(Text(text), soft_wrap=False)
 
 
-def print_json(document: BaseModel | dict[str, object]) -> None:
+def print_json(document: BaseModel) -> None:
     """Write one JSON document to stdout; numbers that are not finite become null."""
-    content = document if isinstance(document, dict) else document.model_dump()
-    text = json_text(content, indent=2)
+    text = json_text(document.model_dump(), indent=2)
     with _named(sys.stdout):
         sys.stdout.write(text + "\n")
 
 
 @contextmanager
-def progress_bar(title: str = "") -> Iterator[Progress]:
+def progress_bar(title: str = "") -> Iterator[ProgressBar]:
     """Progress on stderr, shown only on a terminal; add a task to it, whose description follows the title."""
     columns = (
         TextColumn(f"{title} {{task.description}}".lstrip(), markup=False),
         BarColumn(),
         TextColumn("{task.percentage:>3.0f} %"),
     )
-    with Progress(
+    with ProgressBar(
         *columns,
         TimeElapsedColumn(),
         TimeRemainingColumn(),
@@ -154,3 +155,13 @@ def progress_bar(title: str = "") -> Iterator[Progress]:
         disable=not notes.is_terminal,
     ) as bar:
         yield bar
+
+
+def staged_progress(bar: ProgressBar) -> Progress:
+    """One line on a bar, called with what is done now and the share of it; None where the end is not known."""
+    task = bar.add_task("", total=None)
+
+    def update(stage: str, share: float | None) -> None:
+        bar.update(task, description=stage, total=None if share is None else 1.0, completed=share or 0.0)
+
+    return update

@@ -18,10 +18,11 @@ from tbm_gsa.app.cli.output import (
     print_json,
     progress_bar,
     results,
+    staged_progress,
 )
 from tbm_gsa.app.cli.shipped import shipped_bag
 from tbm_gsa.app.cli.workers import Workers, anonymous_main
-from tbm_msgs_py.base.files import write_json
+from tbm_msgs_py.base.files import write_json, write_whole
 
 if TYPE_CHECKING:
     from tbm_gsa.paper.reproduction.result import ReproductionResult, Value
@@ -42,11 +43,11 @@ def reproduce(
     """Reproduce Tables 1 to 6 and Figures 2 to 15 of the paper, each with a verdict; an interrupted run goes on."""
     # What they import takes a second, and other commands need none of it.
     from tbm_gsa.app.report.gsa_page import write_study_report  # noqa: PLC0415
-    from tbm_gsa.app.report.reproduction_page import write_page  # noqa: PLC0415
+    from tbm_gsa.app.report.reproduction_page import reproduction_page  # noqa: PLC0415
     from tbm_gsa.paper.reproduction.workflow import reproduce as find  # noqa: PLC0415
 
     with progress_bar("reproducing") as bar, anonymous_main():
-        task = bar.add_task("", total=None)
+        progress = staged_progress(bar)
         found = find(
             machine,
             out,
@@ -54,12 +55,10 @@ def reproduce(
             seed=seed,
             workers=workers,
             report=write_study_report,
-            progress=lambda stage, share: bar.update(
-                task, description=stage, total=None if share is None else 1.0, completed=share or 0.0
-            ),
+            progress=progress,
         )
-        bar.update(task, description="page", total=None)
-        write_page(found, out / PAGE_NAME)
+        progress("page", None)
+        write_whole(out / PAGE_NAME, reproduction_page(found).encode())
     write_json(out / DOCUMENT_NAME, found.result.model_dump())
     if json:
         print_json(found.result)

@@ -13,6 +13,7 @@ import typer
 
 from tbm_dynamics import OperatingPoint, load_machine
 from tbm_dynamics.loads.stepper import LOAD_MODELS, LoadModel
+from tbm_dynamics.streaming.schedule import Schedule
 from tbm_dynamics.streaming.streams import LoadStream
 from tbm_gsa.app.cli.output import (
     COLUMN_OPTION,
@@ -32,6 +33,7 @@ from tbm_gsa.app.cli.processes import NodeCommand, NodeProcesses, settle_ros_env
 from tbm_gsa.app.cli.simulate import schedule_of
 from tbm_gsa.app.cli.status_line import StatusLine
 from tbm_gsa.app.cli.supervision import ACTIVE_STATUSES, Supervision, watch
+from tbm_gsa.reading import Part
 from tbm_msgs_py import topics
 from tbm_msgs_py.base.errors import InputError, RunError
 from tbm_msgs_py.base.units import R_MIN
@@ -51,6 +53,43 @@ _LOADS_OPTION = typer.Option(
 _SEED_OPTION = typer.Option(
     "--seed", min=0, max=2**31 - 1, help="Seed of everything random; default: those of --params, else 0."
 )
+
+
+class PublishedBlocks(Part):
+    """Blocks of one topic, those lost, and the time of the stream (s)."""
+
+    blocks: int
+    lost: int
+    stream_time: float
+
+
+class NodeStatus(Part):
+    """Last status of one name on `/diagnostics`."""
+
+    level: int
+    message: str
+    values: dict[str, str]
+
+
+class RunResult(Part):
+    """What `run --json` prints; no seconds to the first block of the model where none came."""
+
+    first_block_seconds: float | None
+    topics: dict[str, PublishedBlocks]
+    diagnostics: dict[str, NodeStatus]
+
+    @classmethod
+    def of(cls, state: WatchState, first_block: float | None) -> RunResult:
+        """Gather what was received."""
+        blocks = {
+            topics.absolute(name): PublishedBlocks(blocks=one.received, lost=one.lost, stream_time=one.stream_time)
+            for name, one in state.blocks.items()
+        }
+        statuses = {
+            name: NodeStatus(level=level, message=message, values=values)
+            for name, (level, message, values) in sorted(state.diagnostics.items())
+        }
+        return cls(first_block_seconds=first_block, topics=blocks, diagnostics=statuses)
 
 
 def run(
@@ -95,18 +134,10 @@ def run(
     described.assemble()
     level = loads or _level(site)
     plan = schedule_of(schedule, schedule_column, schedule_where)
-    # Refused here, in one line, rather than by the node.
-    stream = LoadStream(described, seed or 0, 1e-3, 1, level, plan)
     point = _operating_point(described.operating_point, speed, torque, thrust)
-    if point is not None and plan is not None:
-        raise typer.BadParameter("--schedule with --speed, --torque or --thrust, allowed: one way to drive")
-    if point is not None:
-        stream.set_operating_point(point)
+    _check_driving(LoadStream(described, seed or 0, 1e-3, 1, level, plan), point, plan)
     driven: dict[str, object] = {"machine": described.origin, "loads": level}
-    if schedule is not None:
-        driven |= {"schedule": str(schedule.absolute()), "schedule_columns": schedule_column or [""]}
-        driven |= {"schedule_where": schedule_where or [""]}
-    commands = node_commands(driven, seed, out, site)
+    commands = node_commands(driven | _scheduled(schedule, schedule_column, schedule_where), seed, out, site)
     if foxglove:
         commands.append(NodeCommand("live_view", {"port": foxglove}))
     if sim_time:
@@ -116,7 +147,7 @@ def run(
     patience = math.inf if sim_time else _FIRST_BLOCK_S
     first_block, stopped = _run(watching, commands, out / "logs", point, duration, patience)
     if json:
-        print_json(run_document(watching.state, first_block))
+        print_json(RunResult.of(watching.state, first_block))
     else:
         _print_table(watching.state, first_block)
     if stopped:
@@ -142,6 +173,21 @@ def _operating_point(
         own.torque if torque is None else torque * 1e3,
         own.thrust if thrust is None else thrust * 1e3,
     )
+
+
+def _check_driving(stream: LoadStream, point: OperatingPoint | None, plan: Schedule | None) -> None:
+    """Refuse here, in one line, what the node of the loads would refuse."""
+    if point is not None and plan is not None:
+        raise typer.BadParameter("--schedule with --speed, --torque or --thrust, allowed: one way to drive")
+    if point is not None:
+        stream.set_operating_point(point)
+
+
+def _scheduled(file: Path | None, columns: list[str] | None, where: list[str] | None) -> dict[str, object]:
+    """Parameters of the load node for a schedule; none without one."""
+    if file is None:
+        return {}
+    return {"schedule": str(file.absolute()), "schedule_columns": columns or [""], "schedule_where": where or [""]}
 
 
 def node_commands(driven: Mapping[str, object], seed: int | None, out: Path, site: ParameterFile) -> list[NodeCommand]:
@@ -215,21 +261,6 @@ def _follow(
         if duration is not None and reached >= duration and not asked:
             diagnostics.clear()  # of before the end
             asked = True
-
-
-def run_document(state: WatchState, first_block: float | None) -> dict[str, object]:
-    """Document of `run --json`: blocks by topic, diagnostics by status name, seconds to the first block."""
-    return {
-        "first_block_seconds": first_block,
-        "topics": {
-            topics.absolute(name): {"blocks": count.received, "lost": count.lost, "stream_time": count.stream_time}
-            for name, count in state.blocks.items()
-        },
-        "diagnostics": {
-            name: {"level": level, "message": message, "values": values}
-            for name, (level, message, values) in sorted(state.diagnostics.items())
-        },
-    }
 
 
 def _print_table(state: WatchState, first_block: float | None) -> None:

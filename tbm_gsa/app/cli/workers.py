@@ -11,7 +11,7 @@ import typer
 from rich.progress import Progress as ProgressBar
 from rich.progress import TaskID
 
-from tbm_gsa.sensitivity.study.campaign import Progress
+from tbm_msgs_py.base.progress import Progress
 
 Workers = Annotated[int, typer.Option("--workers", min=1, help="Processes.")]
 Scheduler = Annotated[

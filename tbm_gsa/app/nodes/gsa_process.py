@@ -19,7 +19,7 @@ from tbm_gsa.sensitivity.study.errors import StudyError
 from tbm_gsa.sensitivity.study.store import STORE_NAME, Store
 from tbm_msgs_py.nodes.processes import ChildProcess
 
-State = Literal["idle", "running", "finished", "failed", "cancelled"]
+StudyState = Literal["idle", "running", "finished", "failed", "cancelled"]
 _LOG_NAME = "gsa.log"
 _PRIORITY = 10  # of the study and its workers: they give way to the nodes, whatever priority those have
 _GRACE_S = 1.0  # a node has 3 s to end, its study included
@@ -39,7 +39,7 @@ class GsaStatus:
     folder : Path or None
     """
 
-    state: State = "idle"
+    state: StudyState = "idle"
     reason: str = ""
     done: int = 0
     total: int = 0
@@ -116,7 +116,7 @@ class GsaProcess:
         code = self._process.poll()
         # A signal while it still imports ends it with code 0, too.
         finished = code == 0 and (self.status.folder / RESULT_NAME).is_file()
-        state: State = "running" if code is None else "finished" if finished else "failed"
+        state: StudyState = "running" if code is None else "finished" if finished else "failed"
         reason = f"{_end(code)}: {self._process.last_line()}" if state == "failed" else self.status.reason
         self.status = replace(self.status, state=state, reason=reason, done=done, failed=failed)
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable
 from queue import SimpleQueue
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from diagnostic_msgs.msg import DiagnosticStatus
 from rclpy.subscription import Subscription
@@ -19,6 +19,9 @@ from tbm_msgs_py.nodes.following import TopicFollower
 from tbm_msgs_py.nodes.managed import ManagedNode
 from tbm_msgs_py.topics import QoS, TopicContract
 
+if TYPE_CHECKING:
+    import foxglove
+
 LOOK_S = 0.5  # between looks for topics that are not there yet
 REPEAT_S = 0.1  # between looks for clients that have missed a latched message
 
@@ -29,7 +32,7 @@ class _SubscriberListener:
     def __init__(self, asked: SimpleQueue[str]) -> None:
         self._asked = asked
 
-    def on_subscribe(self, client: Any, channel: Any) -> None:  # noqa: ARG002
+    def on_subscribe(self, client: foxglove.Client, channel: foxglove.ChannelView) -> None:  # noqa: ARG002
         """Queue the topic of a new subscriber; the server calls from a thread of its own."""
         self._asked.put(channel.topic)
 
@@ -49,7 +52,7 @@ class LiveView(ManagedNode[LiveViewSettings]):
         host, port = self.settings.host, self.settings.port
         self._foxglove = foxglove
         self._sink = foxglove.Context()
-        self._channels: dict[str, Any] = {}
+        self._channels: dict[str, foxglove.Channel] = {}
         self._kept: dict[str, tuple[bytes, int]] = {}  # last message of every latched topic, and its time
         self._asked: SimpleQueue[str] = SimpleQueue()  # topics of new subscribers; filled by the server's threads
         try:
@@ -118,7 +121,7 @@ class LiveView(ManagedNode[LiveViewSettings]):
         """Report what of a topic is not shown."""
         self._faults.update(topic, problem)
 
-    def _passer(self, topic: str, channel: Any, latched: bool) -> Callable[[bytes], None]:
+    def _passer(self, topic: str, channel: foxglove.Channel, latched: bool) -> Callable[[bytes], None]:
         self._kept.pop(topic, None)
 
         def pass_on(message: bytes) -> None:

@@ -7,6 +7,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from tbm_gsa.app.report.picture import tidy
 from tbm_gsa.comparison.results import (
     AxisResult,
     ComparisonResult,
@@ -175,10 +176,3 @@ def _from_zero(panel: Axes, *values: Array) -> None:
 def plain_text(text: str) -> str:
     """Text of others that matplotlib must not read as mathematics."""
     return text.replace("$", r"\$")
-
-
-def tidy(panel: Axes) -> None:
-    """Quiet axes: no box, faint horizontal lines."""
-    panel.spines[["top", "right"]].set_visible(False)
-    panel.grid(axis="y", color="#e3e7ec", linewidth=0.8)
-    panel.set_axisbelow(True)

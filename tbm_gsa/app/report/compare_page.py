@@ -1,13 +1,12 @@
 """The HTML page of a comparison of a recording with the model."""
 
-from pathlib import Path
 from typing import Final
 
 from tbm_gsa.app.report import compare_figures
 from tbm_gsa.app.report.page import embed_figure, render_page
 from tbm_gsa.comparison.results import ComparisonResult
 from tbm_gsa.comparison.workflow import RecordingComparison
-from tbm_msgs_py.base.files import write_whole
+from tbm_gsa.provenance import versions_text
 from tbm_msgs_py.recordings.recording_health import COUNTS
 
 LOW_COVERAGE: Final = 0.9
@@ -49,11 +48,6 @@ def compare_page(compared: RecordingComparison) -> str:
     return render_page("compare.html", context)
 
 
-def write_page(compared: RecordingComparison, path: Path) -> None:
-    """Write the page so that a reader sees the old file or the new one, never half of it."""
-    write_whole(path, compare_page(compared).encode())
-
-
 def _fault_names(result: ComparisonResult) -> dict[str, str]:
     """Faults that get a column: the usual ones, and what else was found at any point."""
     found = [name for point in result.recording.points.values() for name in COUNTS if getattr(point, name)]
@@ -73,5 +67,5 @@ def _provenance(result: ComparisonResult) -> dict[str, object]:
         "model run": f"{result.model_duration:g} s a level, seed {result.seed}",
         "compared band": "; ".join(sorted(bands)),
         "window": f"{result.window_s:g} s",
-        "versions": ", ".join(f"{name} {number}" for name, number in result.versions.items()),
+        "versions": versions_text(result.versions),
     }

@@ -8,7 +8,8 @@ from matplotlib.axes import Axes
 from matplotlib.colors import to_rgba
 from matplotlib.figure import Figure
 
-from tbm_gsa.sensitivity.results import NOT_DETERMINED, IndexTable, Interval, OutputResult
+from tbm_gsa.app.report.picture import tidy
+from tbm_gsa.sensitivity.results import NOT_DETERMINED, IndexInterval, IndexTable, OutputResult
 from tbm_gsa.sensitivity.study.analysis import OutputFit
 from tbm_gsa.sensitivity.study.inputs import InputSet
 from tbm_msgs_py.base.arrays import Array
@@ -22,7 +23,7 @@ SHOWN_PAIRS: Final = 6
 
 Results = Mapping[str, OutputResult]
 Fits = Sequence[OutputFit]
-Output = TypeVar("Output")
+Drawn = TypeVar("Drawn")
 Judged = TypeVar("Judged", OutputResult, OutputFit)
 
 
@@ -195,9 +196,7 @@ def make_panels(count: int, *, height: float, columns: int = COLUMNS) -> tuple[F
     figure = Figure(figsize=(12.0, height * rows), layout="constrained")
     panels = [figure.add_subplot(rows, columns, 1 + k) for k in range(count)]
     for panel in panels:
-        panel.spines[["top", "right"]].set_visible(False)
-        panel.grid(axis="y", color="#e3e7ec", linewidth=0.8)
-        panel.set_axisbelow(True)
+        tidy(panel)
     return figure, panels
 
 
@@ -206,8 +205,8 @@ def _by_name(fits: Fits) -> dict[str, OutputFit]:
 
 
 def _panels(
-    outputs: Mapping[str, Output], *, height: float, columns: int = COLUMNS
-) -> tuple[Figure, list[tuple[Axes, Output]]]:
+    outputs: Mapping[str, Drawn], *, height: float, columns: int = COLUMNS
+) -> tuple[Figure, list[tuple[Axes, Drawn]]]:
     """Make a figure with a panel for every output, under its name."""
     figure, panels = make_panels(len(outputs), height=height, columns=columns)
     for panel, name in zip(panels, outputs, strict=True):
@@ -241,7 +240,7 @@ def _bars(
     width: float,
     codes: Sequence[str],
     values: Mapping[str, float],
-    intervals: Mapping[str, Interval],
+    intervals: Mapping[str, IndexInterval],
     colour: str,
     label: str | None = None,
 ) -> None:
@@ -252,7 +251,7 @@ def _bars(
         _whiskers(panel, place, heights, [intervals[code] for code in codes])
 
 
-def _whiskers(panel: Axes, place: Array, values: Array, intervals: Sequence[Interval]) -> None:
+def _whiskers(panel: Axes, place: Array, values: Array, intervals: Sequence[IndexInterval]) -> None:
     """Draw intervals around values (d,)."""
     reach = np.maximum(np.abs(np.array(intervals).T - values), 0.0)
     panel.errorbar(place, values, yerr=reach, fmt="none", ecolor="#333333", elinewidth=0.8, capsize=1.5)

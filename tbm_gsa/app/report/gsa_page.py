@@ -6,6 +6,7 @@ from typing import Final
 from tbm_gsa.app.report import gsa_figures as figures
 from tbm_gsa.app.report.gsa_tables import gsa_tables
 from tbm_gsa.app.report.page import embed_figure, render_page
+from tbm_gsa.provenance import versions_text
 from tbm_gsa.sensitivity.results import NOT_DETERMINED, REPORT_NAME, TABLES_NAME, OutputResult, StudyResult
 from tbm_gsa.sensitivity.study.analysis import OutputAnalysis
 from tbm_gsa.sensitivity.study.inputs import Input, InputSet
@@ -97,5 +98,5 @@ def _provenance(result: StudyResult) -> dict[str, object]:
         "indices": result.indices,
         "time": f"{result.seconds:.1f} s in all, {result.campaign_seconds:.1f} s of it campaign; "
         f"{result.simulation_seconds:.1f} s of processor time in simulations",
-        "versions": ", ".join(f"{name} {number}" for name, number in result.versions.items()),
+        "versions": versions_text(result.versions),
     }

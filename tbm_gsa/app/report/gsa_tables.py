@@ -7,7 +7,7 @@ from typing import Final
 
 from tbm_gsa.sensitivity.results import NOT_DETERMINED, IndexTable, OutputResult, StudyResult, SurrogateScores
 
-Row = tuple[object, ...]
+Cells = tuple[object, ...]
 
 
 def gsa_tables(result: StudyResult) -> dict[str, str]:
@@ -31,24 +31,24 @@ def gsa_tables(result: StudyResult) -> dict[str, str]:
     }
 
 
-def _csv(rows: Iterable[Row]) -> str:
+def _csv(rows: Iterable[Cells]) -> str:
     """One table."""
     buffer = io.StringIO()
     csv.writer(buffer, lineterminator="\n").writerows(rows)
     return buffer.getvalue()
 
 
-def _scores(output: OutputResult) -> Iterator[Row]:
+def _scores(output: OutputResult) -> Iterator[Cells]:
     for method, scores in output.scores.items():
         yield method, int(method == output.surrogate), *(value for _, value in scores), int(scores.determined)
 
 
-def _shown(numbers: Row, determined: bool) -> Row:
+def _shown(numbers: Cells, determined: bool) -> Cells:
     """Numbers of a surrogate that follows its output; in place of any other's the words that say so."""
     return numbers if determined else (NOT_DETERMINED,) * len(numbers)
 
 
-def _indices(output: OutputResult) -> Iterator[Row]:
+def _indices(output: OutputResult) -> Iterator[Cells]:
     tables: dict[str, IndexTable] = {"chosen": output, **output.by_surrogate, "fast": output.fast}
     if output.groups is not None:
         tables["groups"] = output.groups
@@ -57,19 +57,19 @@ def _indices(output: OutputResult) -> Iterator[Row]:
         yield from ((method, code, *_shown(tuple(numbers), determined)) for code, *numbers in _ranges(table))
 
 
-def _ranges(table: IndexTable) -> Iterator[Row]:
+def _ranges(table: IndexTable) -> Iterator[Cells]:
     """Input, S1 with its ends, ST with its ends."""
     for code, first in table.first.items():
         ends, total_ends = (found.get(code, ("", "")) for found in (table.first_interval, table.total_interval))
         yield code, first, *ends, table.total[code], *total_ends
 
 
-def _interactions(output: OutputResult) -> Iterator[Row]:
+def _interactions(output: OutputResult) -> Iterator[Cells]:
     for pair in output.second:
         yield *pair.inputs, *_shown((pair.index, *pair.interval), output.determined)
 
 
-def _uncertainty(output: OutputResult) -> Iterator[Row]:
+def _uncertainty(output: OutputResult) -> Iterator[Cells]:
     spreads = {"S1": output.paths.first, "ST": output.paths.total} if output.paths else {}
     for order, spread in spreads.items():
         for code, mean in spread.mean.items():
@@ -77,14 +77,14 @@ def _uncertainty(output: OutputResult) -> Iterator[Row]:
             yield code, order, *_shown(numbers, output.scores["krg"].determined)
 
 
-def _convergence(output: OutputResult) -> Iterator[Row]:
+def _convergence(output: OutputResult) -> Iterator[Cells]:
     for step in output.convergence:
         asked = " ".join(map(str, step.asked))
         for code, *numbers in _ranges(step):
             yield asked, step.samples, code, *_shown(tuple(numbers), output.determined)
 
 
-def _morris(output: OutputResult) -> Iterator[Row]:
+def _morris(output: OutputResult) -> Iterator[Cells]:
     found = output.morris
     for code, mean in found.mean.items():
         numbers = (mean, found.mean_absolute[code], *found.mean_absolute_interval[code], found.deviation[code])
@@ -92,7 +92,7 @@ def _morris(output: OutputResult) -> Iterator[Row]:
 
 
 _INTERVALS: Final = ("S1", "S1_low", "S1_high", "ST", "ST_low", "ST_high")
-TABLES: Final[Mapping[str, tuple[tuple[str, ...], Callable[[OutputResult], Iterator[Row]]]]] = {
+TABLES: Final[Mapping[str, tuple[tuple[str, ...], Callable[[OutputResult], Iterator[Cells]]]]] = {
     "surrogates": (("surrogate", "chosen", *SurrogateScores.model_fields, "determined"), _scores),
     "indices": (("method", "input", *_INTERVALS), _indices),
     "interactions": (("input", "other", "S2", "low", "high"), _interactions),

@@ -11,7 +11,8 @@ from matplotlib.dates import AutoDateLocator, ConciseDateFormatter
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from tbm_gsa.app.report.compare_figures import AXIS_NAMES, FIELD, MODEL, WIDTH, plain_text, tidy
+from tbm_gsa.app.report.compare_figures import AXIS_NAMES, FIELD, MODEL, WIDTH, plain_text
+from tbm_gsa.app.report.picture import tidy
 from tbm_gsa.comparison.alarm import SCATTERS
 from tbm_gsa.history.baseline import ErrorStatistics
 from tbm_gsa.history.entries import StoredEntry

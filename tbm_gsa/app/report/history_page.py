@@ -12,7 +12,7 @@ from tbm_gsa.app.report.history_figures import by_trend, trends
 from tbm_gsa.app.report.page import embed_figure, render_page
 from tbm_gsa.history.entries import StoredEntry
 from tbm_gsa.history.summary import BaselineSummary, HistorySummary, iso_time
-from tbm_gsa.provenance import package_versions
+from tbm_gsa.provenance import package_versions, versions_text
 
 
 def history_page(found: HistorySummary, windows: Sequence[StoredEntry]) -> str:
@@ -36,7 +36,7 @@ def history_page(found: HistorySummary, windows: Sequence[StoredEntry]) -> str:
         "provenance": {
             "history": found.path,
             "sources": ", ".join(sorted({window.source.name for window in windows})),
-            "versions": ", ".join(f"{name} {number}" for name, number in package_versions().items()),
+            "versions": versions_text(package_versions()),
         },
     }
     return render_page("history.html", context)

@@ -6,7 +6,7 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import Any, Final
+from typing import Final
 
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
@@ -28,7 +28,7 @@ _GAP, _NEAR = 0.4, 0.25
 _COLOURS: Final = dict(zip(SUBSYSTEMS, PALETTE, strict=False))
 _LABELS: Final = dict(zip(SUBSYSTEMS, ("cutterhead, bearing, gear", "driveshaft", "carrier, girder"), strict=True))
 # Dashes too: colours of thin lines are hard to tell apart.
-_STYLES: Final[dict[str, tuple[str, Any, str]]] = {
+_STYLES: Final[dict[str, tuple[str, str | tuple[int, tuple[float, ...]], str]]] = {
     "rock": ("#000000", (0, (1, 1)), "rock"),
     "bolt": ("#7f7f7f", "-", "bolt"),
     "bearing": ("#CC79A7", "-", "bearing"),
@@ -169,7 +169,8 @@ def _draw_side(axes: Axes, description: MachineDescription, links: Sequence[_Lin
         for part in parts:
             _draw_part(axes, part, points, test_points)
     arrow = {"arrowstyle": "-|>", "color": "black", "shrinkB": 7.0}
-    _annotate(axes, "loads", points[description.load_node], (0, 30), fontsize=8, arrowprops=arrow)
+    loaded = points[description.load_node]
+    axes.annotate("loads", loaded, (0, 30), textcoords="offset points", arrowprops=arrow, ha="center", fontsize=8)
     axes.set_xlim(-1.0, _LENGTH + 1.0)
     axes.set_ylim(min(y for _, y in points.values()) - 0.5, 0.7)
     axes.set_xticks(list(drawn.values()), [f"{x + 0.0:g}" for x in drawn], rotation=90, fontsize=7)
@@ -178,10 +179,6 @@ def _draw_side(axes: Axes, description: MachineDescription, links: Sequence[_Lin
     axes.spines[["left", "right", "top"]].set_visible(False)
     title = f"side view; rows only to tell parts apart; drive 1 stands for all {description.driveshaft.count}"
     axes.set_title(title, loc="left", fontsize=10)
-
-
-def _annotate(axes: Axes, text: str, at: tuple[float, float], offset: tuple[int, int], **style: Any) -> None:
-    axes.annotate(text, at, xytext=offset, textcoords="offset points", **{"ha": "center", **style})
 
 
 def _draw_part(axes: Axes, part: _DrawnPart, points: Points, test_points: Mapping[int, str]) -> None:
@@ -195,8 +192,8 @@ def _draw_part(axes: Axes, part: _DrawnPart, points: Points, test_points: Mappin
         axes.plot(*points[node], marker, ms=14, mfc=_TESTED if tested else "white", mec=colour, mew=1.5, zorder=3)
         axes.text(*points[node], str(node), ha="center", va="center_baseline", fontsize=7, zorder=4)
         if tested:
-            style = {"va": "top", "fontsize": 8, "weight": "bold", "zorder": 5, "path_effects": _HALO}
-            _annotate(axes, test_points[node], points[node], (0, -10), **style)
+            label = axes.annotate(test_points[node], points[node], (0, -10), textcoords="offset points", zorder=5)
+            label.set(ha="center", va="top", fontsize=8, weight="bold", path_effects=_HALO)
 
 
 def _draw_link(axes: Axes, link: _Link, points: Points) -> None:
@@ -215,7 +212,8 @@ def _draw_link(axes: Axes, link: _Link, points: Points) -> None:
         share = 0.5 / max(1.0, rows)
         at = start[0] + share * (end[0] - start[0]), start[1] + share * (end[1] - start[1])
         offset, side = ((0, 7), "center") if rows < 0.5 else ((4, 0), "left")
-        _annotate(axes, link.name, at, offset, ha=side, va="center", fontsize=7, zorder=5, path_effects=_HALO)
+        label = axes.annotate(link.name, at, offset, textcoords="offset points", zorder=5)
+        label.set(ha=side, va="center", fontsize=7, path_effects=_HALO)
 
 
 def _draw_end(axes: Axes, description: MachineDescription) -> None:

@@ -1,4 +1,4 @@
-"""Figures as files: what may be written, and how."""
+"""Figures: their axes, and how they become files, and which may be written."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Final
 
 from matplotlib import rc_context
+from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.backends.backend_svg import FigureCanvasSVG
 from matplotlib.figure import Figure
@@ -56,3 +57,10 @@ def drawn(figure: Figure, kind: str) -> bytes:
         with rc_context({"svg.hashsalt": "tbm_monitor"}):  # fixed salt and no date
             FigureCanvasSVG(figure).print_svg(buffer, metadata={"Date": None})  # type: ignore[no-untyped-call]
     return buffer.getvalue()
+
+
+def tidy(panel: Axes) -> None:
+    """Quiet axes: no box, faint horizontal lines."""
+    panel.spines[["top", "right"]].set_visible(False)
+    panel.grid(axis="y", color="#e3e7ec", linewidth=0.8)
+    panel.set_axisbelow(True)

@@ -5,8 +5,9 @@ from collections.abc import Mapping, Sequence
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from tbm_gsa.app.report.compare_figures import MODEL, tidy
+from tbm_gsa.app.report.compare_figures import MODEL
 from tbm_gsa.app.report.gsa_figures import PALETTE, make_panels
+from tbm_gsa.app.report.picture import tidy
 from tbm_gsa.paper.published import TRENDS
 from tbm_gsa.paper.reproduction.model import MeshCurves
 from tbm_gsa.paper.reproduction.response import Excerpt

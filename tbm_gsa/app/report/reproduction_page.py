@@ -2,7 +2,6 @@
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Final
 
 from matplotlib.figure import Figure
@@ -16,8 +15,8 @@ from tbm_gsa.paper.published import ACCELERATION_LINE_HZ
 from tbm_gsa.paper.reproduction.result import SOURCES, ReproductionResult, Row, Value
 from tbm_gsa.paper.reproduction.verdict import VERDICTS
 from tbm_gsa.paper.reproduction.workflow import Reproduction
+from tbm_gsa.provenance import versions_text
 from tbm_gsa.sensitivity.study.inputs import PAPER_INPUTS
-from tbm_msgs_py.base.files import write_whole
 
 TITLES: Final = {
     "Table 1": "Mean values and main frequencies of the loads",
@@ -75,11 +74,6 @@ def reproduction_page(found: Reproduction) -> str:
         "provenance": _provenance(result),
     }
     return render_page("reproduction.html", context)
-
-
-def write_page(found: Reproduction, path: Path) -> None:
-    """Write the page so that a reader sees the old file or the new one, never half of it."""
-    write_whole(path, reproduction_page(found).encode())
 
 
 def value_text(value: Value) -> str:
@@ -176,5 +170,5 @@ def _provenance(result: ReproductionResult) -> dict[str, object]:
         "runs": f"{sizes.run_s:g} s; {sizes.model_s:g} s beside the recording; loads {sizes.loads_s:g} s",
         "seed": result.seed,
         "time": ", ".join(f"{name} {value:.1f} s" for name, value in result.seconds.items()),
-        "versions": ", ".join(f"{name} {number}" for name, number in result.versions.items()),
+        "versions": versions_text(result.versions),
     }

@@ -14,10 +14,10 @@ from tbm_gsa.paper.load_summary import ComponentSummary, LoadRun, load_run
 from tbm_gsa.paper.published import CUTTERS, HEAD_DIAMETER_M, TABLE_1, LoadRow
 from tbm_gsa.paper.reproduction import verdict
 from tbm_gsa.paper.reproduction.result import Row
-from tbm_gsa.paper.reproduction.verdict import Verdict
+from tbm_gsa.paper.reproduction.verdict import RowVerdict
 
 # What of the cutter model is Table 1's: the thrust goes in, the rock is chosen for the torque.
-_PUT_IN: Final[dict[str, Verdict]] = {"fx": "given", "mx": "calibrated"}
+_PUT_IN: Final[dict[str, RowVerdict]] = {"fx": "given", "mx": "calibrated"}
 _CUTTER_NOTES: Final = {
     "fx": "cutter level: the thrust is its input",
     "mx": "cutter level: the rock is chosen so that the thrust gives this torque",
@@ -88,7 +88,7 @@ def _found(name: str, paper: LoadRow, loads: ComponentSummary) -> Iterator[Row]:
     yield _lines(f"table1.{name}.lines.cutters", of, paper, loads, judged)
 
 
-def _mean(stem: str, of: str, paper: LoadRow, loads: ComponentSummary, judged: Verdict, note: str) -> Row:
+def _mean(stem: str, of: str, paper: LoadRow, loads: ComponentSummary, judged: RowVerdict, note: str) -> Row:
     ours = abs(loads.mean) / 1e3
     return Row(stem, f"{paper.name}, mean{of}", paper.mean / 1e3, ours, judged, note, paper.unit)
 
@@ -99,7 +99,7 @@ def _all_found(paper: LoadRow, found: ComponentSummary) -> bool:
     )
 
 
-def _lines(stem: str, of: str, paper: LoadRow, found: ComponentSummary, judged: Verdict) -> Row:
+def _lines(stem: str, of: str, paper: LoadRow, found: ComponentSummary, judged: RowVerdict) -> Row:
     wanted = ", ".join(f"{value:g}" for value in paper.lines)
     ours = ", ".join("–" if line.found_hz is None else f"{line.found_hz:.2f}" for line in found.lines)
     regions = " and ".join(f"{low:g}–{high:g}" for low, high in paper.regions)

@@ -7,7 +7,7 @@ from tbm_dynamics.machine.description import DampingReading
 from tbm_dynamics.machine.summary import count_sources
 from tbm_gsa.paper.reproduction import verdict
 from tbm_gsa.paper.reproduction.result import Row, Value
-from tbm_gsa.paper.reproduction.verdict import Verdict
+from tbm_gsa.paper.reproduction.verdict import RowVerdict
 
 RATIO_HZ = 100.0
 """Where a ratio is meant to hold: the paper says nothing; its lines and natural frequencies lie around here."""
@@ -41,12 +41,12 @@ class Reading:
     fitted: bool
 
     def row(
-        self, stem: str, what: str, paper: Value, ours: Value, judged: Verdict, note: str = "", unit: str = ""
+        self, stem: str, what: str, paper: Value, ours: Value, judged: RowVerdict, note: str = "", unit: str = ""
     ) -> Row:
         """Row under this reading."""
         return Row(stem if self.own else f"{stem}@{self.name}", what, paper, ours, judged, note, unit, self.name)
 
-    def unless_fitted(self, judged: Verdict) -> Verdict:
+    def unless_fitted(self, judged: RowVerdict) -> RowVerdict:
         """Verdict of a number that the machine was fitted to under its own reading: no finding there."""
         return verdict.fitted(judged, self.fitted)
 

@@ -11,7 +11,7 @@ from tbm_gsa.paper.reproduction import verdict
 from tbm_gsa.paper.reproduction.readings import Reading
 from tbm_gsa.paper.reproduction.response import MULTIPLES, ResponseEvidence
 from tbm_gsa.paper.reproduction.result import Row
-from tbm_gsa.paper.reproduction.verdict import Verdict
+from tbm_gsa.paper.reproduction.verdict import RowVerdict
 
 _MEANINGS: Final = {
     "RDef": "RMS displacement of the ring gear's mesh node",
@@ -37,7 +37,7 @@ def response_rows(evidence: ResponseEvidence) -> Iterator[Row]:
     yield from _levels(evidence)
 
 
-def _fit_note(reading: Reading, judged: Verdict) -> str:
+def _fit_note(reading: Reading, judged: RowVerdict) -> str:
     if not reading.fitted:
         return "not fitted under this reading"
     return "fitted" if judged == "calibrated" else "fitted, and missed"
@@ -91,7 +91,7 @@ def _lines(found: ResponseEvidence) -> Iterator[Row]:
     """Figure 5: lines of the axial acceleration and of the mesh force."""
     reading, wanted = found.reading, ACCELERATION_LINE_HZ
     line = found.lines_hz[wanted]
-    judged: Verdict = "given" if verdict.line(wanted, line) == "agrees" else "differs"
+    judged: RowVerdict = "given" if verdict.line(wanted, line) == "agrees" else "differs"
     what = "line of the loads in the cutterhead's axial acceleration"
     note = "the loads bring it: the frequency is Table 1's"
     yield reading.row("figure5.load_line", what, wanted, line, judged, note, "Hz")

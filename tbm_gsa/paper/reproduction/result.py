@@ -8,8 +8,9 @@ from pydantic import computed_field
 from pydantic.dataclasses import dataclass
 
 from tbm_gsa.paper.published import TEST, TRAIN
-from tbm_gsa.paper.reproduction.verdict import VERDICTS, Verdict
-from tbm_gsa.reading import Line, MachineFile, Name, Part, RecordingFile, Seed
+from tbm_gsa.paper.reproduction.verdict import VERDICTS, RowVerdict
+from tbm_gsa.reading import MachineFile, Part, RecordingFile, Seed, TextLine
+from tbm_msgs_py.base.fields import Name
 
 Value = int | float | str | None
 
@@ -30,7 +31,7 @@ class Row:
         What is compared.
     paper, ours : int, float, str or None
         Numbers where both are numbers, else short statements.
-    verdict : Verdict
+    verdict : RowVerdict
     note : str
         Where our value comes from, or why it differs; may be empty.
     unit : str
@@ -42,7 +43,7 @@ class Row:
     what: str
     paper: Value
     ours: Value
-    verdict: Verdict
+    verdict: RowVerdict
     note: str = ""
     unit: str = ""
     reading: str | None = None
@@ -67,7 +68,7 @@ class Row:
         return replace(self, note=f"{self.note}; {text}" if self.note else text)
 
 
-def count_verdicts(rows: Iterable[Row]) -> dict[Verdict, int]:
+def count_verdicts(rows: Iterable[Row]) -> dict[RowVerdict, int]:
     """Count rows by verdict."""
     given = [row.verdict for row in rows]
     return {name: given.count(name) for name in VERDICTS}
@@ -105,7 +106,7 @@ class ReadingSummary(Part):
     """Name of a reading of the dampings, in words, whether it is the machine's own and was fitted under."""
 
     name: Name
-    title: Line
+    title: TextLine
     own: bool
     fitted: bool
 
@@ -134,15 +135,15 @@ class ReproductionResult(Part):
     """
 
     rows: tuple[Row, ...]
-    verdicts: dict[Verdict, int]
-    other_reading: dict[Verdict, int]
+    verdicts: dict[RowVerdict, int]
+    other_reading: dict[RowVerdict, int]
     readings: tuple[ReadingSummary, ...]
     machine: Name
     machine_file: MachineFile
     recording: ReproducedRecording
     seed: Seed
     sizes: Sizes
-    versions: dict[Name, Line]
+    versions: dict[Name, TextLine]
     seconds: dict[Name, float]
 
     def rows_of(self, *readings: str | None) -> list[Row]:

@@ -11,7 +11,7 @@ from tbm_dynamics.indicators import INDICATORS
 from tbm_gsa.paper.published import METHODS, SHOWN_WITHOUT_STATEMENT, TRENDS
 from tbm_gsa.paper.reproduction.readings import Reading
 from tbm_gsa.sensitivity.study.analysis import Analysed, OutputAnalysis, OutputFit, fit_outputs
-from tbm_gsa.sensitivity.study.campaign import Progress, run_campaign
+from tbm_gsa.sensitivity.study.campaign import run_campaign
 from tbm_gsa.sensitivity.study.curves import Curve, response_curve
 from tbm_gsa.sensitivity.study.errors import StudyError
 from tbm_gsa.sensitivity.study.evaluate import MachineEvaluation
@@ -20,6 +20,7 @@ from tbm_gsa.sensitivity.study.inputs import PAPER_INPUTS
 from tbm_gsa.sensitivity.study.problem import Problem
 from tbm_gsa.sensitivity.study.run import FinishedStudy, StudyOptions, run_study
 from tbm_gsa.sensitivity.study.store import STORE_NAME, Store
+from tbm_msgs_py.base.progress import Progress
 
 
 @dataclass(frozen=True)

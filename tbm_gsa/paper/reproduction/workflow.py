@@ -25,9 +25,22 @@ from tbm_gsa.paper.reproduction.sensitivity import sensitivity_rows
 from tbm_gsa.paper.reproduction.studies import Campaign, Study, fitted_study, whole_study
 from tbm_gsa.paper.reproduction.surrogates import surrogate_rows
 from tbm_gsa.provenance import machine_file, package_versions
-from tbm_gsa.sensitivity.study.campaign import Progress
 from tbm_gsa.sensitivity.study.errors import StudyError
 from tbm_gsa.sensitivity.study.run import FinishedStudy
+from tbm_msgs_py.base.progress import Progress
+
+
+class _Stopwatch:
+    """Seconds by stage."""
+
+    def __init__(self) -> None:
+        self.seconds: dict[str, float] = {}
+
+    @contextmanager
+    def measure(self, stage: str) -> Iterator[None]:
+        start = time.perf_counter()
+        yield
+        self.seconds[stage] = time.perf_counter() - start
 
 
 @dataclass(frozen=True, eq=False)
@@ -92,33 +105,24 @@ def reproduce(
     RecordingError
         A recording that cannot be compared.
     """
-    chosen, clock = sizes or Sizes(), _Clock()
+    chosen, clock = sizes or Sizes(), _Stopwatch()
     if folder.exists() and not folder.is_dir():
         raise StudyError(f"{folder}: is a file, allowed: a folder, new or with an earlier reproduction")
     described = load_machine(machine)
     described.assemble()
     both = readings(described)
-    campaigns = [
-        Campaign(reading, machine, train, chosen.test, chosen.simulation_s, seed)
-        for reading, train in zip(both, (chosen.train, chosen.other_train), strict=True)
-    ]
-    campaigns[0].check()
     studies = []
-    for campaign in campaigns:
+    for campaign in _campaigns(both, machine, chosen, seed):
         with clock.measure(f"campaign and surrogates, {campaign.reading.name}"):
             whole = report if campaign.reading.own and chosen.whole_study else None
             studies.append(_study(campaign, folder, workers, progress, whole))
     progress("loads", None)
     with clock.measure("loads"):
         mesh, loads = mesh_curves(described), gather_loads(described, seed, chosen.loads_s)
-    responses = []
-    for reading in both:
-        progress(f"runs, {reading.name}", None)
-        with clock.measure(f"runs, {reading.name}"):
-            responses.append(gather_response(reading, bag, seed, chosen.run_s, chosen.model_s))
+    responses = tuple(_responses(both, bag, seed, chosen, clock, progress))
     rows = _rows(described, mesh, loads, responses, studies)
     result = _result(rows, described, both, responses[0], seed, chosen, clock.seconds)
-    return Reproduction(result, both, mesh, loads, tuple(responses), tuple(studies))
+    return Reproduction(result, both, mesh, loads, responses, tuple(studies))
 
 
 def _result(
@@ -135,7 +139,7 @@ def _result(
         rows=tuple(rows),
         verdicts=count_verdicts(row for row in rows if row.reading in (None, both[0].name)),
         other_reading=count_verdicts(row for row in rows if row.reading == both[1].name),
-        readings=tuple(ReadingSummary(**vars(one)) for one in both),
+        readings=tuple(ReadingSummary(name=one.name, title=one.title, own=one.own, fitted=one.fitted) for one in both),
         machine=machine.name,
         machine_file=machine_file(machine),
         recording=ReproducedRecording(
@@ -146,6 +150,16 @@ def _result(
         versions=package_versions(),
         seconds={**seconds, "total": sum(seconds.values())},
     )
+
+
+def _campaigns(both: Sequence[Reading], machine: str, sizes: Sizes, seed: int) -> list[Campaign]:
+    """Campaign of each reading; what the machine lacks is refused before the first begins."""
+    campaigns = [
+        Campaign(reading, machine, train, sizes.test, sizes.simulation_s, seed)
+        for reading, train in zip(both, (sizes.train, sizes.other_train), strict=True)
+    ]
+    campaigns[0].check()
+    return campaigns
 
 
 def _study(
@@ -160,6 +174,17 @@ def _study(
     if report is None:
         return fitted_study(campaign, folder / name, workers, done)
     return whole_study(campaign, folder / name, workers, done, report)
+
+
+def _responses(
+    both: Sequence[Reading], bag: Path, seed: int, sizes: Sizes, clock: _Stopwatch, progress: Progress
+) -> Iterator[ResponseEvidence]:
+    for reading in both:
+        stage = f"runs, {reading.name}"
+        progress(stage, None)
+        with clock.measure(stage):
+            found = gather_response(reading, bag, seed, sizes.run_s, sizes.model_s)
+        yield found
 
 
 def _rows(
@@ -183,16 +208,3 @@ def _study_rows(study: Study) -> Iterator[Row]:
     failed = f", {study.failed} simulations failed" if study.failed else ""
     for row in (*surrogate_rows(study), *sensitivity_rows(study)):
         yield row if study.reading.own else row.noted(f"{study.campaign.train} points{failed}")
-
-
-class _Clock:
-    """Seconds by stage."""
-
-    def __init__(self) -> None:
-        self.seconds: dict[str, float] = {}
-
-    @contextmanager
-    def measure(self, stage: str) -> Iterator[None]:
-        start = time.perf_counter()
-        yield
-        self.seconds[stage] = time.perf_counter() - start

@@ -14,7 +14,6 @@ from tbm_gsa.sensitivity.sobol.indices import SobolIndices, of_a_constant
 from tbm_gsa.sensitivity.sobol.monte_carlo import ConvergenceStep, convergence_sizes, sobol_convergence
 from tbm_gsa.sensitivity.sobol.of_surrogate import is_constant, sobol_of_surrogate
 from tbm_gsa.sensitivity.sobol.paths import PathIndices, sobol_of_paths
-from tbm_gsa.sensitivity.study.campaign import Progress
 from tbm_gsa.sensitivity.study.candidates import Candidate, Data, best_by_method, best_of, fit_candidates, nested_r2
 from tbm_gsa.sensitivity.study.curves import Curve, response_curve
 from tbm_gsa.sensitivity.study.errors import StudyError
@@ -24,6 +23,7 @@ from tbm_gsa.sensitivity.study.workers import local_processes
 from tbm_gsa.sensitivity.surrogates import SURROGATES
 from tbm_gsa.sensitivity.surrogates.krg import Kriging
 from tbm_msgs_py.base.errors import InputError
+from tbm_msgs_py.base.progress import Progress
 
 
 @dataclass(frozen=True, eq=False)
@@ -118,7 +118,7 @@ class _Task:
 
 
 Found = TypeVar("Found", bound=OutputFit)
-Done = TypeVar("Done")
+Worked = TypeVar("Worked")
 
 
 @dataclass(frozen=True, eq=False)
@@ -240,13 +240,13 @@ def strongest(indices: SobolIndices, count: int = STRONGEST) -> list[int]:
     return [int(k) for k in np.argsort(-indices.total, kind="stable")[:count]]
 
 
-def _run(work: Callable[[_Task], Done], tasks: Sequence[_Task], workers: int) -> Iterator[Done]:
+def _run(work: Callable[[_Task], Worked], tasks: Sequence[_Task], workers: int) -> Iterator[Worked]:
     """Work on outputs, here or in processes, as they get done; of several that fail the first in order is raised."""
     if workers < 2:
         yield from map(work, tasks)
         return
     waiting = deque(enumerate(tasks))
-    running: dict[Future[Done], int] = {}
+    running: dict[Future[Worked], int] = {}
     failed: dict[int, BaseException] = {}
     with local_processes(workers) as processes:
         while running or (waiting and not failed):

@@ -1,17 +1,16 @@
 """Running the simulations of a store, in processes here or on a cluster."""
 
 from collections import deque
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, CancelledError, Future, wait
-from typing import Final, TypeAlias
+from typing import Final
 
 from tbm_gsa.sensitivity.study.cluster import cluster
 from tbm_gsa.sensitivity.study.errors import StudyCancelled, StudyError
+from tbm_gsa.sensitivity.study.shards import WHOLE, Shard
 from tbm_gsa.sensitivity.study.store import Store
 from tbm_gsa.sensitivity.study.workers import Evaluate, Outcome, WorkerPool, local_processes, simulate_sample
-
-Progress: TypeAlias = Callable[[str, float | None], None]
-"""``progress(message, fraction)``: what is being done, and the share of it that is done, None where none is known."""
+from tbm_msgs_py.base.progress import Progress
 
 POLL_SECONDS: Final = 0.2
 # Simulations whose worker died before any came back, after which the fault is not theirs.
@@ -26,6 +25,7 @@ def run_campaign(
     scheduler: str | None = None,
     progress: Progress | None = None,
     cancelled: Callable[[], bool] = lambda: False,
+    shard: Shard = WHOLE,
 ) -> None:
     """Run every simulation of the store that has not ended yet.
 
@@ -47,6 +47,8 @@ def run_campaign(
         Called when the campaign starts and after every simulation, see `Progress`.
     cancelled : callable, optional
         Called several times a second; once it returns True no simulation starts.
+    shard : Shard
+        Part of the store that is run.
 
     Raises
     ------
@@ -55,20 +57,26 @@ def run_campaign(
     StudyError
         No worker can run a simulation; what had finished is in the store.
     """
-    _report(store, progress)
-    if waiting := len(store.pending()):
-        with local_processes(min(workers, waiting)) if scheduler is None else cluster(scheduler) as pool:
-            for outcome in _outcomes(pool, store, evaluate, cancelled):
+    _report(store, shard, progress)
+    if waiting := store.pending(shard):
+        with local_processes(min(workers, len(waiting))) if scheduler is None else cluster(scheduler) as pool:
+            for outcome in _outcomes(pool, waiting, store.problem.outputs, evaluate, cancelled):
                 store.record(outcome)
-                _report(store, progress)
-    if store.pending():
-        raise StudyCancelled(f"cancelled after {store.counts().done} of {store.counts().total} simulations")
+                _report(store, shard, progress)
+    if store.pending(shard):
+        counts = store.counts(shard)
+        raise StudyCancelled(f"cancelled after {counts.done} of {counts.total} simulations")
 
 
-def _outcomes(pool: WorkerPool, store: Store, evaluate: Evaluate, cancelled: Callable[[], bool]) -> Iterator[Outcome]:
+def _outcomes(
+    pool: WorkerPool,
+    samples: Sequence[tuple[int, dict[str, float]]],
+    names: tuple[str, ...],
+    evaluate: Evaluate,
+    cancelled: Callable[[], bool],
+) -> Iterator[Outcome]:
     """Outcomes as simulations end, with a bounded number of simulations handed out."""
-    names = store.problem.outputs
-    waiting = deque((row, sample, 0) for row, sample in store.pending())
+    waiting = deque((row, sample, 0) for row, sample in samples)
     running: dict[Future[Outcome], tuple[int, dict[str, float], int]] = {}
     ended: list[Outcome] = []
     lost: list[Outcome] = []
@@ -111,10 +119,10 @@ def _outcome(future: Future[Outcome], pool: WorkerPool) -> Outcome | None:
         raise StudyError(f"the workers cannot run a simulation: {type(error).__name__}: {error}") from None
 
 
-def _report(store: Store, progress: Progress | None) -> None:
+def _report(store: Store, shard: Shard, progress: Progress | None) -> None:
     """Report how far the campaign is."""
     if progress is None:
         return
-    counts = store.counts()
+    counts = store.counts(shard)
     failed = f", {counts.failed} failed" if counts.failed else ""
     progress(f"simulations {counts.done} of {counts.total}{failed}", counts.done / counts.total)

@@ -49,10 +49,6 @@ def make_design(inputs: InputSet, train: int, test: int, seed: int, kind: str = 
         with scipy's ``optimization="random-cd"``. ``lhs-maximin``: the same, with coordinates swapped until the closest
         points lie far apart (`spread_out`). ``sobol``: scrambled Sobol' sequence (scipy's `Sobol`), best with a power
         of two.
-
-    Returns
-    -------
-    Design
     """
     if train < 1 or test < 0:
         raise StudyError(f"{train} training and {test} test points, allowed: at least 1 and at least 0")

@@ -18,7 +18,7 @@ from tbm_msgs_py.base.arrays import Array
 from tbm_msgs_py.base.texts import quoted
 
 
-class _Law(Protocol):
+class _ScipyLaw(Protocol):
     """Frozen distribution of scipy."""
 
     def cdf(self, values: ArrayLike, /) -> Array: ...
@@ -68,9 +68,9 @@ class Distribution(ABC):
             raise StudyError(f"{key} {value:g}, allowed: {self.lower:g} to {self.upper:g}")
 
     @cached_property
-    def _law(self) -> _Law:
+    def _law(self) -> _ScipyLaw:
         """The distribution in scipy, with its parameters."""
-        law: _Law = getattr(scipy.stats, self.family)(*self._parameters())
+        law: _ScipyLaw = getattr(scipy.stats, self.family)(*self._parameters())
         return law
 
     @abstractmethod

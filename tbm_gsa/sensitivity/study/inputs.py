@@ -9,14 +9,14 @@ import numpy as np
 from numpy.typing import ArrayLike
 from pydantic import BeforeValidator
 
-from tbm_gsa.reading import Name
 from tbm_gsa.sensitivity.study.distributions import Distribution, LogNormal, Uniform, distribution_from, number
 from tbm_gsa.sensitivity.study.errors import StudyError
 from tbm_msgs_py.base.arrays import Array
+from tbm_msgs_py.base.fields import Name
 from tbm_msgs_py.base.texts import LONGEST_LINE, quoted
 
-Kind = Literal["absolute", "multiplier"]
-KINDS: Final[tuple[Kind, ...]] = ("absolute", "multiplier")
+InputKind = Literal["absolute", "multiplier"]
+KINDS: Final[tuple[InputKind, ...]] = ("absolute", "multiplier")
 TEXTS: Final = ("code", "name", "symbol", "unit")
 
 
@@ -40,7 +40,7 @@ class Input:
     name: str
     symbol: str
     unit: str
-    kind: Kind
+    kind: InputKind
     initial: float
     distribution: Distribution
 
@@ -69,7 +69,7 @@ class Input:
         if not isinstance(given, Mapping):
             raise StudyError(f"an input: {quoted(given)}, allowed: a mapping")
         code, name, symbol, unit = (_text(key, given.get(key)) for key in TEXTS)
-        kind: Kind | None = next((kind for kind in KINDS if kind == given.get("kind")), None)
+        kind: InputKind | None = next((kind for kind in KINDS if kind == given.get("kind")), None)
         if kind is None:
             raise StudyError(f"kind of an input: {quoted(given.get('kind'))}, allowed: {', '.join(KINDS)}")
         law = {key: value for key, value in given.items() if key not in {*TEXTS, "kind", "initial"}}

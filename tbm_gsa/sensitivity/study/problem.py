@@ -7,15 +7,16 @@ from typing import Annotated, ClassVar, Final
 
 from pydantic import ConfigDict, Field, TypeAdapter
 
-from tbm_gsa.reading import Line, Name, Seed, validated
+from tbm_gsa.reading import Seed, TextLine, validated
 from tbm_gsa.sensitivity.study.design import check_kind
 from tbm_gsa.sensitivity.study.errors import StudyError
 from tbm_gsa.sensitivity.study.inputs import InputSet
 from tbm_gsa.sensitivity.study.outputs import check_distinct
+from tbm_msgs_py.base.fields import Name
 from tbm_msgs_py.base.texts import shortened
 
-Setting = Line | float | int
-Count = Annotated[int, Field(ge=0, lt=2**31)]
+Setting = TextLine | float | int
+Simulations = Annotated[int, Field(ge=0, lt=2**31)]
 FORMAT: Final = 2
 DIGEST: Final = "machine_sha256"
 OF_MACHINE: Final = ("machine", "speed_r_min", "torque_kn_m", "thrust_kn")
@@ -44,12 +45,12 @@ class Problem:
     __pydantic_config__: ClassVar = ConfigDict(strict=True)  # of what is read from a store
     inputs: InputSet
     outputs: tuple[Name, ...]
-    train: Count
-    test: Count
+    train: Simulations
+    test: Simulations
     seed: Seed
     settings: Mapping[Name, Setting] = field(default_factory=dict)
     design: str = "lhs"
-    added: tuple[Count, ...] = ()
+    added: tuple[Simulations, ...] = ()
 
     def __post_init__(self) -> None:
         check_kind(self.design)

@@ -7,12 +7,13 @@ from pathlib import Path
 
 from tbm_gsa.sensitivity.results import RESULT_NAME, StudyResult
 from tbm_gsa.sensitivity.study.analysis import OutputAnalysis, analyse, check_methods
-from tbm_gsa.sensitivity.study.campaign import Progress, run_campaign
+from tbm_gsa.sensitivity.study.campaign import run_campaign
 from tbm_gsa.sensitivity.study.failures import checked_failures
 from tbm_gsa.sensitivity.study.problem import Problem
 from tbm_gsa.sensitivity.study.store import STORE_NAME, Store
 from tbm_gsa.sensitivity.study.workers import Evaluate
 from tbm_gsa.sensitivity.surrogates import SURROGATES
+from tbm_msgs_py.base.progress import Progress
 
 
 @dataclass(frozen=True, eq=False)
@@ -80,10 +81,6 @@ def run_study(
     folder : str or Path
         Made if it does not exist.
     options : StudyOptions, optional
-
-    Returns
-    -------
-    FinishedStudy
 
     Raises
     ------

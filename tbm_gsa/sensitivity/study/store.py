@@ -5,6 +5,7 @@ A simulation is committed when it finishes, so a killed campaign loses only what
 
 import json
 import sqlite3
+from collections.abc import Mapping
 from contextlib import closing
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -18,6 +19,7 @@ from tbm_gsa.reading import Number, validated
 from tbm_gsa.sensitivity.study.design import add_points, make_design
 from tbm_gsa.sensitivity.study.errors import StudyError
 from tbm_gsa.sensitivity.study.problem import Problem, difference
+from tbm_gsa.sensitivity.study.shards import WHOLE, Shard
 from tbm_gsa.sensitivity.study.workers import Outcome
 from tbm_msgs_py.base.arrays import Array
 from tbm_msgs_py.base.files import unfinished
@@ -45,6 +47,7 @@ CREATE TABLE simulations (
 CREATE VIEW planned AS SELECT * FROM simulations JOIN designs USING (design);
 """
 TEST_DESIGN: Final = "lhs"
+_END: Final = "UPDATE simulations SET status = ?, outputs = ?, reason = ?, seconds = ? WHERE row = ?"
 _NUMBERS: Final = TypeAdapter(list[Number], config=ConfigDict(strict=True))
 
 
@@ -60,6 +63,14 @@ class Counts:
     def done(self) -> int:
         """Ended either way."""
         return self.ok + self.failed
+
+
+@dataclass(frozen=True)
+class EndedRow:
+    """A simulation that ended: its inputs as they are stored, and what became of it."""
+
+    inputs: str
+    outcome: Outcome
 
 
 class Store:
@@ -157,27 +168,64 @@ class Store:
                 _write_parts(self._connection, problem)
             self.problem = problem
 
-    def pending(self) -> list[tuple[int, dict[str, float]]]:
-        """Row and inputs of every simulation that has not ended, in order."""
-        rows = self._connection.execute("SELECT row, inputs FROM simulations WHERE status = 'pending' ORDER BY row")
+    def pending(self, shard: Shard = WHOLE) -> list[tuple[int, dict[str, float]]]:
+        """Row and inputs of every simulation of a part that has not ended, in order."""
+        rows = self._connection.execute(
+            "SELECT row, inputs FROM simulations WHERE status = 'pending' AND (row - ?) % ? = 0 ORDER BY row",
+            (shard.index, shard.count),
+        )
         count = len(self.problem.inputs)
         return [(row, self.problem.inputs.sample(self._numbers(inputs, count))) for row, inputs in rows]
 
     def record(self, outcome: Outcome) -> None:
         """Commit one finished simulation."""
-        status = "failed" if outcome.outputs is None else "ok"
-        outputs = None
-        if outcome.outputs is not None:
-            outputs = json.dumps([outcome.outputs[name] for name in self.problem.outputs])
         with self._connection:
-            self._connection.execute(
-                "UPDATE simulations SET status = ?, outputs = ?, reason = ?, seconds = ? WHERE row = ?",
-                (status, outputs, outcome.reason, outcome.seconds, outcome.row),
-            )
+            self._connection.execute(_END, self._ended(outcome))
 
-    def counts(self) -> Counts:
-        """How far the campaign is."""
-        by_status = dict(self._connection.execute("SELECT status, COUNT(*) FROM simulations GROUP BY status"))
+    def _ended(self, outcome: Outcome) -> tuple[str, str | None, str | None, float, int]:
+        """Return what `_END` stores of an outcome."""
+        if outcome.outputs is None:
+            return "failed", None, outcome.reason, outcome.seconds, outcome.row
+        outputs = json.dumps([outcome.outputs[name] for name in self.problem.outputs])
+        return "ok", outputs, outcome.reason, outcome.seconds, outcome.row
+
+    def ended_rows(self) -> dict[int, EndedRow]:
+        """Every simulation that ended, by its row."""
+        rows = self._connection.execute(
+            "SELECT row, inputs, outputs, reason, seconds FROM simulations WHERE status <> 'pending' ORDER BY row"
+        )
+        names, found = self.problem.outputs, {}
+        for row, inputs, outputs, reason, seconds in rows:
+            values = None if outputs is None else dict(zip(names, self._numbers(outputs, len(names)), strict=True))
+            found[row] = EndedRow(inputs, Outcome(row, values, reason, seconds))
+        return found
+
+    def take(self, ended: Mapping[int, EndedRow]) -> None:
+        """Commit simulations that ended in other stores of the same problem, all of them or none.
+
+        Raises
+        ------
+        StudyError
+            One has other inputs there: its design was made by another version of a library.
+        """
+        planned = dict(self._connection.execute("SELECT row, inputs FROM simulations"))
+        for row, one in ended.items():
+            if planned.get(row) != one.inputs:
+                raise StudyError(
+                    f"{self.path}: simulation {row} has other inputs in a part, allowed: the same design "
+                    "(the same versions of this program and of scipy)"
+                )
+        with self._connection:
+            self._connection.executemany(_END, [self._ended(one.outcome) for one in ended.values()])
+
+    def counts(self, shard: Shard = WHOLE) -> Counts:
+        """How far the campaign is, or a part of it."""
+        by_status = dict(
+            self._connection.execute(
+                "SELECT status, COUNT(*) FROM simulations WHERE (row - ?) % ? = 0 GROUP BY status",
+                (shard.index, shard.count),
+            )
+        )
         return Counts(sum(by_status.values()), by_status.get("ok", 0), by_status.get("failed", 0))
 
     def results(self, part: DesignPart) -> tuple[Array, Array]:

@@ -48,10 +48,6 @@ def fit_surrogate(
     transform : {"none", "log"}
         What the output goes through before the fit. Only an untransformed surrogate has Sobol indices in closed form.
 
-    Returns
-    -------
-    Surrogate
-
     Raises
     ------
     InputError

@@ -96,10 +96,6 @@ class Surrogate(ABC):
         ----------
         folds : int
             Number of parts, from 2 to the number of samples.
-
-        Returns
-        -------
-        CrossValidation
         """
         count = len(self.samples.y)
         if not 2 <= folds <= count:

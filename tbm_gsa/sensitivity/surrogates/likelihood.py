@@ -124,10 +124,6 @@ def maximum_likelihood(unit: Array, values: Array) -> Correlation:
     values : ndarray, shape (n,)
         Standardised output.
 
-    Returns
-    -------
-    Correlation
-
     References
     ----------
     J. Sacks, W. J. Welch, T. J. Mitchell, H. P. Wynn, "Design and analysis of computer experiments", Statistical

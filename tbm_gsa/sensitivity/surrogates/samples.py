@@ -130,10 +130,6 @@ def checked_samples(X: ArrayLike, y: ArrayLike, bounds: ArrayLike) -> TrainingSe
     y : array_like, shape (n,)
     bounds : array_like, shape (d, 2)
 
-    Returns
-    -------
-    TrainingSet
-
     Raises
     ------
     InputError

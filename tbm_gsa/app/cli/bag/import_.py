@@ -3,20 +3,29 @@
 from __future__ import annotations
 
 import re
-from dataclasses import asdict
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
 import typer
 from rich.text import Text
 
 from tbm_gsa.app.cli.output import JSON_OPTION, add_row, narrow_table, notes, print_json, progress_bar, results
-from tbm_msgs_py.importing import Imported, describe, import_recording
+from tbm_gsa.reading import Part
+from tbm_msgs_py.importing import Description, Imported, ImportedStream, describe, import_recording
 from tbm_msgs_py.importing.apart import CRASHING, import_apart
 
 _POINT = "POINT=X,Y,Z"
 _AXES = 3
 _BETWEEN_COLUMNS = re.compile(r",(?![^(]*\))")  # not the commas of a MATLAB index, a(:,1)
+
+
+class ImportResult(Part):
+    """What `bag import --json` prints: streams by test point, and `operating_point`; what the user should look at."""
+
+    path: str
+    streams: dict[str, ImportedStream]
+    warnings: tuple[str, ...]
 
 
 def import_(
@@ -57,60 +66,61 @@ def import_(
     json: Annotated[bool, JSON_OPTION] = False,
 ) -> None:
     """Turn files of measurements into a recording; units and time are stated, never guessed."""
-    described = [given for given in mapping or [] if "=" not in given]
-    if len(described) > 1:
-        raise typer.BadParameter(f"--map: {', '.join(described)}, allowed: one import description")
-    sensor = {"units": units, "gravity": gravity, "frame": frame, "full_scale": full_scale}
-    points = {}
-    for given in mapping or []:
-        if "=" in given:
-            name, columns = _point(given)
-            if name in points:
-                raise typer.BadParameter(f"--map {given}: point {name} a second time, allowed: once")
-            points[name] = {"columns": columns, **_stated(sensor)}
-    if not points and _stated(sensor):
-        unused = ", ".join(f"--{key.replace('_', '-')}" for key in _stated(sensor))
-        raise typer.BadParameter(f"{unused}: for no {_POINT}, allowed: with --map {_POINT}, or in the description")
-    operating = {"speed": speed, "torque": torque, "thrust": thrust, "advance": advance}
+    file, mapped = _split(mapping or [])
+    sensor = _stated({"units": units, "gravity": gravity, "frame": frame, "full_scale": full_scale})
+    operating = _stated({"speed": speed, "torque": torque, "thrust": thrust, "advance": advance})
     changes = {
-        "points": points or None,
-        "operating_point": {key: _quantity(key, value) for key, value in _stated(operating).items()} or None,
+        "points": _points(mapped, sensor) or None,
+        "operating_point": {key: _quantity(key, str(value)) for key, value in operating.items()} or None,
         "time": time if time in (None, "file") else _column("time", time),
         "rate": rate,
         "start": start,
         "timezone": timezone,
     }
-    description = describe(described[0] if described else None, _stated(changes))
+    description = describe(file, _stated(changes))
+    imported = _imported(files, description, out)
+    found = ImportResult(path=str(out), streams=imported.streams, warnings=tuple(imported.warnings))
+    for warning in found.warnings:
+        notes.print(f"warning: {warning}", highlight=False)
+    if json:
+        print_json(found)
+    else:
+        _print_table(found)
+
+
+def _imported(files: Sequence[Path], description: Description, out: Path) -> Imported:
+    """Import; where the library of a format may crash, in a process of its own."""
     with progress_bar("importing") as bar:
         task = bar.add_task("", total=None)
         if any(file.suffix.lower() in CRASHING for file in files):
-            imported = import_apart(files, description, out)
-        else:
-            imported = import_recording(files, description, out, lambda samples: bar.advance(task, samples))
-    for warning in imported.warnings:
-        notes.print(f"warning: {warning}", highlight=False)
-    document = import_document(out, imported)
-    if json:
-        print_json(document)
-    else:
-        _print_table(document)
+            return import_apart(files, description, out)
+        return import_recording(files, description, out, lambda samples: bar.advance(task, samples))
 
 
-def import_document(out: Path, imported: Imported) -> dict[str, Any]:
-    """Gather what `bag import --json` prints.
-
-    Returns
-    -------
-    dict
-        ``path``, ``streams{point or operating_point: {topic, samples, rate_hz, jitter, gaps, restarts, unmeasured}}``
-        and ``warnings``.
-    """
-    streams = {name: asdict(stream) for name, stream in imported.streams.items()}
-    return {"path": str(out), "streams": streams, "warnings": imported.warnings}
-
-
-def _stated(values: dict[str, Any]) -> dict[str, Any]:
+def _stated(values: Mapping[str, object]) -> dict[str, object]:
     return {key: value for key, value in values.items() if value is not None}
+
+
+def _split(mapping: Iterable[str]) -> tuple[str | None, list[str]]:
+    """File of the description, if one is named, and the test points mapped to columns."""
+    files, mapped = ([given for given in mapping if ("=" in given) == point] for point in (False, True))
+    if len(files) > 1:
+        raise typer.BadParameter(f"--map: {', '.join(files)}, allowed: one import description")
+    return (files[0] if files else None), mapped
+
+
+def _points(mapped: Iterable[str], sensor: Mapping[str, object]) -> dict[str, dict[str, object]]:
+    """Test points that options map to columns, each with what other options state of its sensor."""
+    points: dict[str, dict[str, object]] = {}
+    for given in mapped:
+        name, columns = _point(given)
+        if name in points:
+            raise typer.BadParameter(f"--map {given}: point {name} a second time, allowed: once")
+        points[name] = {"columns": columns, **sensor}
+    if sensor and not points:
+        unused = ", ".join(f"--{key.replace('_', '-')}" for key in sensor)
+        raise typer.BadParameter(f"{unused}: for no {_POINT}, allowed: with --map {_POINT}, or in the description")
+    return points
 
 
 def _point(given: str) -> tuple[str, list[str | None]]:
@@ -139,11 +149,10 @@ def _quantity(key: str, given: str) -> dict[str, str | float]:
         raise typer.BadParameter(f"--{key} {given}: no number, allowed: COLUMN:UNIT or =VALUE:UNIT") from None
 
 
-def _print_table(document: dict[str, Any]) -> None:
-    results.print(Text(document["path"]))
+def _print_table(found: ImportResult) -> None:
+    results.print(Text(found.path))
     table = narrow_table("", "stream", ">samples", ">rate (Hz)", ">jitter (%)", ">gaps", "not measured")
-    for name, stream in document["streams"].items():
-        rate, jitter = f"{stream['rate_hz']:.6g}", f"{100 * stream['jitter']:.2g}"
-        unmeasured = " ".join(stream["unmeasured"])
-        add_row(table, name, stream["samples"], rate, jitter, stream["gaps"], unmeasured)
+    for name, stream in found.streams.items():
+        rate, jitter = f"{stream.rate_hz:.6g}", f"{100 * stream.jitter:.2g}"
+        add_row(table, name, stream.samples, rate, jitter, stream.gaps, " ".join(stream.unmeasured))
     results.print(table)

@@ -9,11 +9,10 @@ from pathlib import Path
 from typing import Annotated, TypeVar
 
 import typer
-from pydantic import ConfigDict
 from rich.text import Text
 
 from tbm_gsa.app.cli.output import JSON_OPTION, add_row, narrow_table, print_json, progress_bar, results
-from tbm_gsa.app.cli.shipped import RECORDING_ARGUMENT, recording_path
+from tbm_gsa.app.cli.shipped import MAPPING_OPTION, RECORDING_ARGUMENT, recording_path
 from tbm_gsa.reading import Maybe, Part
 from tbm_msgs_py.bags.bag import Bag, BagInfo
 from tbm_msgs_py.bags.definitions import JOINT_STATE_TYPE, definition_hash
@@ -77,8 +76,6 @@ class BagContents(Part):
 class SensorHealth(Part):
     """Sums of the samples and faults of one test point; times in s, the drift of the clock in parts per million."""
 
-    model_config = ConfigDict(extra="forbid")  # a fault that is counted has its key here
-
     topic: str
     samples: int
     rate_hz: float
@@ -129,9 +126,7 @@ class ScannedBag(BagContents):
 def info(
     bag: Annotated[Path, RECORDING_ARGUMENT],
     scan: Annotated[bool, typer.Option("--scan", help="Read it through for damage and faults of the sensors.")] = False,
-    mapping: Annotated[
-        Path | None, typer.Option(help="Mapping of topics to test points; default: mapping.yaml in or beside the bag.")
-    ] = None,
+    mapping: Annotated[Path | None, MAPPING_OPTION] = None,
     json: Annotated[bool, JSON_OPTION] = False,
 ) -> None:
     """List the topics of a recording, its length, and what is missing."""

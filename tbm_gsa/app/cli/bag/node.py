@@ -12,7 +12,7 @@ from typing import TypeVar
 
 from tbm_gsa.app.cli.output import notes
 from tbm_gsa.app.cli.processes import NodeCommand, NodeProcesses, settle_ros_environment
-from tbm_gsa.reading import Part, read_document
+from tbm_gsa.reading import Part
 from tbm_msgs_py.base.errors import RunError
 from tbm_msgs_py.nodes.processes import record_signals
 
@@ -46,7 +46,7 @@ def run_to_end(command: NodeCommand, form: type[_Summary]) -> _Summary | None:
         except RunError as error:
             raise RunError(_LOG_HEAD.sub("", str(error))) from error
         if summary.exists():
-            return read_document(summary, form, "the summary of a node")
+            return form.model_validate_json(summary.read_bytes())
     notes.print("stopped before it had begun", highlight=False)
     return None
 

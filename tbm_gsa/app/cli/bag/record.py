@@ -22,10 +22,11 @@ from tbm_msgs_py.topics import absolute
 
 
 class RecordedMessages(Part):
-    """What the recorder has done: messages lost, and recordings deleted for the quota."""
+    """What the recorder has done: messages lost, recordings deleted for the quota, and why it ended early, if so."""
 
     lost: int
     deleted: tuple[str, ...]
+    problem: str
 
 
 class RecordResult(BagContents):

@@ -1,0 +1,55 @@
+"""What `gsa run` and `gsa shard` have in common: the options that a study is planned from, and its plan."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated, Final
+
+import typer
+
+from tbm_dynamics import load_machine
+from tbm_dynamics.indicators import INDICATORS
+from tbm_gsa.app.cli.output import split_names
+from tbm_gsa.sensitivity.study.definition import Definition, read_definition
+from tbm_gsa.sensitivity.study.design import KINDS
+from tbm_gsa.sensitivity.study.evaluate import MachineEvaluation
+from tbm_gsa.sensitivity.study.inputs import PAPER_INPUTS
+from tbm_gsa.sensitivity.study.problem import Problem
+from tbm_msgs_py.base.errors import InputError
+
+MOST_SAMPLES: Final = 1_000_000
+Samples = Annotated[int, typer.Option("--samples", min=10, max=MOST_SAMPLES, help="Training simulations.")]
+TestSamples = Annotated[int, typer.Option("--test", min=2, max=MOST_SAMPLES, help="Test simulations.")]
+Design = Annotated[str, typer.Option("--design", help=f"Training points: {', '.join(KINDS)}.")]
+Duration = Annotated[float, typer.Option("--duration", min=0.01, max=3600.0, help="Length of a simulation (s).")]
+Inputs = Annotated[
+    Path | None,
+    typer.Option(
+        "--inputs", help="YAML file with inputs, distributions, groups, outputs; default: the paper's Table 4."
+    ),
+]
+HighHz = Annotated[
+    float | None,
+    typer.Option("--high-hz", help="Upper limit of the band of accelerations (Hz); default: a comparison's, 1000."),
+]
+
+
+def planned_study(
+    machine: str,
+    duration: float,
+    inputs: Path | None,
+    outputs: str | None,
+    high_hz: float | None,
+    design: str,
+    sizes: tuple[int, int],
+    seed: int,
+) -> tuple[Problem, MachineEvaluation]:
+    """Plan a study of `sizes` training and test simulations; everything about it is checked."""
+    definition = Definition(PAPER_INPUTS) if inputs is None else read_definition(inputs)
+    names = split_names("--outputs", [] if outputs is None else [outputs]) or definition.outputs or INDICATORS
+    load_machine(machine).assemble()  # a bad machine is refused before a folder is made
+    evaluate = MachineEvaluation.of(machine, duration, seed, names, high_hz)
+    if high_hz is not None and set(names) <= set(INDICATORS):
+        raise InputError(f"--high-hz {high_hz:g}: no output is of an acceleration, allowed: with one")
+    evaluate.check({item.code: (item.lower, item.upper) for item in definition.inputs.inputs})
+    return Problem(definition.inputs, names, *sizes, seed, evaluate.settings, design), evaluate
