@@ -63,6 +63,7 @@ docs: $(READY)
 
 bag: $(READY)
 	$(BIN)/python bags/make_field_dz101.py
+	$(BIN)/python bags/make_story_dz101.py
 
 $(READY): setup.py
 	$(PYTHON) -c 'import sys; sys.exit("Python 3.11 or newer is needed, this is " + sys.version) if sys.version_info < (3, 11) else None'

@@ -7,6 +7,8 @@ whose means lie within the tolerance are one level. Of the levels the `MOST_LEVE
 the others count as transient. A recording that was driven but never steady is taken as one level at its mean.
 """
 
+from __future__ import annotations
+
 from bisect import bisect_right
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
@@ -43,7 +45,7 @@ class OperatingSegment:
         Since the epoch.
     mean : ndarray, shape (3,)
         Time-weighted speed in r/min, torque in kN·m and thrust in kN.
-    kind : {"steady", "transient", "standstill"}
+    kind : {"steady", "transient", "standstill", "outside"}
     level : int or None
         Number of its level.
     """
@@ -59,7 +61,7 @@ class OperatingSegment:
         """Length, s."""
         return (self.end_ns - self.begin_ns) * 1e-9
 
-    def at(self, level: int | None) -> "OperatingSegment":
+    def at(self, level: int | None) -> OperatingSegment:
         """Segment at a level, or at none: then it is transient at best."""
         return replace(self, level=level, kind="transient" if level is None and self.kind == "steady" else self.kind)
 
@@ -84,6 +86,15 @@ class OperatingHistory:
             return np.where(stays[first] == stays[last], numbers[first], -1)
 
         return level_of
+
+    def within(self, begin_ns: int, end_ns: int) -> OperatingHistory:
+        """Return the same as a stretch of a longer recording, whose rest is outside and at no level."""
+        first, last = self.segments[0].begin_ns, self.segments[-1].end_ns
+        before, after = (
+            [OperatingSegment(begin, end, np.zeros(3), "outside")] if begin < end else []
+            for begin, end in ((begin_ns, first), (last, end_ns))
+        )
+        return replace(self, segments=(*before, *self.segments, *after))
 
 
 def machine_history(machine: Machine, begin_ns: int, end_ns: int) -> OperatingHistory:

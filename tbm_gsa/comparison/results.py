@@ -24,7 +24,8 @@ BAND = r"^\d+(\.\d+)?-\d+(\.\d+)?_hz$"
 COMPARISON: Final = "what `tbm-monitor compare BAG --json` prints"
 DIGITS = 8  # significant ones of what is written by the thousand
 
-OperatingKind = Literal["steady", "transient", "standstill"]
+OperatingKind = Literal["steady", "transient", "standstill", "outside"]
+"""The last of what a comparison of a stretch of a recording leaves out."""
 LineKind = Literal["load", "mesh", "axial"]
 BandName = Annotated[str, Field(max_length=40, pattern=BAND)]
 Duration = Annotated[float, Field(ge=1.0, le=3600.0)]
@@ -271,6 +272,7 @@ class ComparisonResult(Part):
 
     `offsets` are those of sensors that sit off their node, m. `skipped` names points that were not compared, `left_out`
     messages that are not used; `sources` says what is used, and `doubts` what may be wrong with it, a line each.
+    `changes` are times at which the vibration changed while the machine was driven alike, s after the first sample.
     """
 
     window_s: Size
@@ -291,6 +293,7 @@ class ComparisonResult(Part):
     operating_point: OperatingLevel
     levels: tuple[LevelResult, ...]
     dwells: tuple[DwellResult, ...]
+    changes: tuple[Number, ...] = ()
     seed: Seed
     model_duration: Duration
     versions: dict[Name, TextLine]

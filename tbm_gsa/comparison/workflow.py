@@ -7,6 +7,7 @@ from pathlib import Path
 
 from tbm_dynamics import Machine, MachineError, load_machine
 from tbm_dynamics.machine.sensor_place import SensorPlace
+from tbm_gsa.comparison.changed import change_times
 from tbm_gsa.comparison.expected import lines_of_levels
 from tbm_gsa.comparison.field_side import FieldSide, reduce_field
 from tbm_gsa.comparison.levels import NeverDrivenError, OperatingHistory, machine_history, recorded_history
@@ -65,6 +66,7 @@ def compare_recording(
     seed: int = 0,
     settings: Settings | None = None,
     progress: Progress = lambda *_: None,
+    span: tuple[float, float] | None = None,
 ) -> RecordingComparison:
     """Compare a recording with the model at the recorded levels of operation.
 
@@ -86,6 +88,8 @@ def compare_recording(
     settings : Settings, optional
         Windows and bands; the machine's lines are added to the expected ones.
     progress : callable, optional
+    span : (float, float), optional
+        Begin and end of the stretch that is compared, s after the first sample of all; by default the whole.
 
     Raises
     ------
@@ -94,15 +98,15 @@ def compare_recording(
     MachineError
         No such machine, or one that cannot be built.
     InputError
-        A duration or window that is not allowed.
+        A duration, window or stretch that is not allowed.
     """
     chosen = settings or Settings()
-    _check(model_duration, chosen.window_s, seed)
+    _check(model_duration, chosen.window_s, seed, span)
     described = machine if isinstance(machine, Machine) else load_machine(machine)
     reader = open_recording(bag, mapping)
     shared = _shared_points(reader, described)
     placed = described.with_offsets(_stated_offsets(reader, shared))
-    field, history = _read(reader, described, shared, chosen, progress)
+    field, history = _read(reader, described, shared, chosen, progress, span)
     machines = _machines(reader.path, history, placed)
     lines = lines_of_levels(machines)
     named = {**{line.name: line.frequency_hz for line in lines}, **chosen.expected_lines}
@@ -132,6 +136,7 @@ def _result(
     run: tuple[float, int],
 ) -> ComparisonResult:
     """Gather what was read, compared and left out, and what it depends on; `run`: duration and seed of the model's."""
+    changed = change_times(points)
     return ComparisonResult(
         window_s=settings.window_s,
         confidence=CONFIDENCE,
@@ -147,10 +152,11 @@ def _result(
         machine=machine.name,
         machine_file=machine_file(machine),
         sources=reader.sources,
-        doubts=(*reader.doubts, *_unit_doubts(points)),
+        doubts=(*reader.doubts, *_unit_doubts(points), *_changed(changed)),
         operating_point=history.levels[0],
         levels=_levels(history, points),
         dwells=_dwells(history, field.begin_ns),
+        changes=changed,
         model_duration=run[0],
         seed=run[1],
         versions=package_versions(),
@@ -171,7 +177,18 @@ def _unit_doubts(points: Mapping[str, PointComparison]) -> Iterator[str]:
             yield f"test point {name}: {doubt}"
 
 
-def _check(model_duration: float, window_s: float, seed: int) -> None:
+def _changed(times: Sequence[float]) -> Iterator[str]:
+    if times:
+        when = ", ".join(f"{time:.0f}" for time in times)
+        yield (
+            f"the vibration changes at {when} s while the machine is driven alike, and what is said is of all of it "
+            "together; --begin and --end compare a stretch"
+        )
+
+
+def _check(model_duration: float, window_s: float, seed: int, span: tuple[float, float] | None) -> None:
+    if span is not None and not 0.0 <= span[0] < span[1]:
+        raise InputError(f"stretch from {span[0]:g} to {span[1]:g} s, allowed: from 0 or later to a later time")
     if not SHORTEST_MODEL_S <= model_duration <= LONGEST_MODEL_S:
         raise InputError(f"model_duration {model_duration:g} s, allowed: {SHORTEST_MODEL_S:g} to {LONGEST_MODEL_S:g} s")
     if not SHORTEST_WINDOW_S <= window_s <= LONGEST_WINDOW_S:
@@ -198,11 +215,16 @@ def _stated_offsets(reader: RecordingReader, points: Sequence[str]) -> dict[str,
 
 
 def _read(
-    reader: RecordingReader, machine: Machine, points: Sequence[str], settings: Settings, progress: Progress
+    reader: RecordingReader,
+    machine: Machine,
+    points: Sequence[str],
+    settings: Settings,
+    progress: Progress,
+    span: tuple[float, float] | None,
 ) -> tuple[FieldSide, OperatingHistory]:
     """Read the recorded side, and how the machine was driven."""
     field = reduce_field(reader, points, settings, progress=lambda done: progress(f"reading, {done:.0f} s", None))
-    history = _history(reader, machine, field)
+    history = _history(reader, machine, field, span)
     if len(history.segments) > 1:
         # Now that the levels are known, once more: each has a spectrum of its own.
         field = reduce_field(
@@ -211,14 +233,25 @@ def _read(
     return field, history
 
 
-def _history(reader: RecordingReader, machine: Machine, field: FieldSide) -> OperatingHistory:
-    span = field.begin_ns, field.end_ns
+def _history(
+    reader: RecordingReader, machine: Machine, field: FieldSide, span: tuple[float, float] | None
+) -> OperatingHistory:
+    whole = field.begin_ns, field.end_ns
+    begin_ns, end_ns = whole if span is None else _stretch(reader.path, *whole, *span)
     if reader.operating_point is None:
-        return machine_history(machine, *span)
+        return machine_history(machine, begin_ns, end_ns).within(*whole)
     try:
-        return recorded_history(reader.operating_point, *span)
+        return recorded_history(reader.operating_point, begin_ns, end_ns).within(*whole)
     except NeverDrivenError as error:
         raise RecordingError(f"{reader.path}: {error}") from error
+
+
+def _stretch(path: Path, first_ns: int, last_ns: int, begin: float, end: float) -> tuple[int, int]:
+    """Begin and end of a stretch of a recording on its clock."""
+    duration = (last_ns - first_ns) * 1e-9
+    if begin >= duration:
+        raise RecordingError(f"{path}: lasts {duration:.6g} s, allowed: a stretch that begins before, not at {begin:g}")
+    return first_ns + round(begin * 1e9), last_ns if end >= duration else first_ns + round(end * 1e9)
 
 
 def _machines(path: Path, history: OperatingHistory, machine: Machine) -> dict[int, Machine]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 from typing import Final, get_args
 
@@ -145,7 +145,7 @@ def judge(
         Too few band powers that say anything.
     """
     used = observed.used(curves.nominal, prior)
-    bands = replace(observed.bands, powers=observed.bands.powers[used], noise=observed.bands.noise[used])
+    bands = observed.bands.only(used)
     told = curves.only(used)
     still = load_posterior(bands, told.nominal, prior, model_error, np.arange(len(used)))
     codes = [code for code in told.tables if influence(told, code, still, bands.noise) >= LEAST_MOVE]

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import Self
 
 import numpy as np
 import scipy.linalg
@@ -46,11 +47,19 @@ class BandObservation:
         One-sided density of the noise of each statistic's sensor, m²/s⁴/Hz.
     duration_s : float
         Recorded time.
+    coverage : ndarray, shape (k,), or None
+        Share of it that each statistic's sensor has; None: all.
     """
 
     powers: Array
     noise: Array
     duration_s: float
+    coverage: Array | None = None
+
+    def only(self, places: Integers) -> Self:
+        """Of some statistics (u,) alone."""
+        coverage = None if self.coverage is None else self.coverage[places]
+        return replace(self, powers=self.powers[places], noise=self.noise[places], coverage=coverage)
 
 
 @dataclass(frozen=True, eq=False)
@@ -151,7 +160,7 @@ def load_posterior(
     target = np.log(observed.powers[used])
     errors = np.broadcast_to(np.asarray(model_error), observed.powers.shape)[used]
     alone = scatter if len(used) == len(observed.powers) else scatter.only(used)
-    step = _Step(replace(observed, noise=observed.noise[used]), alone, errors)
+    step = _Step(observed.only(used), alone, errors)
     theta = _most_likely(step, target, middle, size, middle if start is None else start)
     residual, slope, chance = step.at(theta, target)
     covariance = np.linalg.inv(
@@ -208,7 +217,9 @@ class _Step:
         factors, noise = np.exp(theta), self.observed.noise
         powers = self.scatter.expected(factors, noise)
         slope = 2.0 * np.square(factors)[:, None] * self.scatter.transfer.gain / powers
-        chance, shift = of_logarithms(self.scatter.covariance(factors, noise, self.observed.duration_s))
+        chance, shift = of_logarithms(
+            self.scatter.covariance(factors, noise, self.observed.duration_s, self.observed.coverage)
+        )
         moved = np.square(factors) @ self.scatter.transfer.modulated / powers
         noisy = self.scatter.width * noise / powers
         chance += np.diag(

@@ -57,8 +57,18 @@ class LoadScatter:
         """Return the mean band powers (k,) at factors (r,), with sensors of the noise densities (k,), m²/s⁴/Hz."""
         return self.transfer.predict(factors) + self.width * noise
 
-    def covariance(self, factors: Array, noise: Array, duration_s: float) -> Array:
+    def covariance(self, factors: Array, noise: Array, duration_s: float, coverage: Array | None = None) -> Array:
         """Return the covariance (k, k) of the logarithms of band powers in a recording of a duration.
+
+        Parameters
+        ----------
+        factors : ndarray, shape (r,)
+        noise : ndarray, shape (k,)
+        duration_s : float
+        coverage : ndarray, shape (k,), optional
+            Share of the recording that each statistic's sensor has segments of, by default all. Sensors lose packets
+            by themselves: of n and m segments of N two have n m / N in common, so that their covariance is that of the
+            whole recording, and only that of a sensor's own bands grows.
 
         Raises
         ------
@@ -68,6 +78,9 @@ class LoadScatter:
         squares, ones = np.square(factors), np.ones_like(noise)
         sources = np.vstack([squares[:, None] * ones, ones, noise])
         found = _summed(self.falling, sources) / effective_duration(duration_s, self.segment_s)
+        if coverage is not None:
+            points = np.array([one.point for one in self.transfer.statistics])
+            found = np.where(points[:, None] == points, found / coverage, found)
         found += _summed(self.staying, sources[: len(squares)])
         powers = self.expected(factors, noise)
         return np.asarray(found / np.outer(powers, powers))

@@ -54,14 +54,22 @@ class Observed:
     floor: Array
 
     @classmethod
-    def of(cls, reading: BandReading, powers: Array, floor: Array, stated: Array, duration_s: float) -> Self:
+    def of(
+        cls,
+        reading: BandReading,
+        powers: Array,
+        floor: Array,
+        stated: Array,
+        duration_s: float,
+        coverage: Array | None = None,
+    ) -> Self:
         """From band powers (k,), the noise found in the recording and that stated, NaN where it is not."""
         floor = np.maximum(floor, _LEAST_NOISE)
         noise = np.where(np.isfinite(stated), stated, np.minimum(floor, ALIKE * float(np.median(floor))))
         noise = np.maximum(noise, _LEAST_NOISE)
         # A dead channel has no power at all: it is given that of its noise.
         widths = np.outer(reading.columns.sum(axis=1), [high - low for low, high in reading.bands]).ravel()
-        return cls(reading, BandObservation(np.maximum(powers, widths * noise), noise, duration_s), floor)
+        return cls(reading, BandObservation(np.maximum(powers, widths * noise), noise, duration_s, coverage), floor)
 
     @cached_property
     def channels(self) -> tuple[str, ...]:
@@ -116,18 +124,18 @@ def observed(comparison: ComparisonResult) -> Observed:
         )
     reading = _reading(comparison)
     spectra = [comparison.spectra[point][axis].field for point in reading.sensors for axis in comparison.spectra[point]]
-    duration = min(0.5 * reading.segment_s * (one.segments + 1.0) for one in spectra)
-    if duration < SHORTEST_S:
+    recorded = np.array([0.5 * reading.segment_s * (one.segments + 1.0) for one in spectra])
+    if recorded.min() < SHORTEST_S:
         raise StudyError(
-            f"a verdict needs {SHORTEST_S:g} s without a gap at one level, the recording has {duration:g} s"
+            f"a verdict needs {SHORTEST_S:g} s without a gap at one level, the recording has {recorded.min():g} s"
         )
-    count = len(reading.bands)
+    duration, count = max(comparison.operating_point.seconds, float(recorded.max())), len(reading.bands)
     powers = np.concatenate([_band_powers(one, reading) for one in spectra])
     columns = np.repeat(reading.columns.sum(axis=1), count)
     floor = np.repeat([_floor(one, reading) for one in spectra], count) / columns
     points = [comparison.recording.points.get(one.point) for one in reading.statistics]
     stated = np.array([math.nan if one is None or one.noise_power is None else one.noise_power for one in points])
-    return Observed.of(reading, powers, floor, stated, duration)
+    return Observed.of(reading, powers, floor, stated, duration, np.repeat(recorded / duration, count))
 
 
 def _reading(comparison: ComparisonResult) -> BandReading:

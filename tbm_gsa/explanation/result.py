@@ -177,6 +177,8 @@ class Explanation(Part):
         By channel.
     cannot_be_told : tuple of str
         Inputs without influence on what was recorded.
+    doubts : tuple of str
+        What may be wrong with the recording, as the comparison says it.
     weightless : dict of str to str
         Band powers that carry no weight, and why.
     largest_deviation : float
@@ -205,6 +207,7 @@ class Explanation(Part):
     loads: dict[Name, LoadLevel] = Field(default_factory=dict)
     sensors: dict[Name, SensorState] = Field(default_factory=dict)
     cannot_be_told: tuple[Name, ...] = ()
+    doubts: tuple[TextLine, ...] = ()
     weightless: dict[Name, TextLine] = Field(default_factory=dict)
     largest_deviation: Maybe = math.nan
     observable: Observable | None = None
@@ -282,6 +285,7 @@ class Explanation(Part):
         for name, reason in self.weightless.items():
             kinds.setdefault(reason, []).append(name)
         remarks = [
+            *self.doubts,
             f"level of the loads over the machine file's, with 90 % intervals: {loads}" if loads else "",
             f"cannot be told from this recording: {', '.join(self.cannot_be_told)}" if self.cannot_be_told else "",
             *(f"without weight, {reason}: {', '.join(names)}" for reason, names in kinds.items()),

@@ -98,6 +98,7 @@ def explain(comparison: ComparisonResult, folder: str | Path, options: ExplainOp
         loads=parts.loads(),
         sensors=parts.sensors(),
         cannot_be_told=found.blind,
+        doubts=comparison.doubts,
         weightless=seen.weightless(found.used, curves.nominal),
         largest_deviation=parts.largest_deviation,
         observable=parts.observable(),

@@ -193,6 +193,23 @@ def test_the_scatter_of_white_noise_is_that_of_scipy_s_welch(scatter):
     assert scatter.width[place] == pytest.approx(10.0, rel=1e-3)
 
 
+def test_sensors_that_lose_packets_have_less_in_common(scatter):
+    # Powers of segments (χ², two degrees of freedom) that two sensors share, each with losses of its own.
+    rng, count, seen = default_rng(2), 30, (20, 12)
+    segments = rng.exponential(size=(20_000, count))
+    kept = [rng.permuted(np.tile(np.arange(count) < each, (len(segments), 1)), axis=1) for each in seen]
+    means = [(segments * mask).sum(axis=1) / mask.sum(axis=1) for mask in kept]
+    common = np.cov(segments.mean(axis=1), ddof=0)
+    expected = np.cov(means, ddof=0) / common
+    points = np.array([one.point for one in scatter.transfer.statistics])
+    share = np.where(points == "cutterhead", seen[0] / count, seen[1] / count)
+    whole, part = (scatter.covariance(ROCK, np.zeros(len(NAMES)), 1e6, coverage) for coverage in (None, share))
+    pair = [NAMES.index(f"rms_125-135_hz_{point}_x") for point in ("cutterhead", "gripper")]
+    found = part[np.ix_(pair, pair)] / whole[np.ix_(pair, pair)]
+    np.testing.assert_allclose(found, expected, rtol=0.05)
+    assert np.linalg.eigvalsh(part / np.sqrt(np.outer(np.diag(part), np.diag(part))))[0] > -1e-9
+
+
 @pytest.mark.parametrize("density", [0.0, 1e-7])
 def test_covariances_are_symmetric_and_positive(scatter, density):
     found = scatter.covariance(ROCK, np.full(len(NAMES), density), 30.0)

@@ -59,6 +59,9 @@ def test_the_demo_ends_by_itself_with_a_result(bag, tmp_path):
         assert point["predicted_g"] > 0
         assert point["measured_g"] > 0
     assert set(document["outputs"]) == {"RDef_A", "MF_M"}
+    (finding,) = document["findings"]  # 14 s are too few for more
+    assert finding["verdict"] is None
+    assert "a verdict needs 15 s" in finding["sentence"]
     assert len(document["blocks"]) == 7
     for name, count in document["blocks"].items():
         assert count["received"] > 0, name  # whether any is lost is a matter of the computer: `make verify`

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import sqlite3
 from pathlib import Path
 from typing import Annotated
@@ -51,6 +52,8 @@ def compare(
     html: Annotated[Path | None, typer.Option(help="Write a page with figures to this file.", dir_okay=False)] = None,
     model_duration: Annotated[float, typer.Option(help="Length of the model run (s).")] = 60.0,
     window: Annotated[float, typer.Option(help="Length of a window (s).")] = 2.0,
+    begin: Annotated[float, typer.Option(min=0.0, help="Begin of the stretch that is compared (s).")] = 0.0,
+    end: Annotated[float | None, typer.Option(help="End of it (s); default: that of the recording.")] = None,
     seed: Annotated[int, SEED_OPTION] = 0,
     history: Annotated[Path | None, typer.Option(help=HISTORY_HELP, dir_okay=False)] = None,
     keep: Annotated[
@@ -75,6 +78,7 @@ def compare(
             seed,
             Settings(window_s=window),
             progress=staged_progress(bar),
+            span=None if begin == 0.0 and end is None else (begin, math.inf if end is None else end),
         )
     if html is not None:
         from tbm_gsa.app.report.compare_page import compare_page  # noqa: PLC0415 - matplotlib takes its time

@@ -21,20 +21,24 @@ from tbm_gsa.app.cli.output import (
     narrow_table,
     notes,
     print_json,
+    print_sentence,
     progress_bar,
     ranked_inputs,
     results,
     split_names,
 )
 from tbm_gsa.app.cli.processes import NodeCommand, NodeProcesses, settle_ros_environment
-from tbm_gsa.app.cli.shipped import shipped_bag
+from tbm_gsa.app.cli.shipped import STORY, shipped_bag
 from tbm_gsa.app.cli.supervision import ACTIVE_STATUSES, watch
+from tbm_gsa.app.cli.workers import anonymous_main, shown_progress
+from tbm_gsa.explanation.stretches import StretchFinding
 from tbm_gsa.provenance import machine_file
 from tbm_gsa.reading import MachineFile, Maybe, Part
 from tbm_gsa.sensitivity.results import NOT_DETERMINED, is_determined
 from tbm_gsa.sensitivity.study.outputs import checked_outputs
 from tbm_msgs_py.bags.metadata import is_synthetic
 from tbm_msgs_py.base.errors import RunError
+from tbm_msgs_py.base.files import write_whole
 from tbm_msgs_py.base.units import STANDARD_GRAVITY
 from tbm_msgs_py.recordings.mapping import default_mapping_file
 from tbm_msgs_py.recordings.recording import Recording, read_recording
@@ -95,6 +99,8 @@ class DemoResult(Part):
     outputs : dict of str to DemoOutput
     blocks : dict of str to BlockTotals
         By topic.
+    findings : tuple of StretchFinding
+        What explains the recording, stretch by stretch.
     trigger : str
         What started the study.
     report : str or None
@@ -106,6 +112,7 @@ class DemoResult(Part):
     points: dict[str, DemoPoint]
     outputs: dict[str, DemoOutput]
     blocks: dict[str, BlockTotals]
+    findings: tuple[StretchFinding, ...]
     trigger: str
     report: str | None
     seconds: float
@@ -128,7 +135,7 @@ def demo(
 ) -> None:
     """Play a recording, run the three nodes, compare, let the comparison trigger the sensitivity analysis, report."""
     settle_ros_environment()
-    recording = read_recording(bag or shipped_bag())
+    recording = read_recording(bag or shipped_bag(STORY))
     length = max(record.duration for record in recording.points.values())
     described = load_machine(machine)
     described.assemble()
@@ -149,7 +156,9 @@ def demo(
     played = PlayedRecording(
         path=str(recording.path.resolve()), mapping=None if mapping is None else str(mapping.resolve())
     )
-    found = demo_result(described, watching.state, seed=seed, recording=played, seconds=time.monotonic() - start)
+    findings = explained(recording.path, described, out, seed)
+    seconds = time.monotonic() - start
+    found = demo_result(described, watching.state, findings, seed=seed, recording=played, seconds=seconds)
     if json:
         print_json(found)
     else:
@@ -235,8 +244,29 @@ def _wait_while(watching: Watch, nodes: NodeProcesses, condition: Callable[[], b
         nodes.check(ending="bag_player")
 
 
+def explained(path: Path, machine: Machine, out: Path, seed: int) -> list[StretchFinding]:
+    """Explain the recording stretch by stretch, with a page for each."""
+    from tbm_gsa.app.report.explanation_page import explanation_page  # noqa: PLC0415 - matplotlib loads slowly
+    from tbm_gsa.explanation.stretches import explain_stretches  # noqa: PLC0415 - as above
+    from tbm_gsa.explanation.workflow import ExplainOptions  # noqa: PLC0415 - as above
+
+    with progress_bar() as bar, anonymous_main():
+        options = ExplainOptions(seed=seed, progress=shown_progress(bar))
+        stretches = explain_stretches(path, machine, out / "explanations", options)
+    for one in stretches:
+        if one.explanation is not None and one.finding.folder is not None:
+            write_whole(Path(one.finding.folder) / "explanation.html", explanation_page(one.explanation).encode())
+    return [one.finding for one in stretches]
+
+
 def demo_result(
-    machine: Machine, state: WatchState, *, seed: int, recording: PlayedRecording, seconds: float
+    machine: Machine,
+    state: WatchState,
+    findings: Sequence[StretchFinding],
+    *,
+    seed: int,
+    recording: PlayedRecording,
+    seconds: float,
 ) -> DemoResult:
     """Gather what the watch has received."""
     points = {}
@@ -263,6 +293,7 @@ def demo_result(
         points=points,
         outputs=outputs,
         blocks={name: BlockTotals(received=one.received, lost=one.lost) for name, one in state.blocks.items()},
+        findings=tuple(findings),
         trigger=state.gsa_message,
         report=state.gsa.get("report"),
         seconds=seconds,
@@ -288,6 +319,9 @@ def print_tables(found: DemoResult, *, synthetic: bool) -> None:
         shown = ranked_inputs(ranked) if output.determined else NOT_DETERMINED
         add_row(table, name, output.surrogate, *quality, shown)
     results.print(table)
+    results.print("\nWhat explains the recording")
+    for finding in found.findings:
+        print_sentence(str(finding))
     results.print()
     lost = sum(count.lost for count in found.blocks.values())
     results.print(f"{found.seconds:.0f} s, {lost} blocks lost", highlight=False)

@@ -12,8 +12,10 @@ import tbm_gsa
 from tbm_msgs_py.base.files import real_path
 
 RECORDING = "field_dz101"
+STORY = "story_dz101"
+"""First the rock changes, then the machine."""
 RECORDING_ARGUMENT = typer.Argument(
-    help=f"Recording: a rosbag2 folder, an .mcap file, or {RECORDING}, the shipped synthetic one."
+    help=f"Recording: a rosbag2 folder, an .mcap file, or {RECORDING} or {STORY}, the shipped synthetic ones."
 )
 
 
@@ -34,8 +36,8 @@ def shipped_bag(name: str = RECORDING) -> Path:
 
 
 def recording_path(given: Path) -> Path:
-    """Absolute path, links followed, of the recording given, or the shipped one if that name is given and not there."""
-    return shipped_bag() if str(given) == RECORDING and not given.exists() else real_path(given)
+    """Absolute path, links followed, of the recording given, or a shipped one if its name is given and not there."""
+    return shipped_bag(str(given)) if str(given) in (RECORDING, STORY) and not given.exists() else real_path(given)
 
 
 def _prefixes() -> list[str]:
