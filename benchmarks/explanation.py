@@ -1,7 +1,7 @@
 """Calibration of `gsa explain`: recordings of known causes, one run of `python benchmarks/explanation.py`.
 
 Every recording is a run of dz101 of a minute with loads of its own, conditioned and read as a comparison does, with
-sensors of 100 µg/√Hz whose noise is not stated. Prints the true causes against the verdicts, how often probabilities
+sensors of 100 µg/√Hz whose noise is not stated and that lose packets. Prints the true causes against the verdicts, how often probabilities
 and intervals are right, and every miss; `--keep FILE` keeps the band powers, so that another run only judges them.
 """
 
@@ -36,6 +36,8 @@ from tbm_gsa.signals.reduction import SignalReducer
 from tbm_gsa.signals.settings import Settings
 
 START_S, RUN_S, CHUNK, NOISE = 3.0, 60.0, 10_000, 100e-6 * 9.80665
+PACKET, LOST = 1000, (0.01, 0.005, 0.005, 0.01, 0.02)
+"""Samples of a packet, and share of them that the sensor of each test point loses."""
 SURE = 0.8
 SINGLE, ROCK, NOTHING, GAIN, DEAD, MASS, PAIRS = 60, 24, 6, 6, 4, 5, 8
 
@@ -93,7 +95,7 @@ def changed_machine(case: Case) -> Machine:
 
 
 def recording(numbered: tuple[int, Case]) -> np.ndarray:
-    """Band powers and noise floors, (2, k)."""
+    """Band powers, noise floors and coverage, (3, k)."""
     (seed, case), (_, reading) = numbered, own()
     machine, rng = changed_machine(case), np.random.default_rng(seed)
     nodes = [machine.description.test_points[point] for point in reading.sensors]
@@ -107,14 +109,18 @@ def recording(numbered: tuple[int, Case]) -> np.ndarray:
         values = values + size * rng.standard_normal(values.shape)
         if moment[0] >= START_S:
             for place, reducer in enumerate(reducers):
-                reducer.feed(moment - START_S, np.ascontiguousarray(values[:, place]))
+                kept = np.repeat(rng.random(CHUNK // PACKET) >= LOST[place], PACKET)
+                reducer.feed(moment[kept] - START_S, np.ascontiguousarray(values[kept, place]))
     signals = {point: reducer.finish() for point, reducer in zip(reading.sensors, reducers, strict=True)}
     floors = np.concatenate([noise_floor(signal) for signal in signals.values()])
-    return np.array([reading.of(signals), np.repeat(floors, len(reading.bands))])
+    segments = np.array([signal.spectra[0].segments for signal in signals.values()])
+    share = 0.5 * reading.segment_s * (segments + 1.0) / RUN_S
+    counts = 3 * len(reading.bands), len(reading.bands)
+    return np.array([reading.of(signals), np.repeat(floors, counts[1]), np.repeat(share, counts[0])])
 
 
 def drawn(numbered: tuple[int, Case]) -> np.ndarray:
-    """Band powers and noise floors, (2, k), with the mean and the covariance of a minute of the case's machine."""
+    """Band powers, noise and coverage, (3, k), with the mean and the covariance of a minute of the case's machine."""
     (seed, case), (_, reading) = numbered, own()
     scatter = load_scatter(machine_motion(changed_machine(case), reading))
     if case.kind in ("gain", "dead"):
@@ -127,7 +133,7 @@ def drawn(numbered: tuple[int, Case]) -> np.ndarray:
     level, noise = np.array(list(factors.values())), np.full(len(scatter.width), NOISE**2)
     chance = scatter.covariance(level, noise, RUN_S)
     logs = np.random.default_rng(seed).multivariate_normal(np.zeros(len(noise)), chance, method="svd")
-    return np.array([scatter.expected(level, noise) * np.exp(logs - 0.5 * np.diag(chance)), noise])
+    return np.array([scatter.expected(level, noise) * np.exp(logs - 0.5 * np.diag(chance)), noise, np.ones_like(noise)])
 
 
 @dataclass(frozen=True)
@@ -161,8 +167,8 @@ class Outcome:
 
 def judged(case: Case, bands: np.ndarray) -> Outcome:
     """Judge a recording."""
-    (machine, reading), (powers, floor) = own(), bands
-    seen = Observed.of(reading, powers, floor, np.full(len(powers), np.nan), RUN_S)
+    (machine, reading), (powers, floor, coverage) = own(), bands
+    seen = Observed.of(reading, powers, floor, np.full(len(powers), np.nan), RUN_S, coverage)
     found = judge(seen, curves(), machine.description.loads.factors)
     chosen, inside = found.chosen, None
     code, value = case.inputs[0] if case.kind == "single" else ("", 0.0)
