@@ -1,8 +1,9 @@
 """Calibration of `gsa explain`: recordings of known causes, one run of `python benchmarks/explanation.py`.
 
 Every recording is a run of dz101 of a minute with loads of its own, conditioned and read as a comparison does, with
-sensors of 100 µg/√Hz whose noise is not stated and that lose packets. Prints the true causes against the verdicts, how often probabilities
-and intervals are right, and every miss; `--keep FILE` keeps the band powers, so that another run only judges them.
+sensors of 100 µg/√Hz whose noise is not stated and that lose packets. Prints the true causes against the verdicts, how
+often probabilities and intervals are right, and every miss; `--keep FILE` keeps the band powers, so that another run
+only judges them.
 """
 
 from __future__ import annotations
