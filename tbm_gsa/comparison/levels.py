@@ -200,9 +200,16 @@ class LiveOperation:
         old = max(0, bisect_right(self._stamps, stamp_ns - KEPT_NS) - 1)
         del self._stamps[:old], self._points[:old]
 
+    def point(self, begin_ns: int) -> Array | None:
+        """Speed, torque and thrust (3,) at a time; before the first operating point as it is then, None without one."""
+        return self._points[self._first(begin_ns)] if self._points else None
+
+    def _first(self, begin_ns: int) -> int:
+        return max(0, bisect_right(self._stamps, begin_ns) - 1)
+
     def kind(self, begin_ns: int, end_ns: int) -> OperatingKind:
         """How the machine was driven from begin to end; before the first operating point as it is then."""
-        first = max(0, bisect_right(self._stamps, begin_ns) - 1)
+        first = self._first(begin_ns)
         held = self._points[first : max(first + 1, bisect_right(self._stamps, end_ns - 1))]
         if not all((point > 0.0).all() for point in held):
             return "standstill"

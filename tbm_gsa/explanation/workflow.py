@@ -5,27 +5,22 @@ from __future__ import annotations
 import time
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Final
 
 from tbm_dynamics import Machine, load_machine
-from tbm_gsa.comparison.results import ComparisonResult
+from tbm_gsa.comparison.results import ComparisonResult, OperatingLevel
 from tbm_gsa.explanation.cause_curves import WORKERS
-from tbm_gsa.explanation.curve_cache import cached_curves
+from tbm_gsa.explanation.curve_cache import at_operating_point, cached_curves
 from tbm_gsa.explanation.joint import STEPS, inputs_posterior
 from tbm_gsa.explanation.judgement import LEAST_MODEL_ERROR, judge
-from tbm_gsa.explanation.observed import observed
+from tbm_gsa.explanation.observed import Observed, observed
 from tbm_gsa.explanation.parts import ExplanationParts, checked_powers
 from tbm_gsa.explanation.result import RESULT_NAME, Explanation, ExplanationSettings
 from tbm_gsa.provenance import machine_sha256, package_versions
-from tbm_gsa.reading import RecordingFile
+from tbm_gsa.reading import MachineFile, RecordingFile
 from tbm_gsa.sensitivity.study.campaign import Progress
 from tbm_gsa.sensitivity.study.errors import StudyError
 from tbm_gsa.sensitivity.study.evaluate import MachineEvaluation
 from tbm_msgs_py.base.files import write_json
-
-_SPEED_DIGITS: Final = 3
-_LOAD_DIGITS: Final = 2
-"""Of an operating point: recordings that differ by less share their curves; the loads' level is free all the same."""
 
 
 @dataclass(frozen=True)
@@ -54,6 +49,27 @@ class ExplainOptions:
     progress: Progress = lambda *_: None
 
 
+@dataclass(frozen=True, eq=False)
+class ExplanationSource:
+    """What is to be explained, and where it comes from.
+
+    Attributes
+    ----------
+    observed : Observed
+    machine : Machine
+        At the level of operation.
+    recording : RecordingFile
+    machine_file : MachineFile
+    operating_point : OperatingLevel
+    """
+
+    observed: Observed
+    machine: Machine
+    recording: RecordingFile
+    machine_file: MachineFile
+    operating_point: OperatingLevel
+
+
 def explain(comparison: ComparisonResult, folder: str | Path, options: ExplainOptions | None = None) -> Explanation:
     """Find what explains a recording.
 
@@ -69,8 +85,20 @@ def explain(comparison: ComparisonResult, folder: str | Path, options: ExplainOp
     StudyError
         A machine file that has changed since the comparison, or what a verdict needs and the recording lacks.
     """
+    source = ExplanationSource(
+        observed(comparison),
+        compared_machine(comparison),
+        RecordingFile(path=comparison.recording.path, sha256=comparison.recording.sha256),
+        comparison.machine_file,
+        comparison.operating_point,
+    )
+    return explain_source(source, folder, options)
+
+
+def explain_source(source: ExplanationSource, folder: str | Path, options: ExplainOptions | None = None) -> Explanation:
+    """Find what explains band powers; parameters and errors as those of `explain`."""
     chosen, start = options or ExplainOptions(), time.perf_counter()
-    seen, machine = observed(comparison), compared_machine(comparison)
+    seen, machine = source.observed, source.machine
     prior = machine.description.loads.factors
     curves = cached_curves(
         machine, seen.reading, chosen.workers, lambda done, of: chosen.progress("curves of the inputs", done / of)
@@ -88,10 +116,10 @@ def explain(comparison: ComparisonResult, folder: str | Path, options: ExplainOp
     )
     parts = ExplanationParts(found, posterior, checked_powers(found, evaluate), chosen.duration)
     result = Explanation(
-        recording=RecordingFile(path=comparison.recording.path, sha256=comparison.recording.sha256),
-        machine=comparison.machine,
-        machine_file=comparison.machine_file,
-        operating_point=comparison.operating_point,
+        recording=source.recording,
+        machine=machine.name,
+        machine_file=source.machine_file,
+        operating_point=source.operating_point,
         verdict=found.verdict,
         probabilities=dict(found.words.items()),
         loads=parts.loads(),
@@ -125,12 +153,4 @@ def compared_machine(comparison: ComparisonResult) -> Machine:
     machine = machine.with_offsets(comparison.offsets)
     if level.source == "machine":
         return machine
-    return machine.with_inputs(
-        x1=_rounded(level.speed_r_min, _SPEED_DIGITS),
-        x2=_rounded(level.torque_kn_m, _LOAD_DIGITS),
-        x3=_rounded(level.thrust_kn, _LOAD_DIGITS),
-    )
-
-
-def _rounded(value: float, digits: int) -> float:
-    return float(f"{value:.{digits}g}")
+    return at_operating_point(machine, level.speed_r_min, level.torque_kn_m, level.thrust_kn)
