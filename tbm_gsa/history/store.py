@@ -9,8 +9,15 @@ from pathlib import Path
 from typing import Final
 
 from tbm_gsa.history.baseline import Baseline
-from tbm_gsa.history.entries import HistoryEntry, WindowSource
-from tbm_gsa.history.queries import BASELINE_COLUMNS, ENTRY_COLUMNS, SOURCE_COLUMNS, Queries
+from tbm_gsa.history.entries import HistoryEntry, StateEntry, WatchSource, WindowSource
+from tbm_gsa.history.queries import (
+    BASELINE_COLUMNS,
+    ENTRY_COLUMNS,
+    SOURCE_COLUMNS,
+    STATE_COLUMNS,
+    WATCH_COLUMNS,
+    Queries,
+)
 from tbm_gsa.history.reader import check_file
 from tbm_gsa.history.schema import HistoryError, bring_up_to_date, unusable, version_of
 from tbm_msgs_py.base.files import data_folder
@@ -98,8 +105,41 @@ class History(Queries):
                 count += 1
         return count
 
+    def add_span(
+        self,
+        watch: WatchSource,
+        start_ns: int,
+        log_powers: bytes,
+        states: Iterable[StateEntry],
+        first: int,
+        newest: int,
+    ) -> None:
+        """Commit a span of a watch and what the watch says after it, both or neither.
+
+        Of its spans the first so many are kept, the baseline, and the newest so many.
+        """
+        described, count = astuple(watch), len(fields(WatchSource))
+        with self._transaction() as ask:
+            found = f"SELECT id FROM watches WHERE ({WATCH_COLUMNS}) = ({', '.join('?' * count)})"  # noqa: S608
+            if ask(found, described).fetchone() is None:
+                ask(f"INSERT INTO watches ({WATCH_COLUMNS}) VALUES ({', '.join('?' * count)})", described)  # noqa: S608
+            number = ask(found, described).fetchone()[0]
+            ask("INSERT OR REPLACE INTO spans VALUES (?, ?, ?)", (number, start_ns, log_powers))
+            own = "SELECT start_ns FROM spans WHERE watch = ? ORDER BY start_ns"
+            ask(
+                f"DELETE FROM spans WHERE watch = ? AND start_ns NOT IN ({own} LIMIT ?) "  # noqa: S608
+                f"AND start_ns NOT IN ({own} DESC LIMIT ?)",
+                (number, number, first, number, newest),
+            )
+            for state in states:
+                ask(
+                    f"INSERT OR REPLACE INTO states (start_ns, watch, {STATE_COLUMNS}) "  # noqa: S608
+                    "VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?, ?)",
+                    (start_ns, number, *astuple(state)),
+                )
+
     def discard(self, node: str, since_ns: int, until_ns: int, most: int) -> int:
-        """Delete the live windows of a node among the first so many windows that begin in a span of time.
+        """Delete the live windows and states of a node among the first so many windows that begin in a span of time.
 
         Returns
         -------
@@ -113,6 +153,8 @@ class History(Queries):
             end = max(beyond[0], since_ns + 1) if beyond else until_ns
             own = "SELECT id FROM sources WHERE kind = 'live' AND name = ?"
             ask(f"DELETE {span} AND source IN ({own})", (since_ns, end, node))
+            watched = "watch IN (SELECT id FROM watches WHERE kind = 'live' AND node = ?)"
+            ask(f"DELETE FROM states WHERE start_ns >= ? AND start_ns < ? AND {watched}", (since_ns, end, node))  # noqa: S608
         return end
 
     def store_baseline(self, baseline: Baseline, *, replace: bool = False) -> None:
