@@ -8,11 +8,10 @@ from functools import cached_property
 
 import numpy as np
 
-from tbm_gsa.comparison.model_run import MODEL_RATE_HZ
 from tbm_gsa.signals.band_weights import band_weights
 from tbm_gsa.signals.conditioning import Band, Frame, common_band, compared_axes
 from tbm_gsa.signals.reduction import ReducedSignal
-from tbm_gsa.signals.settings import Settings, band_name
+from tbm_gsa.signals.settings import MODEL_RATE_HZ, Settings, band_name
 from tbm_gsa.signals.spectrum import mixed_spectrum
 from tbm_msgs_py.base.arrays import Array
 from tbm_msgs_py.base.errors import InputError

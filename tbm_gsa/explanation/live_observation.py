@@ -2,22 +2,18 @@
 
 from __future__ import annotations
 
-import hashlib
 from collections.abc import Iterable
-from pathlib import Path
 from typing import Self
 
 import numpy as np
 
-from tbm_dynamics import Machine, load_machine
-from tbm_gsa.comparison.results import OperatingLevel
+from tbm_dynamics import Machine
 from tbm_gsa.explanation.live_reading import LiveReading
 from tbm_gsa.explanation.load_posterior import BandObservation
 from tbm_gsa.explanation.observed import FEWEST_POINTS, Observed
 from tbm_gsa.explanation.training import CurveJob
-from tbm_gsa.explanation.workflow import ExplanationSource
-from tbm_gsa.provenance import machine_file, machine_sha256
-from tbm_gsa.reading import MachineFile, Part, RecordingFile, read_document
+from tbm_gsa.provenance import machine_file
+from tbm_gsa.reading import MachineFile, Part
 from tbm_gsa.sensitivity.study.errors import StudyError
 from tbm_msgs_py.base.arrays import Array
 
@@ -85,29 +81,3 @@ class LiveObservation(Part):
         powers = np.maximum(self.powers, reading.widths * noise)
         bands = BandObservation(powers, noise, self.seconds)
         return Observed(reading, bands, np.array(self.floor), np.array(self.measured, dtype=np.int64))
-
-
-def observed_source(file: Path) -> ExplanationSource:
-    """Read what is to be explained.
-
-    Raises
-    ------
-    StudyError
-        A machine file that has changed since, or no such document.
-    """
-    found = read_document(file, LiveObservation, f"the {FILE_NAME} of an alarm", StudyError)
-    machine = load_machine(found.job.machine)
-    if machine_sha256(machine) != found.machine_file.sha256:
-        raise StudyError(f"machine {found.job.machine} has changed since the alarm")
-    job = found.job
-    level = OperatingLevel(
-        speed_r_min=job.speed_r_min,
-        torque_kn_m=job.torque_kn_m,
-        thrust_kn=job.thrust_kn,
-        seconds=found.seconds,
-        source="recording",
-        note="measured live",
-    )
-    digest = hashlib.sha256(file.read_bytes()).hexdigest()
-    recording = RecordingFile(path=str(file), sha256=digest)
-    return ExplanationSource(found.observed(), job.variant(machine), recording, found.machine_file, level)
