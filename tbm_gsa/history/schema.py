@@ -1,6 +1,7 @@
 """The schema of the history file: what a new one holds, how an older one is brought up to date, what can be wrong."""
 
 import sqlite3
+import time
 from pathlib import Path
 from typing import Final
 
@@ -8,6 +9,9 @@ from tbm_gsa.history.entries import AXES, SOURCE_KINDS, STATE_PARTS
 from tbm_msgs_py.base.errors import InputError
 from tbm_msgs_py.base.texts import LONGEST_LINE
 
+LOOK_S: Final = 0.01
+"""Between two looks at a file that another program holds."""
+LOCKED: Final = (sqlite3.SQLITE_BUSY, sqlite3.SQLITE_LOCKED)
 NO_ACCESS: Final = (sqlite3.SQLITE_CANTOPEN, sqlite3.SQLITE_READONLY)
 
 
@@ -27,7 +31,7 @@ def primary_code(error: sqlite3.Error) -> int:
 def unusable(path: Path, error: sqlite3.Error) -> HistoryError:
     """Error of a file that SQLite refuses to write, or that is no history."""
     code = primary_code(error)
-    if code in (sqlite3.SQLITE_BUSY, sqlite3.SQLITE_LOCKED):
+    if code in LOCKED:
         return HistoryLockedError(f"{path}: {error}")
     if code in NO_ACCESS:
         return HistoryError(f"{path}: {error}, allowed: a file, in a folder, that may be written")
@@ -192,6 +196,20 @@ def bring_up_to_date(version: int, connection: sqlite3.Connection) -> None:
         return
     for older in range(version, SCHEMA_VERSION):
         _run(_UPDATES[older], connection)
+
+
+def write_ahead(connection: sqlite3.Connection, wait_s: float) -> None:
+    """Let readers go on while one writes; SQLite itself does not wait for another writer here."""
+    deadline = time.monotonic() + wait_s
+    while True:
+        try:
+            connection.execute("PRAGMA journal_mode = WAL")
+        except sqlite3.OperationalError as error:
+            if primary_code(error) not in LOCKED or time.monotonic() > deadline:
+                raise
+            time.sleep(LOOK_S)
+        else:
+            return
 
 
 def _run(script: str, connection: sqlite3.Connection) -> None:

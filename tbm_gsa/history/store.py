@@ -19,7 +19,7 @@ from tbm_gsa.history.queries import (
     Queries,
 )
 from tbm_gsa.history.reader import check_file
-from tbm_gsa.history.schema import HistoryError, bring_up_to_date, unusable, version_of
+from tbm_gsa.history.schema import HistoryError, bring_up_to_date, unusable, version_of, write_ahead
 from tbm_msgs_py.base.files import data_folder
 
 WAIT_S: Final = 5.0  # for another writer
@@ -74,7 +74,7 @@ class History(Queries):
         except (OSError, sqlite3.Error) as error:
             raise HistoryError(f"{path}: {getattr(error, 'strerror', None) or error}") from None
         try:
-            self._prepare()
+            self._prepare(wait_s)
         except sqlite3.DatabaseError as error:
             self.close()
             raise unusable(path, error) from None
@@ -82,14 +82,14 @@ class History(Queries):
             self.close()
             raise
 
-    def _prepare(self) -> None:
+    def _prepare(self, wait_s: float) -> None:
         """Check what is in the file, write the schema into an empty one, bring an older one up to date."""
         ask = self._connection.execute
         ask("PRAGMA foreign_keys = OFF")  # an update may replace a table that others refer to
         with self._transaction():  # one of several that find an empty or older file writes the schema
             bring_up_to_date(version_of(self.path, self._connection), self._connection)
         ask("PRAGMA foreign_keys = ON")
-        ask("PRAGMA journal_mode = WAL")
+        write_ahead(self._connection, wait_s)
         ask("PRAGMA synchronous = NORMAL")
 
     def add(self, source: WindowSource, entries: Iterable[HistoryEntry]) -> int:

@@ -26,6 +26,7 @@ from tbm_gsa.history import (
     make_baseline,
     recording_entries,
 )
+from tbm_gsa.history.schema import write_ahead
 from tbm_gsa.history.summary import history_summary
 
 LIVE = WindowSource("live", "/tbm/analysis_node", "", "dz101", "ab" * 32)
@@ -197,6 +198,26 @@ def test_processes_share_a_file_while_one_creates_or_migrates_it(tmp_path, old, 
     with History(path) as opened:
         assert opened.count() == 150 + 2 * there
     assert sqlite3.connect(path).execute("PRAGMA journal_mode").fetchone() == ("wal",)
+
+
+def test_another_writer_is_waited_for_where_sqlite_does_not():
+    class Busy:
+        """A connection to a file that another program writes to, for three looks."""
+
+        looks = 0
+
+        def execute(self, _):
+            self.looks += 1
+            if self.looks <= 3:
+                error = sqlite3.OperationalError("database is locked")
+                error.sqlite_errorcode = sqlite3.SQLITE_BUSY
+                raise error
+
+    busy = Busy()
+    write_ahead(busy, 60.0)
+    assert busy.looks == 4
+    with pytest.raises(sqlite3.OperationalError):
+        write_ahead(Busy(), -1.0)
 
 
 def test_a_reader_does_not_wait_for_a_writer(history):
