@@ -54,7 +54,7 @@ class LiveReading:
         Raises
         ------
         InputError
-            No band below the end of what the signals hold.
+            No band below the end of what the signals hold, or none that a sensor measures.
         """
         first = next(iter(spectra.values()))
         rate, high = (min(values) for values in zip(*((s.rate_hz, s.band.high) for s in spectra.values()), strict=True))
@@ -66,6 +66,8 @@ class LiveReading:
         band = Band(rounded(low, ROUNDED), rounded(high, ROUNDED))
         reading = BandReading(places, bands, rounded(rate, ROUNDED), band)
         used = tuple(k for k, one in enumerate(reading.statistics) if _measures(sensors[one.point], one))
+        if not used:
+            raise InputError("no axis of a sensor that measures in a band: nothing to watch")
         powers, floor, stated = _powers(reading, spectra), _floor(reading, spectra), _stated(reading, spectra, sensors)
         noise = Observed.of(reading, powers, floor, stated, first.length_ns / NANOSECONDS).bands.noise
         return cls(reading, used, tuple(noise.tolist()))

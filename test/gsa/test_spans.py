@@ -151,3 +151,5 @@ def test_a_reading_covers_what_is_read_alike():
     assert not live.covers(spectra | {"walkway": flat()}, sensors | {"walkway": sensor("walkway")})
     with pytest.raises(InputError, match="no band below 16 Hz"):
         LiveReading.of({"girder": flat(rate=40.0)}, sensors)
+    with pytest.raises(InputError, match="no axis of a sensor that measures in a band"):
+        LiveReading.of({"girder": flat()}, {"girder": sensor("girder", band_hz=(300.0, 400.0))})

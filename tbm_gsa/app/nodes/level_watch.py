@@ -158,8 +158,10 @@ class LevelWatch:
         return self._training is not None
 
     def add(self, start_ns: int, spectra: Spectra) -> None:
-        """Add a span."""
+        """Add a span; one of which nothing that is used was measured is left out."""
         self._spectra, row = spectra, self.stored.live.log_powers(spectra)
+        if not np.isfinite(row).any():
+            return
         self.latest.append((start_ns, row))
         self._waiting.append((start_ns, row))
 
