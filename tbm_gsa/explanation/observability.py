@@ -33,7 +33,7 @@ from tbm_gsa.explanation.observability_result import (
     SensorSpot,
     SimilarPair,
 )
-from tbm_gsa.explanation.ranges import explaining_inputs
+from tbm_gsa.explanation.ranges import explaining_inputs, loads_prior
 from tbm_gsa.provenance import machine_sha256, package_versions
 from tbm_gsa.reading import MachineFile
 from tbm_gsa.sensitivity.study.inputs import Input, InputSet
@@ -231,9 +231,7 @@ class _Problem:
         cls, machine: Machine, equipped: Machine, reading: BandReading, settings: ObservationSettings, run: Run
     ) -> _Problem:
         """Compute the machine with every input less and more."""
-        prior = machine.description.loads.factors
-        if not prior.values.all():
-            raise InputError(f"{machine.origin}: loads.factors: one is 0, allowed: positive ones, to be found again")
+        prior = loads_prior(machine)
         inputs = explaining_inputs(machine)
         ends = np.array([_ends(item) for item in inputs.inputs]).T
         machines = (

@@ -14,6 +14,7 @@ from tbm_gsa.explanation.joint import STEPS, inputs_posterior
 from tbm_gsa.explanation.judgement import LEAST_MODEL_ERROR, judge
 from tbm_gsa.explanation.observed import Observed, observed
 from tbm_gsa.explanation.parts import ExplanationParts, checked_powers
+from tbm_gsa.explanation.ranges import loads_prior
 from tbm_gsa.explanation.result import RESULT_NAME, Explanation, ExplanationSettings
 from tbm_gsa.provenance import machine_sha256, package_versions
 from tbm_gsa.reading import MachineFile, RecordingFile
@@ -99,7 +100,7 @@ def explain_source(source: ExplanationSource, folder: str | Path, options: Expla
     """Find what explains band powers; parameters and errors as those of `explain`."""
     chosen, start = options or ExplainOptions(), time.perf_counter()
     seen, machine = source.observed, source.machine
-    prior = machine.description.loads.factors
+    prior = loads_prior(machine)
     curves = cached_curves(
         machine, seen.reading, chosen.workers, lambda done, of: chosen.progress("curves of the inputs", done / of)
     )

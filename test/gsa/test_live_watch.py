@@ -155,7 +155,7 @@ def test_a_new_level_is_trained_and_nothing_waits_for_it(trained, site):
     assert [update.level.level for update in site.watch.poll()] == ["5.35 r/min, 3.2e+03 kN·m, 7.2e+03 kN"]
 
 
-def test_why_a_level_is_not_watched_is_said(trained, site, monkeypatch):
+def test_why_a_level_is_not_watched_is_said(machine, trained, site):
     minute = Minutes()
     site.point = None
     site.learn(minute, 2)
@@ -166,6 +166,10 @@ def test_why_a_level_is_not_watched_is_said(trained, site, monkeypatch):
     site.point = 100.0 * DRIVEN
     site.learn(minute, 2)
     assert "operating_limits" in site.watch.doing
+    silent = Site(machine.with_inputs(**{"loads.moments": 0.0}), "none")
+    silent.learn(minute, 2)
+    assert silent.watch.doing.endswith("loads.factors: one is 0, allowed: positive ones, to be found again")
+    silent.close()
 
 
 def test_a_locked_history_is_waited_for_before_one_learns_anew(machine, kept, site, file, monkeypatch):

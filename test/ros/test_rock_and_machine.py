@@ -56,7 +56,7 @@ def lines(message):
 def test_rock_machine_and_alarm_are_published(host_node, peer, tmp_path, monkeypatch):
     monkeypatch.setattr(level_watch, "kept_curves", lambda _, reading: curves(reading))
     machine = peer.listen(DiagnosticArray, "/tbm/analysis/machine", qos.GSA)
-    given = {"history": tmp_path / "h.sqlite", "watch.commissioning": 0.5, "gsa.on_threshold": False}
+    given = {"history": tmp_path / "h.sqlite", "window": 60.0, "watch.commissioning": 0.5, "gsa.on_threshold": False}
     node = host_node(AnalysisNode, **given)
     node.wait_for(lambda: peer.text("tbm: machine") == "no minute of steady boring yet")
     boring = Boring(peer)

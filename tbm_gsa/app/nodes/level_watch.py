@@ -20,6 +20,7 @@ from tbm_gsa.explanation.live_observation import LiveObservation
 from tbm_gsa.explanation.live_reading import Spectra
 from tbm_gsa.explanation.machine_state import CauseGrid
 from tbm_gsa.explanation.machine_watch import REMEMBERED, MachineAlarm, MachineWatch, WatchState
+from tbm_gsa.explanation.ranges import loads_prior
 from tbm_gsa.explanation.rock_fit import RockModel
 from tbm_gsa.explanation.training import CurveJob
 from tbm_msgs_py.base.arrays import Array
@@ -215,13 +216,12 @@ class LevelWatch:
 
     def _open(self) -> _Opened | None:
         """Watch after the spans that it is resumed from, and its state; None while its curves are not on the disk."""
-        live, state = self.stored.live, None
+        live, state, prior = self.stored.live, None, loads_prior(self._machine)
         curves = kept_curves(self._job.variant(self._machine), live.reading)
         if curves is None:
             return None
         places = np.array(live.used)
         told = curves.only(places)
-        prior = self._machine.description.loads.factors
         model = RockModel(told.nominal, prior, np.array(live.noise)[places], SPAN_S)
         watch = MachineWatch(model, CauseGrid.of(told), self._options.commissioning, self._options.length)
         for start_ns, row in self.stored.spans:

@@ -88,7 +88,7 @@ class AnalysisSettings(MachineSettings, WritingSettings):
     )
     history_days: float = parameter(90.0, "age at which live windows go; 0: never (d)", low=0.0, high=36500.0)
     baseline: str = live_parameter(
-        "", "baseline in the history that alarms are set against; empty: the threshold is absolute"
+        "", "baseline in the history that the threshold is set against; empty: it is absolute"
     )
     watch: WatchSettings = WatchSettings()
     gsa: GsaSettings = GsaSettings()
