@@ -154,15 +154,12 @@ class LiveComparison:
         return {point: spans for point, spans in found.items() if point in self._points}
 
     def steady_point(self, begin_ns: int, end_ns: int) -> Array | None:
-        """Speed, torque and thrust (3,) in SI units of a time in which they were held; None where they were not.
+        """Mean speed, torque and thrust (3,) in SI units of a time of steady boring; None of any other.
 
         Those of the machine; where nobody publishes them those that the loads are made with.
         """
-        for operation in self._operation.values():
-            point = operation.point(begin_ns)
-            if point is not None:
-                return point if operation.kind(begin_ns, end_ns) == "steady" else None
-        return None
+        known = next(filter(None, self._operation.values()), None)
+        return None if known is None else known.level(begin_ns, end_ns)
 
     def counters(self, point: str) -> dict[Side, StreamCounters] | None:
         """Counters of both signals of a test point; None before the first sample."""
