@@ -219,10 +219,8 @@ class Queries:
     def states(self) -> list[StoredState]:
         """Return what every watch said last, the newest last."""
         self._refuse(f"watches WHERE NOT ({WATCH_IS_SOUND})", "watch")
-        newest = (
-            "states JOIN watches ON watch = id JOIN (SELECT watch AS one, max(start_ns) AS last FROM states GROUP BY 1)"
-        )
-        newest += " ON watch = one AND start_ns = last"
+        last = "(SELECT max(start_ns) FROM states AS other WHERE other.watch = id)"
+        newest = f"watches CROSS JOIN states ON watch = id AND start_ns = {last}"  # in this order, by their keys
         self._refuse(f"{newest} WHERE NOT ({STATE_IS_SOUND})", "state")
         rows = self._connection.execute(
             f"SELECT {WATCH_COLUMNS}, start_ns, {STATE_COLUMNS} FROM {newest} ORDER BY start_ns, watch, part, name"  # noqa: S608

@@ -97,8 +97,8 @@ CREATE TABLE spans (
     PRIMARY KEY (watch, start_ns)
 ) WITHOUT ROWID;
 CREATE TABLE states (
-    start_ns INTEGER NOT NULL,
     watch INTEGER NOT NULL REFERENCES watches (id) ON DELETE CASCADE,
+    start_ns INTEGER NOT NULL,
     part TEXT NOT NULL,
     name TEXT NOT NULL,
     value REAL,
@@ -107,7 +107,7 @@ CREATE TABLE states (
     probability REAL,
     since_ns INTEGER,
     text TEXT NOT NULL,
-    PRIMARY KEY (start_ns, watch, part, name)
+    PRIMARY KEY (watch, start_ns, part, name)
 ) WITHOUT ROWID;
 """
 _SCHEMA: Final = f"""

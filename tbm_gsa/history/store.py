@@ -133,9 +133,9 @@ class History(Queries):
             )
             for state in states:
                 ask(
-                    f"INSERT OR REPLACE INTO states (start_ns, watch, {STATE_COLUMNS}) "  # noqa: S608
+                    f"INSERT OR REPLACE INTO states (watch, start_ns, {STATE_COLUMNS}) "  # noqa: S608
                     "VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?, ?)",
-                    (start_ns, number, *astuple(state)),
+                    (number, start_ns, *astuple(state)),
                 )
 
     def discard(self, node: str, since_ns: int, until_ns: int, most: int) -> int:
