@@ -20,7 +20,7 @@ from pathlib import Path
 import numpy as np
 
 from tbm_dynamics import Machine, Simulator, load_machine
-from tbm_dynamics.integration.simulator import DEFAULT_STEP
+from tbm_dynamics.integration import DEFAULT_STEP
 from tbm_dynamics.loads.description import LOAD_GROUPS
 from tbm_dynamics.machine.description import MachineDescription
 from tbm_gsa.explanation.band_reading import BandReading, Sensor

@@ -14,7 +14,7 @@ import numpy as np
 
 from tbm_dynamics import Machine, Simulator, load_machine
 from tbm_dynamics.frequency_response import FrequencyResponse
-from tbm_dynamics.integration.simulator import DEFAULT_STEP
+from tbm_dynamics.integration import DEFAULT_STEP
 from tbm_dynamics.loads.description import LOAD_GROUPS, LoadFactors
 from tbm_gsa.explanation.band_reading import BandReading, Sensor
 from tbm_gsa.explanation.load_posterior import BandObservation, load_posterior

@@ -21,7 +21,7 @@ import scipy.stats
 from numpy.random import Generator, default_rng
 
 from tbm_dynamics import Machine, Simulator, load_machine
-from tbm_dynamics.integration.simulator import DEFAULT_STEP
+from tbm_dynamics.integration import DEFAULT_STEP
 from tbm_dynamics.loads.description import LOAD_GROUPS, LoadFactors
 from tbm_gsa.explanation.band_reading import BandReading, Sensor
 from tbm_gsa.explanation.cause_curves import cause_curves

@@ -31,11 +31,15 @@ MODEL_DRIVES = "model/drives"
 MODEL_MESH_FORCES = "model/mesh_forces"
 GSA_STATUS = "analysis/gsa_status"
 GSA_RESULT = "analysis/gsa_result"
+ROCK = "analysis/rock"
+MACHINE = "analysis/machine"
 RUN_GSA = "analysis/run_gsa"
 CANCEL_GSA = "analysis/cancel_gsa"
 DIAGNOSTICS = "/diagnostics"
 CLOCK = "/clock"
 
+ANALYSIS_STATUSES = (GSA_STATUS, GSA_RESULT, ROCK, MACHINE)
+"""Topics of statuses, each with the newest one for those who come late."""
 ANALYSIS_QUANTITIES = ("model_rms", "field_rms", "relative_error")
 
 
@@ -84,8 +88,7 @@ _CONTRACT = {
     LOADS_WRENCH: TopicContract("geometry_msgs/msg/WrenchStamped", BLOCK_QOS),
     MODEL_DRIVES: TopicContract(_JOINTS, LIVE_QOS),
     "*/accel": TopicContract("geometry_msgs/msg/AccelStamped", LIVE_QOS),
-    GSA_STATUS: TopicContract(_STATUSES, GSA_QOS),
-    GSA_RESULT: TopicContract(_STATUSES, GSA_QOS),
+    **dict.fromkeys(ANALYSIS_STATUSES, TopicContract(_STATUSES, GSA_QOS)),
     "analysis/*": TopicContract("geometry_msgs/msg/Vector3Stamped", ANALYSIS_QOS),
     DIAGNOSTICS: TopicContract(_STATUSES, DIAGNOSTICS_QOS),
     CLOCK: TopicContract("rosgraph_msgs/msg/Clock", CLOCK_QOS),

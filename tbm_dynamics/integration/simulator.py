@@ -9,6 +9,7 @@ from typing import Any, Literal
 
 import numpy as np
 
+from tbm_dynamics.integration import DEFAULT_STEP
 from tbm_dynamics.integration.condensed import Condensed
 from tbm_dynamics.integration.lanes import aligned, lanes_for
 from tbm_dynamics.integration.laws import MeshInputs
@@ -21,7 +22,6 @@ from tbm_dynamics.structure.system import DIRECTIONS, System
 from tbm_msgs_py.base.errors import SimulationError
 from tbm_msgs_py.base.operating_point import OperatingPoint
 
-DEFAULT_STEP = 1e-4
 MethodName = Literal["reduced", "full"]
 
 # Outputs are one matrix product per block of absolute steps: the same shape, so the same bits, in every chunk.

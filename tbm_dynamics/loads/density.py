@@ -6,8 +6,8 @@ from functools import lru_cache
 import numpy as np
 import scipy.fft
 
+from tbm_dynamics.loads import NOISE_BLOCK, NOISE_HZ
 from tbm_dynamics.loads.description import COMPONENTS, LOAD_GROUPS, LoadComponent, LoadDescription
-from tbm_dynamics.loads.spectral import NOISE_BLOCK, NOISE_HZ, noise_kernel
 from tbm_msgs_py.base.arrays import Array
 
 _FINER = 4
@@ -41,6 +41,8 @@ class LoadDensity:
 @lru_cache(maxsize=4)
 def load_density(description: LoadDescription) -> LoadDensity:
     """Spectral densities of loads at their reference operating point; what their factors are makes no difference."""
+    from tbm_dynamics.loads.spectral import noise_kernel  # noqa: PLC0415 - it compiles: only who computes densities
+
     groups = [description.with_factors(one).components for one in np.eye(len(LOAD_GROUPS))]
     kernels = np.array([[noise_kernel(component) for component in components] for components in groups])
     # White noise of unit variance has the one-sided density 2 / NOISE_HZ.

@@ -20,13 +20,12 @@ import numpy as np
 import scipy.fft
 from numpy.typing import ArrayLike, NDArray
 
+from tbm_dynamics.loads import NOISE_BLOCK, NOISE_HZ
 from tbm_dynamics.loads.description import COMPONENTS, LoadComponent, LoadDescription
 from tbm_dynamics.loads.noise import hashed_generator
 from tbm_msgs_py.base.arrays import Array
 from tbm_msgs_py.base.errors import InputError
 
-NOISE_HZ = 512
-NOISE_BLOCK = 8192  # samples of white noise in a block, 16 s
 FINER = 4
 WIDTH = len(COMPONENTS)
 GRID_HZ = NOISE_HZ * FINER  # a power of two, so that time * GRID_HZ is exact

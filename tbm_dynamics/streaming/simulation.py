@@ -6,7 +6,8 @@ from collections.abc import Iterable, Iterator
 
 import numpy as np
 
-from tbm_dynamics.integration.simulator import DEFAULT_STEP, Chunk, MethodName, Simulator
+from tbm_dynamics.integration import DEFAULT_STEP
+from tbm_dynamics.integration.simulator import Chunk, MethodName, Simulator
 from tbm_dynamics.loads.stepper import LoadModel
 from tbm_dynamics.machine.machine import Machine
 from tbm_dynamics.machine.sensor_place import SensorPlace, place_of

@@ -7,12 +7,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from tbm_gsa.comparison.levels import OperatingHistory
-from tbm_gsa.comparison.model_run import MODEL_RATE_HZ
 from tbm_gsa.comparison.offline import compared_band
 from tbm_gsa.signals.clock import sampling_rate
 from tbm_gsa.signals.conditioning import Frame
 from tbm_gsa.signals.reduction import ReducedSignal, SignalReducer
-from tbm_gsa.signals.settings import Settings
+from tbm_gsa.signals.settings import MODEL_RATE_HZ, Settings
 from tbm_msgs_py.base.arrays import Array
 from tbm_msgs_py.base.errors import InputError
 from tbm_msgs_py.base.progress import ShareDone

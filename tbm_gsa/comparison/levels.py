@@ -211,9 +211,33 @@ class LiveOperation:
         old = max(0, bisect_right(self._stamps, stamp_ns - KEPT_NS) - 1)
         del self._stamps[:old], self._points[:old]
 
+    def __bool__(self) -> bool:
+        """Whether there is an operating point at all."""
+        return bool(self._points)
+
+    def level(self, begin_ns: int, end_ns: int) -> Array | None:
+        """Mean (3,) over a time in which the machine was driven steadily; None of any other.
+
+        That is while the means of parts of `SHORTEST_SEGMENT_S` stay within the tolerance of the whole: single
+        readings of torque and thrust scatter.
+        """
+        if not self._points:
+            return None
+        first, last = self._first(begin_ns), bisect_right(self._stamps, end_ns - 1)
+        held = np.array(self._points[first : max(first + 1, last)])
+        knots = np.array([begin_ns, *self._stamps[first + 1 : last], end_ns]) - begin_ns
+        sums = np.concatenate([np.zeros((1, 3)), np.cumsum(held * np.diff(knots)[:, None], axis=0)])
+        borders = np.linspace(0.0, knots[-1], max(1, round(knots[-1] / (SHORTEST_SEGMENT_S * NANOSECONDS))) + 1)
+        parts = np.diff([np.interp(borders, knots, column) for column in sums.T]).T / borders[1]
+        mean = parts.mean(axis=0)
+        return mean if (mean > 0.0).all() and all(alike(mean, part) for part in parts) else None
+
+    def _first(self, begin_ns: int) -> int:
+        return max(0, bisect_right(self._stamps, begin_ns) - 1)
+
     def kind(self, begin_ns: int, end_ns: int) -> OperatingKind:
         """How the machine was driven from begin to end; before the first operating point as it is then."""
-        first = max(0, bisect_right(self._stamps, begin_ns) - 1)
+        first = self._first(begin_ns)
         held = self._points[first : max(first + 1, bisect_right(self._stamps, end_ns - 1))]
         if not all((point > 0.0).all() for point in held):
             return "standstill"

@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike
 from tbm_gsa.comparison.rate import StreamCounters
 from tbm_gsa.comparison.results import OperatingKind
 from tbm_gsa.comparison.streams import SIDES, LiveWindow, PointStreams, Side
+from tbm_gsa.signals.spans import SpanCollector, SpanSpectrum
 from tbm_gsa.signals.statistics import kurtosis, ratio, relative_error, rms
 from tbm_msgs_py.base.arrays import Array
 from tbm_msgs_py.base.errors import InputError
@@ -89,6 +90,8 @@ class WindowedComparison:
         Windows that one signal may lag behind before a window is closed without it.
     least_coverage : float
         Below it a window gives no error.
+    span_s : float
+        Length of the spans of the field's spectra.
     """
 
     def __init__(
@@ -99,6 +102,7 @@ class WindowedComparison:
         high_hz: float | None = None,
         patience: int = 2,
         least_coverage: float = 0.5,
+        span_s: float = 60.0,
     ) -> None:
         if not window_s > 0.0:
             raise InputError(f"window_s must be positive, not {window_s}")
@@ -107,6 +111,8 @@ class WindowedComparison:
         self._rotating, self._high_hz, self._patience = frozenset(rotating), high_hz, patience
         self._least_coverage = least_coverage
         self._points: dict[str, PointStreams] = {}
+        self._span_ns = round(span_s * NANOSECONDS)
+        self._spans: dict[str, SpanCollector] = {}
 
     def feed(self, point: str, source: Side, stamp_ns: int, t: ArrayLike, values: ArrayLike) -> list[WindowResult]:
         """Windows that a block completes.
@@ -147,9 +153,15 @@ class WindowedComparison:
                 rotating=point in self._rotating,
                 high_hz=self._high_hz,
                 patience=self._patience,
+                spans=self._spans.setdefault(point, SpanCollector(self._span_ns)),
             )
         windows = self._points[point].feed(source, times, rows[finite])
         return [self._result(point, index, sums) for index, sums in windows]
+
+    def pop_spans(self) -> dict[str, list[SpanSpectrum]]:
+        """Remove and return the spectra of the field's spans that are over, by test point."""
+        found = {point: collector.pop() for point, collector in self._spans.items()}
+        return {point: spans for point, spans in found.items() if spans}
 
     def apart_ns(self) -> dict[str, int]:
         """How far the model's stamps are ahead of the field's, ns, at the points where no window can hold both."""

@@ -5,12 +5,10 @@ from collections.abc import Mapping
 import numpy as np
 
 from tbm_dynamics import Machine
-from tbm_dynamics.integration.simulator import DEFAULT_STEP
+from tbm_dynamics.integration import DEFAULT_STEP
 from tbm_dynamics.streaming.simulation import ModelRun
 from tbm_gsa.signals.reduction import ReducedSignal, SignalReducer
 from tbm_msgs_py.base.progress import ShareDone
-
-MODEL_RATE_HZ = 1.0 / DEFAULT_STEP
 
 
 def run_model(

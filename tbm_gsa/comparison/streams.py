@@ -1,4 +1,4 @@
-"""One test point while its two signals arrive: ordering, conditioning and sums per window, no samples kept."""
+"""One test point while its two signals arrive: ordering, conditioning, sums per window; no samples kept."""
 
 from collections.abc import Iterator, Mapping
 from typing import Literal
@@ -9,6 +9,7 @@ from tbm_dynamics.streaming.continuity import Continuity, StreamBlock
 from tbm_gsa.comparison.rate import RateEstimator, StreamCounters
 from tbm_gsa.signals.clock import GAP_PERIODS
 from tbm_gsa.signals.conditioning import HIGH_PASS_HZ, Band, along, causal_conditioner, common_band
+from tbm_gsa.signals.spans import SpanCollector
 from tbm_gsa.signals.statistics import coverage
 from tbm_gsa.signals.windows import WindowSums
 from tbm_msgs_py.base.arrays import Array, Integers
@@ -62,6 +63,8 @@ class PointStreams:
         Upper limit of the band; by default that of the rates once both are known.
     patience : int
         Windows that one signal may lag behind before a window is closed without it.
+    spans : SpanCollector, optional
+        Gets the field as it is conditioned.
     """
 
     def __init__(
@@ -72,14 +75,21 @@ class PointStreams:
         rotating: bool,
         high_hz: float | None,
         patience: int,
+        spans: SpanCollector | None = None,
     ) -> None:
         self._window_ns, self._patience_ns, self._counters = window_ns, patience * window_ns, counters
         self._axes = ROTATING if rotating else FIXED
+        self._spans: dict[Side, SpanCollector | None] = {"model": None, "field": spans}
         self._given = None if high_hz is None else Band(HIGH_PASS_HZ, high_hz)
         self._restart()
 
     def _restart(self) -> None:
-        self.streams = {source: _Stream(self._window_ns, self._counters[source], self._axes) for source in SIDES}
+        self.streams = {
+            source: _Stream(self._window_ns, self._counters[source], self._axes, self._spans[source])
+            for source in SIDES
+        }
+        for spans in filter(None, self._spans.values()):
+            spans.restart()
         self._band = self._given
         self._closed: int | None = None  # the last closed window
 
@@ -171,8 +181,8 @@ class GapConditioner:
     it does with another rate or band. Without a band all is NaN.
     """
 
-    def __init__(self, window_ns: int, counters: StreamCounters, axes: tuple[tuple[int, ...], ...]) -> None:
-        self._window_ns, self._counters, self._axes = window_ns, counters, axes
+    def __init__(self, window_ns: int, counters: StreamCounters) -> None:
+        self._window_ns, self._counters = window_ns, counters
         self._design: tuple[float, Band] | None = None
         self._filter: CausalFilter | None = None
         self.settled_ns: int | None = None
@@ -184,7 +194,7 @@ class GapConditioner:
             self.settled_ns = None
 
     def process(self, times: Integers, rows: Array, reached_ns: int) -> Iterator[tuple[Integers, Array]]:
-        """Parts between gaps, times (n,) ns and values (3, n) m/s², of samples after those that end at `reached_ns`."""
+        """Parts between gaps, times (n,) ns and values (n, 3) m/s², of samples after those that end at `reached_ns`."""
         before = reached_ns if reached_ns >= 0 else times[0]
         cuts = np.flatnonzero(np.diff(times, prepend=before) > self._window_ns)
         for number, (stamps, part) in enumerate(zip(np.split(times, cuts), np.split(rows, cuts), strict=True)):
@@ -198,22 +208,28 @@ class GapConditioner:
 
     def _condition(self, times: Integers, rows: Array) -> Array:
         if self._filter is None:
-            return np.full((len(self._axes), len(times)), np.nan)
+            return np.full_like(rows, np.nan)
         if self.settled_ns is None:
             self.settled_ns = int(times[0]) + SETTLE_NS
-        return along(self._filter.process(rows, rows.mean(axis=0)), self._axes)
+        return self._filter.process(rows, rows.mean(axis=0))
 
 
 class _Stream:
     """One signal of one point."""
 
-    def __init__(self, window_ns: int, counters: StreamCounters, axes: tuple[tuple[int, ...], ...]) -> None:
+    def __init__(
+        self,
+        window_ns: int,
+        counters: StreamCounters,
+        axes: tuple[tuple[int, ...], ...],
+        spans: SpanCollector | None,
+    ) -> None:
         self.reached_ns = -1  # end of what is in the sums; negative before anything is
         self.sums: dict[int, LiveWindow] = {}
         self.queue, self.rate = SampleQueue(), RateEstimator(window_ns, counters)
-        self._window_ns, self._counters = window_ns, counters
+        self._window_ns, self._counters, self._axes, self._spans = window_ns, counters, axes, spans
         self._continuity: Continuity[tuple[Integers, Array]] = Continuity(window_ns, min(window_ns, MOST_JUMP_NS))
-        self._conditioner = GapConditioner(window_ns, counters, axes)
+        self._conditioner = GapConditioner(window_ns, counters)
 
     def admit(self, times: Integers, rows: Array) -> list[tuple[Integers, Array]]:
         """Blocks to go on with, now that samples at times (n,), ns, with rows (n, 3) have come.
@@ -255,10 +271,12 @@ class _Stream:
         period_ns, batch_ns = self.rate.period_ns, BATCH_NS if band else self._window_ns
         if not (self.queue.holds(batch_ns) or (band and self.queue.ends_window(self._window_ns, period_ns))):
             return
-        self._conditioner.start(self.rate.hz, band or common_band(self.rate.hz))
+        used = band or common_band(self.rate.hz)
+        self._conditioner.start(self.rate.hz, used)
         times, rows = self.queue.pop_all()
         for stamps, values in self._conditioner.process(times, rows, self.reached_ns):
-            self._add(stamps, values, closed, self.rate.hz)
+            self._add(stamps, along(values, self._axes), closed, self.rate.hz)
+            self._add_to_span(stamps, values, used)
         self.reached_ns = int(times[-1]) + period_ns
 
     def _add(self, times: Integers, values: Array, closed: int | None, rate_hz: float) -> None:
@@ -272,3 +290,8 @@ class _Stream:
             total.add(values[:, inside])
             total.rate_hz = rate_hz
             total.settling |= settled_ns is not None and bool(times[inside][0] < settled_ns)
+
+    def _add_to_span(self, times: Integers, values: Array, band: Band) -> None:
+        settled = times >= (self._conditioner.settled_ns or 0)
+        if self._spans is not None and settled.any():
+            self._spans.add(times[settled], values[settled], band)

@@ -11,7 +11,7 @@ from tbm_gsa.comparison.changed import change_times
 from tbm_gsa.comparison.expected import lines_of_levels
 from tbm_gsa.comparison.field_side import FieldSide, reduce_field
 from tbm_gsa.comparison.levels import NeverDrivenError, OperatingHistory, machine_history, recorded_history
-from tbm_gsa.comparison.model_run import MODEL_RATE_HZ, run_model
+from tbm_gsa.comparison.model_run import run_model
 from tbm_gsa.comparison.offline import PointComparison, compare_signals
 from tbm_gsa.comparison.results import (
     ComparisonResult,
@@ -25,7 +25,7 @@ from tbm_gsa.comparison.units import unit_doubt
 from tbm_gsa.provenance import machine_file, package_versions
 from tbm_gsa.signals.intervals import CONFIDENCE
 from tbm_gsa.signals.reduction import ReducedSignal, Series, SignalReducer, one_level
-from tbm_gsa.signals.settings import Settings
+from tbm_gsa.signals.settings import MODEL_RATE_HZ, Settings
 from tbm_msgs_py.bags.metadata import is_synthetic
 from tbm_msgs_py.base.errors import InputError, RecordingError
 from tbm_msgs_py.base.fields import Vector3

@@ -8,11 +8,10 @@ from functools import cached_property
 
 import numpy as np
 
-from tbm_gsa.comparison.model_run import MODEL_RATE_HZ
 from tbm_gsa.signals.band_weights import band_weights
 from tbm_gsa.signals.conditioning import Band, Frame, common_band, compared_axes
 from tbm_gsa.signals.reduction import ReducedSignal
-from tbm_gsa.signals.settings import Settings, band_name
+from tbm_gsa.signals.settings import MODEL_RATE_HZ, Settings, band_name
 from tbm_gsa.signals.spectrum import mixed_spectrum
 from tbm_msgs_py.base.arrays import Array
 from tbm_msgs_py.base.errors import InputError
@@ -109,7 +108,15 @@ class BandReading:
                 raise InputError(f"{point}: no {self.segment_s:g} s without a gap at this level of operation")
             for axis in compared_axes(sensor.frame).values():
                 spectrum = mixed_spectrum([(total, 1.0)], axis, signal.rate_hz)
-                place = spectrum.frequency + 0.25 * spectrum.frequency[1]
-                step = spectrum.frequency[1]
-                found += [step * spectrum.density[(place >= low) & (place < high)].sum() for low, high in self.bands]
-        return np.array(found)
+                found.append(self.band_powers(float(spectrum.frequency[1]), spectrum.density))
+        return np.concatenate(found)
+
+    def band_powers(self, step_hz: float, density: Array) -> Array:
+        """Powers (b,) of the bands of a density (m,) at even frequencies."""
+        place = step_hz * (np.arange(len(density)) + 0.25)
+        return np.array([step_hz * density[(place >= low) & (place < high)].sum() for low, high in self.bands])
+
+    @property
+    def widths(self) -> Array:
+        """Powers (k,) of noise of unit density on each column, as far as bands are sharp, Hz."""
+        return np.outer(self.columns.sum(axis=1), [high - low for low, high in self.bands]).ravel()

@@ -25,6 +25,7 @@ from tbm_gsa.explanation.load_transfer import MachineMotion, machine_motion
 from tbm_gsa.explanation.ranges import DECADE, explaining_inputs
 from tbm_gsa.sensitivity.study.distributions import Distribution, LogUniform, Uniform
 from tbm_gsa.sensitivity.study.inputs import Input, InputSet
+from tbm_gsa.sensitivity.study.workers import prepare_worker
 from tbm_msgs_py.base.arrays import Array, Integers
 from tbm_msgs_py.base.errors import InputError
 from tbm_msgs_py.base.progress import CountDone
@@ -116,6 +117,11 @@ class CauseCurves:
             {code: table.only(places) for code, table in self.tables.items()},
         )
 
+    def powers_along(self, code: str, units: Array) -> tuple[Array, Array]:
+        """Gain (v, r, k) and meshes (v, k), as `LoadTransfer` has them, at places (v,) of an input's distribution."""
+        found, before = np.asarray(self._curves[code](units)), self.nominal.transfer
+        return before.gain * np.exp(found[:, 0]), before.meshes * np.exp(found[:, 2, 0])
+
     def error(self, code: str) -> Array:
         """Return the standard deviation of a band power's logarithm between the values of an input, (k,).
 
@@ -138,8 +144,8 @@ class CauseCurves:
         return item.code, float(item.distribution.to_unit(item.initial))
 
     @cached_property
-    def _curves(self) -> dict[str, Callable[[float], Array]]:
-        """By code: what a machine has over the one as it stands at a place, (4, r, k).
+    def _curves(self) -> dict[str, Callable[[float | Array], Array]]:
+        """By code: what a machine has over the one as it stands at a place, (4, r, k), or at several.
 
         Logarithms of gain, meshes (the same in every row) and spread; share that is modulated.
         """
@@ -222,8 +228,9 @@ def _computed(machine: Machine, reading: BandReading, jobs: list[Job], workers: 
     """Rows of machines, by code and number."""
     if workers == 1:
         return [((code, number), _row(machine, reading, code, value)) for code, number, value in jobs]
-    found = []
-    with ProcessPoolExecutor(workers, get_context("spawn")) as pool:
+    found, context = [], get_context("spawn")
+    life, _end_of_life = context.Pipe(duplex=False)  # they end with this process, however it goes
+    with ProcessPoolExecutor(workers, context, initializer=prepare_worker, initargs=(life,)) as pool:
         ends = {pool.submit(_row, machine, reading, code, value): (code, number) for code, number, value in jobs}
         for end in as_completed(ends):
             found.append((ends[end], end.result()))

@@ -31,6 +31,8 @@ KEPT: Final = 16
 """Files of 2 MB; the oldest goes."""
 _DAMAGED: Final = (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile, zlib.error)
 _TABLE: Final = ("unit", "gain", "modulated", "meshes", "spread")
+_SPEED_DIGITS: Final = 3
+_LOAD_DIGITS: Final = 2
 _SCATTER: Final = ("falling", "staying", "width")
 _TRANSFER: Final = ("gain", "modulated", "meshes")
 
@@ -41,6 +43,30 @@ def cache_folder() -> Path:
     return (Path(given) if given else Path(os.path.expanduser("~/.cache"))) / "tbm_monitor" / "curves"  # noqa: PTH111
 
 
+def at_operating_point(machine: Machine, speed_r_min: float, torque_kn_m: float, thrust_kn: float) -> Machine:
+    """Machine at an operating point, rounded: times that differ by less share their curves.
+
+    The loads' level is free all the same.
+    """
+    return machine.with_inputs(
+        x1=rounded(speed_r_min, _SPEED_DIGITS),
+        x2=rounded(torque_kn_m, _LOAD_DIGITS),
+        x3=rounded(thrust_kn, _LOAD_DIGITS),
+    )
+
+
+def rounded(value: float, digits: int) -> float:
+    """Value with so many significant digits."""
+    return float(f"{value:.{digits}g}")
+
+
+def kept_curves(machine: Machine, reading: BandReading) -> CauseCurves | None:
+    """Curves of a machine at its operating point and a reading, if they are on the disk, whole."""
+    with suppress(*_DAMAGED):
+        return _read(_file(machine, reading), machine, reading)
+    return None
+
+
 def cached_curves(
     machine: Machine, reading: BandReading, workers: int = WORKERS, progress: CountDone = lambda *_: None
 ) -> CauseCurves:
@@ -48,10 +74,11 @@ def cached_curves(
 
     Where the folder cannot be written they are computed each time. Parameters as those of `cause_curves`.
     """
-    path = cache_folder() / f"{_key(machine, reading)}.npz"
-    with suppress(*_DAMAGED):
-        return _read(path, machine, reading)
+    kept = kept_curves(machine, reading)
+    if kept is not None:
+        return kept
     found = cause_curves(machine, reading, workers, progress)
+    path = _file(machine, reading)
     with suppress(OSError):
         path.parent.mkdir(parents=True, exist_ok=True)
         write_whole(path, _written(found))
@@ -60,8 +87,8 @@ def cached_curves(
     return found
 
 
-def _key(machine: Machine, reading: BandReading) -> str:
-    """Digest of all that the curves come from."""
+def _file(machine: Machine, reading: BandReading) -> Path:
+    """File named by a digest of all that the curves come from."""
     parts = {
         "format": FORMAT,
         "machine": machine.description.model_dump_json(),
@@ -71,7 +98,7 @@ def _key(machine: Machine, reading: BandReading) -> str:
         },
         "version": package_versions().get("tbm_monitor", "source"),
     }
-    return hashlib.sha256(json.dumps(parts).encode()).hexdigest()[:32]
+    return cache_folder() / f"{hashlib.sha256(json.dumps(parts).encode()).hexdigest()[:32]}.npz"
 
 
 def _written(curves: CauseCurves) -> bytes:

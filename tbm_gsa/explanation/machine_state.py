@@ -72,12 +72,11 @@ class CauseGrid:
     def of(cls, curves: CauseCurves) -> CauseGrid:
         """From the curves of a machine."""
         unit = np.linspace(0.0, 1.0, VALUES)
-        codes = tuple(curves.tables)
-        found = [[curves.along(code, float(place)).transfer for place in unit] for code in codes]
+        found = [curves.powers_along(code, unit) for code in curves.tables]
         return cls(
-            tuple(curves.inputs[code] for code in codes),
-            np.array([[one.gain for one in row] for row in found]),
-            np.array([[one.meshes for one in row] for row in found]),
+            tuple(curves.inputs[code] for code in curves.tables),
+            np.array([gain for gain, _ in found]),
+            np.array([meshes for _, meshes in found]),
         )
 
     def moves(self, model: RockModel, fit: RockFit) -> Array:

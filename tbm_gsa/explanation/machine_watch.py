@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections import deque
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Final, Literal
 
@@ -23,7 +24,9 @@ RUN_LENGTH: Final = 43_200.0
 """Spans from one false alarm to the next: 30 days of minutes."""
 LIKELY: Final = 0.8
 """Probability from which a change of the rock counts, and an input is named if it leaves nothing that would alarm."""
-_REMEMBERED = 60  # spans, of which those since a change are looked at
+REMEMBERED: Final = 60
+"""Spans of which those since a change are looked at; of what was before the chart keeps 0.2 %."""
+_JUDGED = 10  # spans after a change in which what nothing explains may yet turn out to be a sensor
 _FALLEN = 0.5  # of the limit, below which an alarm is over
 _INTERVAL = 1.645
 
@@ -62,12 +65,15 @@ class MachineAlarm:
         Begin of the span at which the change began, as far as that shows.
     text : str
     sensor : SensorFault or None
+    input : str
+        Code of the input that has changed; empty where none is named.
     """
 
     kind: Literal["machine", "sensor"]
     since_ns: int
     text: str
     sensor: SensorFault | None
+    input: str = ""
 
 
 @dataclass(frozen=True)
@@ -132,6 +138,35 @@ class MachineWatch:
         self._loads = [_since(now, before, start_ns) for now, before in zip(found, self._loads, strict=True)]
         return SpanState(watching.baseline.spans, tuple(self._loads), watching.inputs, watching.alarm)
 
+    @property
+    def alarm(self) -> MachineAlarm | None:
+        """The alarm that stands."""
+        return None if self._watching is None else self._watching.alarm
+
+    @property
+    def offset(self) -> Array | None:
+        """Logarithms (k,) of the band powers over the model's as the machine was commissioned; None before it is."""
+        return None if self._watching is None else self._watching.baseline.offset
+
+    def resume(self, alarm: MachineAlarm | None, since_ns: Mapping[str, int]) -> None:
+        """Take over what spans that are not known any more have shown, after the latest ones have been added again.
+
+        Parameters
+        ----------
+        alarm : MachineAlarm or None
+            That stood then.
+        since_ns : mapping of str to int
+            Begin of the change of each group of loads that had changed.
+        """
+        self._loads = [
+            one
+            if one.since_ns is None
+            else replace(one, since_ns=min(one.since_ns, since_ns.get(one.name, one.since_ns)))
+            for one in self._loads
+        ]
+        if alarm is not None and self._watching is not None:
+            self._watching.resume(alarm)
+
 
 class _Watching:
     """What follows the baseline."""
@@ -143,25 +178,40 @@ class _Watching:
         self._chart = MachineChart(model, baseline, length)
         self._state = None if grid is None else MachineState(model, grid, self._chart)
         self._spans = np.inf  # since a change began
-        self._latest: deque[tuple[int, Array, Array]] = deque(maxlen=_REMEMBERED)
+        self._share = 0.0  # of the limit that the chart has got to
+        self._latest: deque[tuple[int, Array, Array]] = deque(maxlen=REMEMBERED)
 
     def add(self, start_ns: int, log_powers: Array) -> RockFit:
         point = self._chart.update(log_powers)
         self._latest.append((start_ns, log_powers, point.fit.residual))
         self._spans += 1.0
+        self._share = point.distance / point.limit
         if self.alarm is None and point.signals:
             since = list(self._latest)[self._changed() :]
             self._spans = float(len(since))
             self.alarm = self._judge(since[0][0], [powers for _, powers, _ in since])
-        elif point.distance < _FALLEN * point.limit:
+        elif self._share < _FALLEN:
             self.alarm, self._spans = None, np.inf
+        elif self.alarm is not None and not (self.alarm.sensor or self.alarm.input) and self._spans <= _JUDGED:
+            since = list(self._latest)[-int(self._spans) :]
+            self.alarm = self._judge(self.alarm.since_ns, [powers for _, powers, _ in since])
         if self._state is not None:
             self._state.add(point.fit)
             faulty = self.alarm is not None and self.alarm.kind == "sensor"  # nothing is known of the machine then
             self.inputs = () if faulty else self._state.inputs(self._spans)
         if self.alarm is not None and self.alarm.kind == "machine":  # the longer it stands, the better it is known
-            self.alarm = replace(self.alarm, text=self._cause(point.limit))
+            code, text = self._cause(point.limit)
+            self.alarm = replace(self.alarm, text=text, input=code)
         return point.fit
+
+    def resume(self, alarm: MachineAlarm) -> None:
+        """Take over an alarm, unless it has fallen."""
+        if self._share < _FALLEN:
+            return
+        now = self.alarm or alarm
+        if alarm.since_ns <= now.since_ns:
+            self._spans = np.inf
+        self.alarm = replace(now, since_ns=min(alarm.since_ns, now.since_ns))
 
     def _judge(self, begin_ns: int, log_powers: list[Array]) -> MachineAlarm:
         sensor = sensor_fault(self._model, self.baseline, log_powers)
@@ -171,15 +221,15 @@ class _Watching:
             return MachineAlarm("sensor", begin_ns, f"sensor: {sensor.kind} at {channel}, factor {size}", sensor)
         return MachineAlarm("machine", begin_ns, "", None)
 
-    def _cause(self, limit: float) -> str:
-        """Return what of the machine has changed, as far as it is known."""
+    def _cause(self, limit: float) -> tuple[str, str]:
+        """Return what of the machine has changed, as far as it is known: the input's code, and a line."""
         best = max(self.inputs, key=lambda one: one.probability, default=None)
         if best is not None and best.probability >= LIKELY and best.rest < limit:
             size = f"{best.value:.3g} ({best.low:.3g} to {best.high:.3g})"
-            return f"machine: {best.name} is {size}, probability {best.probability:.2f}"
+            return best.name, f"machine: {best.name} is {size}, probability {best.probability:.2f}"
         farthest = int(np.argmax(np.abs(self._chart.mean) / np.sqrt(np.diag(self._chart.covariance))))
         name = self._model.scatter.transfer.statistics[farthest].name
-        return f"machine: no single input explains it; farthest off: {name}"
+        return "", f"machine: no single input explains it; farthest off: {name}"
 
     def _changed(self) -> int:
         """Return the span at which the change began: from where the residuals lean most to where the chart has got."""

@@ -30,7 +30,7 @@ from tbm_gsa.explanation.observability_result import (
     SensorSpot,
     SimilarPair,
 )
-from tbm_gsa.explanation.ranges import explaining_inputs
+from tbm_gsa.explanation.ranges import explaining_inputs, loads_prior
 from tbm_gsa.explanation.visibility import FALSE_RATE, PROBABILITY, Visibility, step_ends
 from tbm_gsa.provenance import machine_sha256, package_versions
 from tbm_gsa.reading import MachineFile
@@ -220,9 +220,7 @@ class _Observation:
         cls, machine: Machine, equipped: Machine, reading: BandReading, settings: ObservationSettings, run: RunMachines
     ) -> _Observation:
         """Compute the machine with every input less and more."""
-        prior = machine.description.loads.factors
-        if not prior.values.all():
-            raise InputError(f"{machine.origin}: loads.factors: one is 0, allowed: positive ones, to be found again")
+        prior = loads_prior(machine)
         inputs = explaining_inputs(machine)
         ends = np.array([step_ends(item) for item in inputs.inputs]).T
         machines = (

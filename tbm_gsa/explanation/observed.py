@@ -13,6 +13,7 @@ import numpy as np
 from tbm_dynamics.loads.description import LoadFactors
 from tbm_gsa.comparison.results import ComparisonResult, SpectrumResult
 from tbm_gsa.explanation.band_reading import BandReading, Sensor
+from tbm_gsa.explanation.curve_cache import rounded
 from tbm_gsa.explanation.load_posterior import LEAST_OVER_NOISE, BandObservation, telling
 from tbm_gsa.explanation.load_scatter import LoadScatter
 from tbm_gsa.sensitivity.study.errors import StudyError
@@ -32,7 +33,7 @@ _LEAST_NOISE: Final = 1e-14
 """Density that any sensor has, m²/s⁴/Hz: 0.01 µg/√Hz, and far more than rounding."""
 _QUIETER: Final = 2.0
 """Standard deviations of the loads' prior by which a channel that should be heard may be quieter than expected."""
-_ROUNDED: Final = 3
+ROUNDED: Final = 3
 """Digits of the rate and band of a reading, so that clocks that differ by parts per million share one."""
 
 
@@ -47,11 +48,14 @@ class Observed:
         With the noise that is expected of the sensors.
     floor : ndarray, shape (k,)
         Noise as it was found in the recording, m²/s⁴/Hz.
+    measured : ndarray of int or None
+        Statistics that were measured; None: all.
     """
 
     reading: BandReading
     bands: BandObservation
     floor: Array
+    measured: Integers | None = None
 
     @classmethod
     def of(
@@ -68,8 +72,8 @@ class Observed:
         noise = np.where(np.isfinite(stated), stated, np.minimum(floor, ALIKE * float(np.median(floor))))
         noise = np.maximum(noise, _LEAST_NOISE)
         # A dead channel has no power at all: it is given that of its noise.
-        widths = np.outer(reading.columns.sum(axis=1), [high - low for low, high in reading.bands]).ravel()
-        return cls(reading, BandObservation(np.maximum(powers, widths * noise), noise, duration_s, coverage), floor)
+        bands = BandObservation(np.maximum(powers, reading.widths * noise), noise, duration_s, coverage)
+        return cls(reading, bands, floor)
 
     @cached_property
     def channels(self) -> tuple[str, ...]:
@@ -85,10 +89,12 @@ class Observed:
             Too few.
         """
         heard = telling(self.bands, scatter)
+        there = np.arange(len(self.channels)) if self.measured is None else self.measured
+        heard = np.intersect1d(heard, there)
         quiet = scatter.transfer.predict(prior.values * math.exp(-_QUIETER * prior.log_sigma))
         loud = quiet > LEAST_OVER_NOISE * scatter.width * self.bands.noise
         silent = set(self.channels) - {self.channels[place] for place in heard}
-        missed = [place for place, name in enumerate(self.channels) if name in silent and loud[place]]
+        missed = [place for place in there if self.channels[place] in silent and loud[place]]
         if len(heard) < FEWEST_TELLING:
             raise StudyError(
                 f"a verdict needs {FEWEST_TELLING} band powers above the sensors' noise, the recording has {len(heard)}"
@@ -98,8 +104,13 @@ class Observed:
     def weightless(self, used: Integers, scatter: LoadScatter) -> dict[str, str]:
         """Statistics that are not used, by name, and why."""
         noisy = self.bands.powers <= LEAST_OVER_NOISE * scatter.width * self.bands.noise
+        lacking = set() if self.measured is None else set(range(len(noisy))) - set(self.measured.tolist())
         return {
-            one.name: "noise of the sensor" if noisy[place] else "leakage of stronger bands"
+            one.name: "not measured"
+            if place in lacking
+            else "noise of the sensor"
+            if noisy[place]
+            else "leakage of stronger bands"
             for place, one in enumerate(self.reading.statistics)
             if place not in used
         }
@@ -130,7 +141,7 @@ def observed(comparison: ComparisonResult) -> Observed:
             f"a verdict needs {SHORTEST_S:g} s without a gap at one level, the recording has {recorded.min():g} s"
         )
     duration, count = max(comparison.operating_point.seconds, float(recorded.max())), len(reading.bands)
-    powers = np.concatenate([_band_powers(one, reading) for one in spectra])
+    powers = np.concatenate([reading.band_powers(one.resolution_hz, _density(one)[1]) for one in spectra])
     columns = np.repeat(reading.columns.sum(axis=1), count)
     floor = np.repeat([_floor(one, reading) for one in spectra], count) / columns
     points = [comparison.recording.points.get(one.point) for one in reading.statistics]
@@ -151,8 +162,8 @@ def _reading(comparison: ComparisonResult) -> BandReading:
     return BandReading(
         sensors=_sensors(comparison),
         bands=tuple(bands),
-        rate_hz=_round(rate),
-        band=Band(_round(lowest), _round(high_hz)),
+        rate_hz=rounded(rate, ROUNDED),
+        band=Band(rounded(lowest, ROUNDED), rounded(high_hz, ROUNDED)),
         segment_s=_segment(comparison),
     )
 
@@ -174,21 +185,9 @@ def _limits(name: str) -> tuple[float, float]:
     return float(low), float(high)
 
 
-def _round(value: float) -> float:
-    return float(f"{value:.{_ROUNDED}g}")
-
-
 def _density(spectrum: SpectrumResult) -> tuple[Array, Array]:
     density = np.array([0.0 if value is None else value for value in spectrum.density])
     return spectrum.resolution_hz * np.arange(len(density), dtype=np.float64), density
-
-
-def _band_powers(spectrum: SpectrumResult, reading: BandReading) -> Array:
-    frequency, density = _density(spectrum)
-    place = frequency + 0.25 * spectrum.resolution_hz
-    return np.array(
-        [spectrum.resolution_hz * density[(place >= low) & (place < high)].sum() for low, high in reading.bands]
-    )
 
 
 def _floor(spectrum: SpectrumResult, reading: BandReading) -> float:

@@ -6,9 +6,11 @@ from dataclasses import replace
 from typing import Final
 
 from tbm_dynamics import Machine
+from tbm_dynamics.loads.description import LoadFactors
 from tbm_dynamics.machine.inputs import input_values
 from tbm_gsa.sensitivity.study.distributions import LogUniform, Uniform
 from tbm_gsa.sensitivity.study.inputs import PAPER_INPUTS, Input, InputSet
+from tbm_msgs_py.base.errors import InputError
 
 OPERATING: Final = ("x1", "x2", "x3")
 """Known from the recording, or the machine's own: no explanation."""
@@ -25,6 +27,20 @@ def explaining_inputs(machine: Machine) -> InputSet:
         _around(item, own[item.code]) for item in PAPER_INPUTS.inputs if item.code in own and item.code not in OPERATING
     ]
     return InputSet(tuple(items))
+
+
+def loads_prior(machine: Machine) -> LoadFactors:
+    """Factors of the loads as they are known beforehand: medians, all positive, and the scatter of their logarithms.
+
+    Raises
+    ------
+    InputError
+        One that is 0.
+    """
+    prior = machine.description.loads.factors
+    if not prior.values.all():
+        raise InputError(f"{machine.origin}: loads.factors: one is 0, allowed: positive ones, to be found again")
+    return prior
 
 
 def _around(item: Input, value: float) -> Input:

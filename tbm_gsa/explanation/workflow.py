@@ -5,27 +5,23 @@ from __future__ import annotations
 import time
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Final
 
 from tbm_dynamics import Machine, load_machine
-from tbm_gsa.comparison.results import ComparisonResult
+from tbm_gsa.comparison.results import ComparisonResult, OperatingLevel
 from tbm_gsa.explanation.cause_curves import WORKERS
-from tbm_gsa.explanation.curve_cache import cached_curves
+from tbm_gsa.explanation.curve_cache import at_operating_point, cached_curves
 from tbm_gsa.explanation.joint import STEPS, inputs_posterior
 from tbm_gsa.explanation.judgement import LEAST_MODEL_ERROR, judge
-from tbm_gsa.explanation.observed import observed
+from tbm_gsa.explanation.observed import Observed, observed
 from tbm_gsa.explanation.parts import ExplanationParts, checked_powers
+from tbm_gsa.explanation.ranges import loads_prior
 from tbm_gsa.explanation.result import RESULT_NAME, Explanation, ExplanationSettings
 from tbm_gsa.provenance import machine_sha256, package_versions
-from tbm_gsa.reading import RecordingFile
+from tbm_gsa.reading import MachineFile, RecordingFile
 from tbm_gsa.sensitivity.study.errors import StudyError
 from tbm_gsa.sensitivity.study.evaluate import MachineEvaluation
 from tbm_msgs_py.base.files import write_json
 from tbm_msgs_py.base.progress import Progress
-
-_SPEED_DIGITS: Final = 3
-_LOAD_DIGITS: Final = 2
-"""Of an operating point: recordings that differ by less share their curves; the loads' level is free all the same."""
 
 
 @dataclass(frozen=True)
@@ -54,6 +50,30 @@ class ExplainOptions:
     progress: Progress = lambda *_: None
 
 
+@dataclass(frozen=True, eq=False)
+class ExplanationSource:
+    """What is to be explained, and where it comes from.
+
+    Attributes
+    ----------
+    observed : Observed
+    machine : Machine
+        At the level of operation.
+    recording : RecordingFile
+    machine_file : MachineFile
+    operating_point : OperatingLevel
+    doubts : tuple of str
+        What may be wrong with it, a line each.
+    """
+
+    observed: Observed
+    machine: Machine
+    recording: RecordingFile
+    machine_file: MachineFile
+    operating_point: OperatingLevel
+    doubts: tuple[str, ...] = ()
+
+
 def explain(comparison: ComparisonResult, folder: str | Path, options: ExplainOptions | None = None) -> Explanation:
     """Find what explains a recording.
 
@@ -69,9 +89,22 @@ def explain(comparison: ComparisonResult, folder: str | Path, options: ExplainOp
     StudyError
         A machine file that has changed since the comparison, or what a verdict needs and the recording lacks.
     """
+    source = ExplanationSource(
+        observed(comparison),
+        compared_machine(comparison),
+        RecordingFile(path=comparison.recording.path, sha256=comparison.recording.sha256),
+        comparison.machine_file,
+        comparison.operating_point,
+        comparison.doubts,
+    )
+    return explain_source(source, folder, options)
+
+
+def explain_source(source: ExplanationSource, folder: str | Path, options: ExplainOptions | None = None) -> Explanation:
+    """Find what explains band powers; parameters and errors as those of `explain`."""
     chosen, start = options or ExplainOptions(), time.perf_counter()
-    seen, machine = observed(comparison), compared_machine(comparison)
-    prior = machine.description.loads.factors
+    seen, machine = source.observed, source.machine
+    prior = loads_prior(machine)
     curves = cached_curves(
         machine, seen.reading, chosen.workers, lambda done, of: chosen.progress("curves of the inputs", done / of)
     )
@@ -89,16 +122,16 @@ def explain(comparison: ComparisonResult, folder: str | Path, options: ExplainOp
     depends = {key: evaluate.settings[key] for key in ("machine", "machine_sha256", "duration", "load_seed", "high_hz")}
     parts = ExplanationParts(found, posterior, checked_powers(found, evaluate), chosen.duration)
     result = Explanation(
-        recording=RecordingFile(path=comparison.recording.path, sha256=comparison.recording.sha256),
-        machine=comparison.machine,
-        machine_file=comparison.machine_file,
-        operating_point=comparison.operating_point,
+        recording=source.recording,
+        machine=machine.name,
+        machine_file=source.machine_file,
+        operating_point=source.operating_point,
         verdict=found.verdict,
         probabilities=dict(found.words.items()),
         loads=parts.loads(),
         sensors=parts.sensors(),
         cannot_be_told=found.blind,
-        doubts=comparison.doubts,
+        doubts=source.doubts,
         weightless=seen.weightless(found.used, curves.nominal),
         largest_deviation=parts.largest_deviation,
         observable=parts.observable(),
@@ -127,12 +160,4 @@ def compared_machine(comparison: ComparisonResult) -> Machine:
     machine = machine.with_offsets(comparison.offsets)
     if level.source == "machine":
         return machine
-    return machine.with_inputs(
-        x1=_rounded(level.speed_r_min, _SPEED_DIGITS),
-        x2=_rounded(level.torque_kn_m, _LOAD_DIGITS),
-        x3=_rounded(level.thrust_kn, _LOAD_DIGITS),
-    )
-
-
-def _rounded(value: float, digits: int) -> float:
-    return float(f"{value:.{digits}g}")
+    return at_operating_point(machine, level.speed_r_min, level.torque_kn_m, level.thrust_kn)

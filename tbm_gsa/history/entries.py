@@ -13,6 +13,8 @@ from tbm_msgs_py.base.arrays import Array
 
 SourceKind = Literal["live", "replay", "offline", "synthetic"]
 SOURCE_KINDS: Final[tuple[SourceKind, ...]] = get_args(SourceKind)
+StatePart = Literal["rock", "machine", "alarm"]
+STATE_PARTS: Final[tuple[StatePart, ...]] = get_args(StatePart)
 AXES: Final = ("x", "y", "z", "yz")
 
 
@@ -83,6 +85,71 @@ class StoredEntry:
 
     source: WindowSource
     entry: HistoryEntry
+
+
+@dataclass(frozen=True)
+class WatchSource:
+    """A watch of a machine at one level of operation.
+
+    Attributes
+    ----------
+    kind : {"live", "replay"}
+    node : str
+    machine, machine_sha256 : str
+    baseline : str
+        Name of its commissioning.
+    speed, torque, thrust : float
+        rad/s, N·m and N.
+    reading : str
+        What it reads, as JSON.
+    """
+
+    kind: SourceKind
+    node: str
+    machine: str
+    machine_sha256: str
+    baseline: str
+    speed: float
+    torque: float
+    thrust: float
+    reading: str
+
+
+@dataclass(frozen=True, slots=True)
+class StateEntry:
+    """One line of what a watch says; NaN where a number is not known.
+
+    Attributes
+    ----------
+    part : {"rock", "machine", "alarm"}
+    name : str
+        Group of loads, input of the machine, kind of the alarm.
+    value, low, high : float
+        With the 90 % interval.
+    probability : float
+        Of a change.
+    since_ns : int or None
+        Begin of it.
+    text : str
+    """
+
+    part: StatePart
+    name: str
+    value: float
+    low: float
+    high: float
+    probability: float
+    since_ns: int | None = None
+    text: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class StoredState:
+    """A line as it is read back: of which watch, and after which span."""
+
+    watch: WatchSource
+    start_ns: int
+    entry: StateEntry
 
 
 @dataclass(frozen=True)

@@ -5,7 +5,7 @@ import re
 import sqlite3
 import sys
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, fields
+from dataclasses import astuple, dataclass, fields
 from functools import lru_cache
 from pathlib import Path
 from typing import Any, Final, Self
@@ -17,16 +17,28 @@ from tbm_gsa.history.entries import (
     AXES,
     SOURCE_KINDS,
     HistoryEntry,
+    StateEntry,
     StoredEntry,
+    StoredState,
+    WatchSource,
     WindowGroup,
     WindowSource,
 )
-from tbm_gsa.history.schema import BASELINE_IS_SOUND, USUAL_ERROR_IS_SOUND, WINDOW_IS_SOUND, HistoryError
+from tbm_gsa.history.schema import (
+    BASELINE_IS_SOUND,
+    STATE_IS_SOUND,
+    USUAL_ERROR_IS_SOUND,
+    WATCH_IS_SOUND,
+    WINDOW_IS_SOUND,
+    HistoryError,
+)
 from tbm_msgs_py.base.texts import LONGEST_LINE, listed
 
 SOURCE_COLUMNS: Final = "kind, name, digest, machine, machine_sha256"
 BASELINE_COLUMNS: Final = "name, machine, machine_sha256, created_ns, since_ns, until_ns, kind"
 ENTRY_COLUMNS: Final = ", ".join(field.name for field in fields(HistoryEntry))
+WATCH_COLUMNS: Final = ", ".join(field.name for field in fields(WatchSource))
+STATE_COLUMNS: Final = ", ".join(field.name for field in fields(StateEntry))
 _COLUMNS: Final = [
     ("start_ns", "i8"),
     ("length_ns", "i8"),
@@ -191,6 +203,31 @@ class Queries:
             raise HistoryError(f"baseline {name}: of machine {listed(named)}, allowed: one of {machine}")
         return named[next(iter(named)) if machine is None else machine]
 
+    def watches(self) -> list[WatchSource]:
+        """All watches for a change of a machine, the oldest first."""
+        self._refuse(f"watches WHERE NOT ({WATCH_IS_SOUND})", "watch")
+        rows = self._connection.execute(f"SELECT {WATCH_COLUMNS} FROM watches ORDER BY id")  # noqa: S608
+        return [WatchSource(*row) for row in rows]
+
+    def spans(self, watch: WatchSource) -> list[tuple[int, bytes]]:
+        """Begin and band powers of every span that a watch is resumed from, in the order of time."""
+        chosen = f"watch IN (SELECT id FROM watches WHERE ({WATCH_COLUMNS}) = (?, ?, ?, ?, ?, ?, ?, ?, ?))"  # noqa: S608
+        self._refuse(f"spans WHERE {chosen} AND typeof(log_powers) <> 'blob'", "span", astuple(watch))
+        query = f"SELECT start_ns, log_powers FROM spans WHERE {chosen} ORDER BY start_ns"  # noqa: S608
+        return self._connection.execute(query, astuple(watch)).fetchall()
+
+    def states(self) -> list[StoredState]:
+        """Return what every watch said last, the newest last."""
+        self._refuse(f"watches WHERE NOT ({WATCH_IS_SOUND})", "watch")
+        last = "(SELECT max(start_ns) FROM states AS other WHERE other.watch = id)"
+        newest = f"watches CROSS JOIN states ON watch = id AND start_ns = {last}"  # in this order, by their keys
+        self._refuse(f"{newest} WHERE NOT ({STATE_IS_SOUND})", "state")
+        rows = self._connection.execute(
+            f"SELECT {WATCH_COLUMNS}, start_ns, {STATE_COLUMNS} FROM {newest} ORDER BY start_ns, watch, part, name"  # noqa: S608
+        )
+        count = len(fields(WatchSource))
+        return [StoredState(WatchSource(*row[:count]), row[count], _state(*row[count + 1 :])) for row in rows]
+
     def _usual(self, name: str, machine: str) -> dict[tuple[str, str], ErrorStatistics]:
         rows = self._connection.execute(
             "SELECT point, axis, mean, scatter, windows, log_mean, log_scatter FROM usual_errors "
@@ -204,6 +241,11 @@ def _window(*row: Any) -> StoredEntry:
     """Entry with its source from a row of SQLite, which keeps NaN as NULL."""
     numbers: list[Any] = [math.nan if value is None else value for value in row[7:]]
     return StoredEntry(_source(*row[:5]), HistoryEntry(sys.intern(row[5]), sys.intern(row[6]), *numbers))
+
+
+def _state(part: Any, name: str, *row: Any) -> StateEntry:
+    value, low, high, probability = (math.nan if number is None else number for number in row[:4])
+    return StateEntry(part, name, value, low, high, probability, *row[4:])
 
 
 @lru_cache(maxsize=256)

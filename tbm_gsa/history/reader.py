@@ -8,6 +8,7 @@ from typing import Final
 
 from tbm_gsa.history.queries import Queries
 from tbm_gsa.history.schema import (
+    LOOK_S,
     NO_ACCESS,
     SCHEMA_VERSION,
     HistoryError,
@@ -19,7 +20,6 @@ from tbm_gsa.history.schema import (
 
 WAIT_S: Final = 5.0  # for a program that holds the file locked
 SETTLE_S: Final = 0.5  # for the log and its index, which other programs make and remove one after the other
-LOOK_S: Final = 0.01
 WRITTEN_BY: Final = "`compare` and the analysis node write one"
 
 

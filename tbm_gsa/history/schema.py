@@ -1,13 +1,17 @@
 """The schema of the history file: what a new one holds, how an older one is brought up to date, what can be wrong."""
 
 import sqlite3
+import time
 from pathlib import Path
 from typing import Final
 
-from tbm_gsa.history.entries import AXES, SOURCE_KINDS
+from tbm_gsa.history.entries import AXES, SOURCE_KINDS, STATE_PARTS
 from tbm_msgs_py.base.errors import InputError
 from tbm_msgs_py.base.texts import LONGEST_LINE
 
+LOOK_S: Final = 0.01
+"""Between two looks at a file that another program holds."""
+LOCKED: Final = (sqlite3.SQLITE_BUSY, sqlite3.SQLITE_LOCKED)
 NO_ACCESS: Final = (sqlite3.SQLITE_CANTOPEN, sqlite3.SQLITE_READONLY)
 
 
@@ -27,14 +31,14 @@ def primary_code(error: sqlite3.Error) -> int:
 def unusable(path: Path, error: sqlite3.Error) -> HistoryError:
     """Error of a file that SQLite refuses to write, or that is no history."""
     code = primary_code(error)
-    if code in (sqlite3.SQLITE_BUSY, sqlite3.SQLITE_LOCKED):
+    if code in LOCKED:
         return HistoryLockedError(f"{path}: {error}")
     if code in NO_ACCESS:
         return HistoryError(f"{path}: {error}, allowed: a file, in a folder, that may be written")
     return HistoryError(f"{path}: not a history of tbm_monitor that can be used ({error})")
 
 
-SCHEMA_VERSION: Final = 5
+SCHEMA_VERSION: Final = 6
 APPLICATION_ID: Final = 0x54424D48  # "TBMH"
 _BASELINES: Final = """
 CREATE TABLE baselines (
@@ -72,6 +76,40 @@ _SOURCES: Final = """(
     UNIQUE (kind, name, digest, machine, machine_sha256)
 );
 """
+# Rock and machine: at each level of operation a watch, the band powers that it is resumed from, and what it said.
+_WATCHES: Final = """
+CREATE TABLE watches (
+    id INTEGER PRIMARY KEY,
+    kind TEXT NOT NULL,
+    node TEXT NOT NULL,
+    machine TEXT NOT NULL,
+    machine_sha256 TEXT NOT NULL,
+    baseline TEXT NOT NULL,
+    speed REAL NOT NULL,
+    torque REAL NOT NULL,
+    thrust REAL NOT NULL,
+    reading TEXT NOT NULL
+);
+CREATE TABLE spans (
+    watch INTEGER NOT NULL REFERENCES watches (id) ON DELETE CASCADE,
+    start_ns INTEGER NOT NULL,
+    log_powers BLOB NOT NULL,
+    PRIMARY KEY (watch, start_ns)
+) WITHOUT ROWID;
+CREATE TABLE states (
+    watch INTEGER NOT NULL REFERENCES watches (id) ON DELETE CASCADE,
+    start_ns INTEGER NOT NULL,
+    part TEXT NOT NULL,
+    name TEXT NOT NULL,
+    value REAL,
+    low REAL,
+    high REAL,
+    probability REAL,
+    since_ns INTEGER,
+    text TEXT NOT NULL,
+    PRIMARY KEY (watch, start_ns, part, name)
+) WITHOUT ROWID;
+"""
 _SCHEMA: Final = f"""
 CREATE TABLE sources {_SOURCES}
 CREATE TABLE windows (
@@ -90,6 +128,7 @@ CREATE TABLE windows (
 ) WITHOUT ROWID;
 {_BASELINES.format(kind="kind TEXT,")}
 {_USUAL_ERRORS.format(logs="log_mean REAL, log_scatter REAL,")}
+{_WATCHES}
 PRAGMA application_id = {APPLICATION_ID};
 PRAGMA user_version = {SCHEMA_VERSION};
 """
@@ -125,6 +164,10 @@ ALTER TABLE usual_errors ADD COLUMN log_mean REAL;
 ALTER TABLE usual_errors ADD COLUMN log_scatter REAL;
 PRAGMA user_version = 5;
 """,
+    5: f"""
+{_WATCHES}
+PRAGMA user_version = 6;
+""",
 }
 
 
@@ -153,6 +196,20 @@ def bring_up_to_date(version: int, connection: sqlite3.Connection) -> None:
         return
     for older in range(version, SCHEMA_VERSION):
         _run(_UPDATES[older], connection)
+
+
+def write_ahead(connection: sqlite3.Connection, wait_s: float) -> None:
+    """Let readers go on while one writes; SQLite itself does not wait for another writer here."""
+    deadline = time.monotonic() + wait_s
+    while True:
+        try:
+            connection.execute("PRAGMA journal_mode = WAL")
+        except sqlite3.OperationalError as error:
+            if primary_code(error) not in LOCKED or time.monotonic() > deadline:
+                raise
+            time.sleep(LOOK_S)
+        else:
+            return
 
 
 def _run(script: str, connection: sqlite3.Connection) -> None:
@@ -195,6 +252,23 @@ BASELINE_IS_SOUND: Final = " AND ".join(
         _texts("name", "machine", "machine_sha256"),
         _whole("created_ns", "since_ns", "until_ns"),
         f"(kind IS NULL OR kind IN {SOURCE_KINDS})",
+    )
+)
+WATCH_IS_SOUND: Final = " AND ".join(
+    (
+        f"kind IN {SOURCE_KINDS}",
+        _texts("node", "machine", "machine_sha256", "baseline"),
+        "typeof(reading) = 'text'",
+        *(f"typeof({name}) = 'real'" for name in ("speed", "torque", "thrust")),
+    )
+)
+STATE_IS_SOUND: Final = " AND ".join(
+    (
+        f"part IN {STATE_PARTS}",
+        _texts("name", "text"),
+        _whole("start_ns"),
+        _numbers("value", "low", "high", "probability"),
+        f"(since_ns IS NULL OR {_whole('since_ns')})",
     )
 )
 USUAL_ERROR_IS_SOUND: Final = " AND ".join(

@@ -9,10 +9,17 @@ from pathlib import Path
 from typing import Final
 
 from tbm_gsa.history.baseline import Baseline
-from tbm_gsa.history.entries import HistoryEntry, WindowSource
-from tbm_gsa.history.queries import BASELINE_COLUMNS, ENTRY_COLUMNS, SOURCE_COLUMNS, Queries
+from tbm_gsa.history.entries import HistoryEntry, StateEntry, WatchSource, WindowSource
+from tbm_gsa.history.queries import (
+    BASELINE_COLUMNS,
+    ENTRY_COLUMNS,
+    SOURCE_COLUMNS,
+    STATE_COLUMNS,
+    WATCH_COLUMNS,
+    Queries,
+)
 from tbm_gsa.history.reader import check_file
-from tbm_gsa.history.schema import HistoryError, bring_up_to_date, unusable, version_of
+from tbm_gsa.history.schema import HistoryError, bring_up_to_date, unusable, version_of, write_ahead
 from tbm_msgs_py.base.files import data_folder
 
 WAIT_S: Final = 5.0  # for another writer
@@ -67,7 +74,7 @@ class History(Queries):
         except (OSError, sqlite3.Error) as error:
             raise HistoryError(f"{path}: {getattr(error, 'strerror', None) or error}") from None
         try:
-            self._prepare()
+            self._prepare(wait_s)
         except sqlite3.DatabaseError as error:
             self.close()
             raise unusable(path, error) from None
@@ -75,14 +82,14 @@ class History(Queries):
             self.close()
             raise
 
-    def _prepare(self) -> None:
+    def _prepare(self, wait_s: float) -> None:
         """Check what is in the file, write the schema into an empty one, bring an older one up to date."""
         ask = self._connection.execute
         ask("PRAGMA foreign_keys = OFF")  # an update may replace a table that others refer to
         with self._transaction():  # one of several that find an empty or older file writes the schema
             bring_up_to_date(version_of(self.path, self._connection), self._connection)
         ask("PRAGMA foreign_keys = ON")
-        ask("PRAGMA journal_mode = WAL")
+        write_ahead(self._connection, wait_s)
         ask("PRAGMA synchronous = NORMAL")
 
     def add(self, source: WindowSource, entries: Iterable[HistoryEntry]) -> int:
@@ -98,8 +105,41 @@ class History(Queries):
                 count += 1
         return count
 
+    def add_span(
+        self,
+        watch: WatchSource,
+        start_ns: int,
+        log_powers: bytes,
+        states: Iterable[StateEntry],
+        first: int,
+        newest: int,
+    ) -> None:
+        """Commit a span of a watch and what the watch says after it, both or neither.
+
+        Of its spans the first so many are kept, the baseline, and the newest so many.
+        """
+        described, count = astuple(watch), len(fields(WatchSource))
+        with self._transaction() as ask:
+            found = f"SELECT id FROM watches WHERE ({WATCH_COLUMNS}) = ({', '.join('?' * count)})"  # noqa: S608
+            if ask(found, described).fetchone() is None:
+                ask(f"INSERT INTO watches ({WATCH_COLUMNS}) VALUES ({', '.join('?' * count)})", described)  # noqa: S608
+            number = ask(found, described).fetchone()[0]
+            ask("INSERT OR REPLACE INTO spans VALUES (?, ?, ?)", (number, start_ns, log_powers))
+            own = "SELECT start_ns FROM spans WHERE watch = ? ORDER BY start_ns"
+            ask(
+                f"DELETE FROM spans WHERE watch = ? AND start_ns NOT IN ({own} LIMIT ?) "  # noqa: S608
+                f"AND start_ns NOT IN ({own} DESC LIMIT ?)",
+                (number, number, first, number, newest),
+            )
+            for state in states:
+                ask(
+                    f"INSERT OR REPLACE INTO states (watch, start_ns, {STATE_COLUMNS}) "  # noqa: S608
+                    "VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?, ?)",
+                    (number, start_ns, *astuple(state)),
+                )
+
     def discard(self, node: str, since_ns: int, until_ns: int, most: int) -> int:
-        """Delete the live windows of a node among the first so many windows that begin in a span of time.
+        """Delete the live windows and states of a node among the first so many windows that begin in a span of time.
 
         Returns
         -------
@@ -113,6 +153,8 @@ class History(Queries):
             end = max(beyond[0], since_ns + 1) if beyond else until_ns
             own = "SELECT id FROM sources WHERE kind = 'live' AND name = ?"
             ask(f"DELETE {span} AND source IN ({own})", (since_ns, end, node))
+            watched = "watch IN (SELECT id FROM watches WHERE kind = 'live' AND node = ?)"
+            ask(f"DELETE FROM states WHERE start_ns >= ? AND start_ns < ? AND {watched}", (since_ns, end, node))  # noqa: S608
         return end
 
     def store_baseline(self, baseline: Baseline, *, replace: bool = False) -> None:

@@ -7,9 +7,10 @@ from datetime import UTC, datetime
 from typing import Final, cast
 
 from tbm_gsa.history.baseline import Baseline, ErrorStatistics
-from tbm_gsa.history.entries import SourceKind, StoredEntry, WindowGroup
+from tbm_gsa.history.entries import SourceKind, StatePart, StoredEntry, StoredState, WindowGroup
 from tbm_gsa.history.queries import Queries, Selection
 from tbm_gsa.reading import Maybe, Part
+from tbm_msgs_py.base.units import R_MIN
 
 _BY_SOURCE: Final = ("point", "axis", "machine", "kind")
 
@@ -125,6 +126,44 @@ class BaselineList(Part):
         return cls(path=str(history.path), baselines=tuple(map(BaselineSummary.of, history.baselines())))
 
 
+class ListedState(Part):
+    """Line of what the watch at a level of operation said last: rock, machine or alarm; times in UTC."""
+
+    start: str
+    machine: str
+    source: SourceKind
+    baseline: str
+    speed_r_min: float
+    torque_kn_m: float
+    thrust_kn: float
+    part: StatePart
+    name: str
+    value: Maybe
+    low: Maybe
+    high: Maybe
+    probability: Maybe
+    since: str | None
+    text: str
+
+    @classmethod
+    def of(cls, state: StoredState) -> ListedState:
+        """State as it is listed."""
+        watch, entry = state.watch, state.entry
+        numbers = asdict(entry)
+        since_ns = numbers.pop("since_ns")
+        return cls(
+            **numbers,
+            start=iso_time(state.start_ns),
+            machine=watch.machine,
+            source=watch.kind,
+            baseline=watch.baseline,
+            speed_r_min=watch.speed / R_MIN,
+            torque_kn_m=watch.torque / 1e3,
+            thrust_kn=watch.thrust / 1e3,
+            since=None if since_ns is None else iso_time(since_ns),
+        )
+
+
 class HistorySummary(Part):
     """A selection of a history.
 
@@ -139,6 +178,8 @@ class HistorySummary(Part):
         The newest ones. Times are ISO 8601 in UTC.
     baselines : tuple of BaselineSummary
         All of them, the oldest first.
+    states : tuple of ListedState
+        What each watch of rock and machine said last, the newest last.
     """
 
     path: str
@@ -146,6 +187,7 @@ class HistorySummary(Part):
     summary: tuple[TrendSummary, ...]
     windows: tuple[ListedWindow, ...]
     baselines: tuple[BaselineSummary, ...]
+    states: tuple[ListedState, ...] = ()
 
 
 def history_summary(history: Queries, selection: Selection, newest: int) -> HistorySummary:
@@ -158,6 +200,7 @@ def history_summary(history: Queries, selection: Selection, newest: int) -> Hist
         summary=trends,
         windows=windows,
         baselines=BaselineList.of(history).baselines,
+        states=tuple(map(ListedState.of, history.states())),
     )
 
 

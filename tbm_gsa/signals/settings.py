@@ -2,6 +2,12 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from typing import Final
+
+from tbm_dynamics.integration import DEFAULT_STEP
+
+MODEL_RATE_HZ: Final = 1.0 / DEFAULT_STEP
+"""Of the runs of the model."""
 
 
 @dataclass(frozen=True)

@@ -38,14 +38,16 @@ class WelchCollector:
     ----------
     rate_hz : float
     resolution_hz : float
-        Distance of the frequencies. Segments of a second are added up too, for a level that has no longer one.
+        Distance of the frequencies.
     level_of : callable
         Level of a segment.
+    shortest_s : float
+        Length of shorter segments that are added up too, for a level that has no longer one.
     """
 
-    def __init__(self, rate_hz: float, resolution_hz: float, level_of: LevelOf) -> None:
+    def __init__(self, rate_hz: float, resolution_hz: float, level_of: LevelOf, shortest_s: float = SHORTEST_S) -> None:
         size = round(rate_hz / resolution_hz)
-        sizes = (size, min(size, int(rate_hz * SHORTEST_S)))
+        sizes = (size, min(size, int(rate_hz * shortest_s)))
         self._rate, self._level_of = rate_hz, level_of
         self._rest = {size: (np.empty(0), np.empty((0, 3))) for size in sizes}  # what the next periodogram begins with
         self._sums: dict[tuple[int, int], SpectrumSum] = {}  # by size and level

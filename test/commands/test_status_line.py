@@ -29,6 +29,10 @@ ALARM = POINTS | {"tbm: comparison shield": comparison(0.4, alarm=1)}
         (SILENT, "7 of 40 s: 1 points, 0 compared; no alarm; logs in out/logs"),
         (POINTS, "7 of 40 s: 2 points, 2 compared, axial error 0.10 to 0.25; no alarm; logs in out/logs"),
         (ALARM, "7 of 40 s: 2 points, 2 compared, axial error 0.10 to 0.40; alarm at shield; logs in out/logs"),
+        (
+            POINTS | {"tbm: machine": (1, "x22", {"alarm": "1"})},
+            "7 of 40 s: 2 points, 2 compared, axial error 0.10 to 0.25; alarm at the machine; logs in out/logs",
+        ),
         ({"tbm: comparison x": comparison("a lot")}, "7 of 40 s: 1 points, 0 compared; no alarm; logs in out/logs"),
     ],
 )

@@ -13,6 +13,7 @@ from tbm_gsa.explanation.cause_curves import cause_curves
 from tbm_gsa.explanation.curve_cache import cache_folder, cached_curves
 from tbm_gsa.explanation.load_scatter import load_scatter
 from tbm_gsa.explanation.load_transfer import machine_motion
+from tbm_gsa.explanation.machine_state import CauseGrid
 from tbm_gsa.explanation.ranges import explaining_inputs
 from tbm_gsa.sensitivity.study.distributions import LogUniform
 from tbm_gsa.sensitivity.study.inputs import InputSet
@@ -45,6 +46,11 @@ def test_curves_pass_through_the_machines_of_their_values(machine):
         size, right = (np.sqrt(np.diag(one.covariance(factors, noise, 30.0))) for one in (found, exact))
         np.testing.assert_allclose(size, right, rtol=1e-6 if value == 1.0 else 0.15)
         np.testing.assert_allclose(found.falling, found.falling.transpose(1, 0, 3, 2))
+    grid = CauseGrid.of(curves)
+    for place in (0, 7, 20):
+        along = curves.along("x16", place / 20.0).transfer
+        np.testing.assert_allclose(grid.gain[0, place], along.gain)
+        np.testing.assert_allclose(grid.meshes[0, place], along.meshes)
     for code, value, message in (("x2", 1.0, "input 'x2', allowed: x16"), ("x16", 4.0, "x16 is 4, allowed: 0.333")):
         with pytest.raises(InputError, match=message):
             curves.at(code, value)

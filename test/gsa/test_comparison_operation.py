@@ -60,3 +60,37 @@ def test_memory_is_bounded():
         operation.add(second * SECOND, DRIVEN)
     assert len(operation._stamps) == pytest.approx(KEPT_NS / SECOND, abs=2)
     assert operation.kind(19_000 * SECOND, 19_002 * SECOND) == "steady"
+
+
+def readings(shape):
+    """Operating points each second whose torque follows a shape, (120,)."""
+    operation = LiveOperation()
+    for second, factor in enumerate(shape):
+        operation.add(second * SECOND + SECOND // 3, np.array(DRIVEN) * [1.0, factor, 1.0])
+    return operation
+
+
+@pytest.mark.parametrize(
+    ("shape", "steady"),
+    [
+        (np.ones(120), True),
+        (1.0 + 0.3 * (-1.0) ** np.arange(120), True),  # readings scatter, their means do not
+        (1.0 + 0.3 * np.random.default_rng(0).standard_normal(120), False),
+        (1.0 + 0.6 * np.arange(120) / 120.0, False),
+        (np.where(np.arange(120) < 90, 1.0, 1.2), False),
+        (np.where(np.arange(120) // 10 == 7, 0.0, 1.0), False),
+    ],
+)
+def test_a_minute_is_steady_if_its_means_of_ten_seconds_are(shape, steady):
+    level = readings(shape).level(60 * SECOND, 120 * SECOND)
+    if not steady:
+        assert level is None
+        return
+    held = shape[np.floor(np.arange(60.005, 120.0, 0.01) - 1.0 / 3.0).astype(int)]  # a hundred times a second
+    np.testing.assert_allclose(level, np.array(DRIVEN) * [1.0, held.mean(), 1.0], rtol=1e-3)
+
+
+def test_one_operating_point_holds_for_ever_and_none_is_no_level():
+    assert not LiveOperation()
+    assert LiveOperation().level(0, SECOND) is None
+    np.testing.assert_allclose(readings([1.0]).level(-60 * SECOND, 0), DRIVEN)

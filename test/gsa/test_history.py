@@ -26,6 +26,7 @@ from tbm_gsa.history import (
     make_baseline,
     recording_entries,
 )
+from tbm_gsa.history.schema import write_ahead
 from tbm_gsa.history.summary import history_summary
 
 LIVE = WindowSource("live", "/tbm/analysis_node", "", "dz101", "ab" * 32)
@@ -148,7 +149,7 @@ def test_a_file_of_version_1_is_kept_and_goes_on(old):
         assert opened.windows()[0].source == LIVE
         opened.add(LIVE, [new])
     connection = sqlite3.connect(old)
-    assert connection.execute("PRAGMA user_version").fetchone() == (5,)
+    assert connection.execute("PRAGMA user_version").fetchone() == (6,)
     written = connection.execute("SELECT field_peak, field_kurtosis FROM windows").fetchall()
     assert written == [(None, None), (None, None), (4.0, 3.5)]
     with History(old, create=False) as opened:
@@ -199,6 +200,26 @@ def test_processes_share_a_file_while_one_creates_or_migrates_it(tmp_path, old, 
     assert sqlite3.connect(path).execute("PRAGMA journal_mode").fetchone() == ("wal",)
 
 
+def test_another_writer_is_waited_for_where_sqlite_does_not():
+    class Busy:
+        """A connection to a file that another program writes to, for three looks."""
+
+        looks = 0
+
+        def execute(self, _):
+            self.looks += 1
+            if self.looks <= 3:
+                error = sqlite3.OperationalError("database is locked")
+                error.sqlite_errorcode = sqlite3.SQLITE_BUSY
+                raise error
+
+    busy = Busy()
+    write_ahead(busy, 60.0)
+    assert busy.looks == 4
+    with pytest.raises(sqlite3.OperationalError):
+        write_ahead(Busy(), -1.0)
+
+
 def test_a_reader_does_not_wait_for_a_writer(history):
     history.add(LIVE, [entry(0)])
     writer = sqlite3.connect(history.path, isolation_level=None)
@@ -236,7 +257,7 @@ def test_another_database_a_damaged_one_and_a_newer_one(tmp_path, history):
     newer.write_bytes(bytes(whole))
     with sqlite3.connect(newer) as connection:
         connection.execute("PRAGMA user_version = 99")
-    with pytest.raises(HistoryError, match=r"schema version 99, allowed: 1 to 5$"):
+    with pytest.raises(HistoryError, match=r"schema version 99, allowed: 1 to 6$"):
         History(newer)
 
 

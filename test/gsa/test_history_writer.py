@@ -151,7 +151,7 @@ def test_a_stamp_of_the_future_deletes_no_window(tmp_path, said, monkeypatch):
     [(0, "live"), (59 * SECOND, "live"), (-59 * SECOND, "live"), (61 * SECOND, "replay"), (-61 * SECOND, "replay")],
 )
 def test_a_window_is_a_replay_if_its_stamps_are_not_of_now(late, kind):
-    assert kind_of(window(7), 16 * SECOND + late) == kind
+    assert kind_of(16 * SECOND, 16 * SECOND + late) == kind
 
 
 def test_a_window_on_a_simulated_clock_is_a_replay():
@@ -160,7 +160,7 @@ def test_a_window_on_a_simulated_clock_is_a_replay():
     assert live_now(clock) == pytest.approx(time.time_ns(), abs=600 * SECOND)
     clock._set_ros_time_is_active(True)  # what `use_sim_time` does
     assert live_now(clock) is None
-    assert kind_of(window(7), None) == "replay"
+    assert kind_of(16 * SECOND, None) == "replay"
 
 
 def test_live_and_replayed_windows_are_kept_apart_through_a_lock(tmp_path, writer):

@@ -13,6 +13,7 @@ from tbm_gsa.app.nodes.live_comparison import LiveComparison, field_sensors
 from tbm_gsa.app.nodes.settings import GsaSettings
 from tbm_gsa.app.nodes.stream_health import Condition
 from tbm_gsa.comparison import dead_axes
+from tbm_gsa.explanation.live_observation import LiveObservation
 from tbm_gsa.history import live_entries
 from tbm_msgs_py import topics
 
@@ -146,3 +147,28 @@ def test_a_study_says_why_it_does_not_start(tmp_path, monkeypatch):
     (tmp_path / "file").write_text("")
     study.options = options.model_copy(update={"folder": str(tmp_path / "file")})
     assert "Not a directory" in study.start("service")
+
+
+@pytest.mark.parametrize(("code", "explanation"), [(0, "rock: all as it was"), (2, "failed: rock: all as it was")])
+def test_an_alarm_is_explained_before_its_study(tmp_path, monkeypatch, code, explanation):
+    started = []
+
+    def command(module, *arguments):
+        started.append(module.rpartition(".")[2])
+        return ["sh", "-c", f"echo rock: all as it was >&2; exit {code}"]
+
+    def ended():
+        study._process._process.wait()
+        study.poll()
+        return study.status
+
+    monkeypatch.setattr(gsa_process, "child_command", command)
+    study = GsaProcess("dz101", GsaSettings(folder=str(tmp_path)))
+    observed = LiveObservation.model_construct(powers=(1.0,))
+    assert study.start("alarm", observed=observed) == ""
+    assert (study.status.state, study.status.step, started) == ("running", "explanation", ["alarm_explanation"])
+    assert (study.status.folder / "observed.json").read_text() == '{"powers":[1.0]}'
+    status = ended()
+    assert (status.state, status.step, status.explanation) == ("running", "study", explanation)
+    assert started == ["alarm_explanation", "main"]
+    assert ended().state == "failed"  # it wrote no result

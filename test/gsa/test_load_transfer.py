@@ -11,7 +11,7 @@ import scipy.signal
 from numpy.random import default_rng
 
 from tbm_dynamics import Machine, Simulator, load_machine
-from tbm_dynamics.integration.simulator import DEFAULT_STEP
+from tbm_dynamics.integration import DEFAULT_STEP
 from tbm_dynamics.loads.density import load_density
 from tbm_dynamics.loads.description import COMPONENTS, LOAD_GROUPS, LoadFactors
 from tbm_dynamics.machine.description import MachineDescription

@@ -49,6 +49,8 @@ def test_unknown_quantity_is_refused():
         ("model/drives", False, False),
         ("model/mesh_forces", True, False),
         ("/tbm/analysis/gsa_result", True, True),
+        ("analysis/rock", True, True),
+        ("/tbm/analysis/machine", True, True),
         ("analysis/girder/model_rms", True, False),
     ],
 )

@@ -114,7 +114,13 @@ def test_windows_alarm_and_study(host_node, peer, tmp_path):
     windows = listen_to(peer, "shield")
     study = Study(peer)
     node = host_node(
-        AnalysisNode, window=0.5, threshold=0.3, threshold_windows=8, **TINY, **{"gsa.folder": tmp_path / "studies"}
+        AnalysisNode,
+        window=0.5,
+        alarm="threshold",
+        threshold=0.3,
+        threshold_windows=8,
+        **TINY,
+        **{"gsa.folder": tmp_path / "studies"},
     )
     model = peer.node.create_publisher(PointCloud2, "/tbm/model/shield/block", qos.BLOCK)
     field = peer.node.create_publisher(PointCloud2, "/tbm/field/shield/block", qos.BLOCK)
@@ -283,6 +289,7 @@ def test_alarms_are_set_against_a_baseline_of_the_history(host_node, peer, tmp_p
         window=0.5,
         history=file,
         baseline="sound",
+        alarm="threshold",
         threshold_windows=2,
         **{"alarm_axes": "['x', 'y', 'z']", "gsa.on_threshold": False},
     )
@@ -378,7 +385,8 @@ def test_frames_marks_and_stamps_that_are_none_are_said(host_node, peer, tmp_pat
 def test_a_standstill_is_no_alarm_and_blocks_go_before_samples(host_node, peer):
     """The PLC says that the machine stands; beside the blocks a driver sends single samples of the same sensor."""
     windows = listen_to(peer, "shield")
-    node = host_node(AnalysisNode, window=0.5, threshold=0.6, threshold_windows=2, **{"gsa.on_threshold": False})
+    rule = {"alarm": "threshold", "threshold": 0.6, "threshold_windows": 2, "gsa.on_threshold": False}
+    node = host_node(AnalysisNode, window=0.5, **rule)
     model = peer.node.create_publisher(PointCloud2, "/tbm/model/shield/block", qos.BLOCK)
     field = peer.node.create_publisher(PointCloud2, "/tbm/field/shield/block", qos.BLOCK)
     slow = peer.node.create_publisher(AccelStamped, "/tbm/field/shield/accel", qos.LIVE)

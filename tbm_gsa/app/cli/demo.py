@@ -171,6 +171,7 @@ def node_commands(
     """Name the three nodes, which follow the recording's clock."""
     common: dict[str, object] = {"machine": machine, "use_sim_time": True}
     study: dict[str, object] = {
+        "alarm": "threshold",  # the recording is over before a baseline is learnt
         "gsa.samples": samples,
         "gsa.test": test,
         "gsa.outputs": list(outputs) or [""],  # empty: all of them

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import math
 import re
 import time
 from datetime import UTC, datetime
+from itertools import groupby
 from pathlib import Path
 from typing import Annotated, Any  # click's contexts: typer may carry a click of its own
 
@@ -13,7 +15,7 @@ from rich.table import Table
 from typer.core import TyperGroup
 
 from tbm_dynamics import Machine, load_machine
-from tbm_gsa.app.cli.output import JSON_OPTION, add_row, named, narrow_table, notes, print_json, results
+from tbm_gsa.app.cli.output import JSON_OPTION, add_row, named, narrow_table, notes, print_json, print_sentence, results
 from tbm_gsa.history import (
     BY_ORIGIN,
     SOURCE_KINDS,
@@ -25,7 +27,7 @@ from tbm_gsa.history import (
     default_history,
     make_baseline,
 )
-from tbm_gsa.history.summary import BaselineList, BaselineSummary, HistorySummary, history_summary
+from tbm_gsa.history.summary import BaselineList, BaselineSummary, HistorySummary, ListedState, history_summary
 from tbm_gsa.provenance import machine_sha256
 from tbm_msgs_py.base.errors import InputError
 from tbm_msgs_py.base.files import check_result, write_whole
@@ -105,6 +107,9 @@ def show(
     ] = 1000,
     html: Annotated[Path | None, typer.Option(help="Write a page with trends to this file.", dir_okay=False)] = None,
     png: Annotated[Path | None, typer.Option(help="Write a picture of the trends.", dir_okay=False)] = None,
+    state: Annotated[
+        bool, typer.Option("--state", help="Print what the live watch said last of rock and machine.")
+    ] = False,
     json: Json = False,
 ) -> None:
     """List the windows of all comparisons, and plot their trends."""
@@ -127,6 +132,8 @@ def show(
         print_json(found)
     else:
         _print(found)
+        if state:
+            _print_states(found)
     for file in filter(None, (html, png)):
         notes.print(f"written: {file}", highlight=False)
 
@@ -261,6 +268,31 @@ def _print(found: HistorySummary) -> None:
     for one in found.baselines:
         results.print()
         results.print(_baseline_table(one))
+
+
+def _print_states(found: HistorySummary) -> None:
+    """Print a table of every level of operation that is watched, and its alarm."""
+    for level, states in groupby(found.states, key=_level):
+        results.print()
+        table = narrow_table(level, "part", "=name", ">value", ">90 % interval", ">probability", "since")
+        texts = []
+        for one in states:
+            value, low, high = (_figure(number) for number in (one.value, one.low, one.high))
+            since = (one.since or "")[:16]
+            add_row(table, one.part, one.name, value, f"{low} to {high}", _figure(one.probability), since)
+            texts += [f"{one.text}; since {since}"] if one.text else []
+        results.print(table)
+        for text in texts:
+            print_sentence(text)
+
+
+def _figure(value: float) -> str:
+    return f"{value:.3g}" if math.isfinite(value) else "–"
+
+
+def _level(state: ListedState) -> str:
+    point = f"{state.speed_r_min:.3g} r/min, {state.torque_kn_m:.3g} kN·m, {state.thrust_kn:.3g} kN"
+    return f"{state.machine} at {point}, after {state.start[:16]} (baseline {state.baseline})"
 
 
 def _print_baseline(baseline: Baseline, json: bool) -> None:

@@ -21,6 +21,7 @@ PERIOD_S = 60.0
 ALARM_S = 5.0
 """Between two lines there that tell of other alarms."""
 _COMPARISON = status_name("comparison ")
+_MACHINE = status_name("machine")
 
 Diagnostics = Mapping[str, tuple[int, str, Mapping[str, str]]]
 """Level, text and values by the name of the status."""
@@ -63,7 +64,8 @@ class StatusLine:
             for name, (_, _, values) in sorted(diagnostics.items())
             if name.startswith(_COMPARISON)
         }
-        alarms = [point for point, values in points.items() if values.get("alarm") == "1"]
+        watched = {"the machine": diagnostics[_MACHINE][2]} if _MACHINE in diagnostics else {}
+        alarms = [name for name, values in (points | watched).items() if values.get("alarm") == "1"]
         if self._live:
             self._live.update(Text(self._text(points, alarms, stream_time), no_wrap=True), refresh=True)
         elif self._clock() - self._printed >= (PERIOD_S if alarms == self._alarms else ALARM_S):

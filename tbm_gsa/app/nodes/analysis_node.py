@@ -1,4 +1,4 @@
-"""`analysis_node`: compares the model's stream with the recording's and starts the sensitivity analysis."""
+"""`analysis_node`: compares the model's stream with the recording's, watches the machine, starts the analyses."""
 
 from __future__ import annotations
 
@@ -17,6 +17,7 @@ from tbm_gsa.app.nodes.field_topics import FieldTopics
 from tbm_gsa.app.nodes.gsa_process import GsaProcess, GsaStatus
 from tbm_gsa.app.nodes.history_writer import HistoryWriter, live_now
 from tbm_gsa.app.nodes.live_comparison import LiveComparison, field_sensors
+from tbm_gsa.app.nodes.live_watch import LiveWatch, WatchUpdate
 from tbm_gsa.app.nodes.settings import AnalysisSettings
 from tbm_gsa.app.nodes.statuses import (
     comparison_status,
@@ -26,8 +27,11 @@ from tbm_gsa.app.nodes.statuses import (
     surrogate_quality,
 )
 from tbm_gsa.app.nodes.stream_health import Condition
+from tbm_gsa.app.nodes.watch_statuses import WatchStatuses, alarm_text
+from tbm_gsa.app.nodes.watch_store import WatchStore
 from tbm_gsa.comparison import WindowResult
 from tbm_gsa.comparison.streams import Side
+from tbm_gsa.explanation.live_observation import LiveObservation
 from tbm_gsa.history import WindowSource
 from tbm_gsa.provenance import machine_sha256
 from tbm_gsa.sensitivity.study.outputs import checked_outputs
@@ -39,7 +43,7 @@ from tbm_msgs_py.recordings.mapping import SensorMapping, contract_sensor
 
 
 class AnalysisNode(ManagedNode[AnalysisSettings]):
-    """Lifecycle node: model and field blocks in; windowed RMS, relative error and sensitivity analysis out."""
+    """Lifecycle node: model and field blocks in; levels, errors, rock and machine, and sensitivity analysis out."""
 
     def __init__(self, **options: Any) -> None:
         super().__init__("analysis_node", AnalysisSettings, **options)
@@ -58,6 +62,10 @@ class AnalysisNode(ManagedNode[AnalysisSettings]):
         self._comparison = LiveComparison(
             self._points, sensors.values(), self.settings.window, lambda text: self.get_logger().warning(text)
         )
+        by_point = {sensor.point: sensor for sensor in sensors.values()}
+        store, steady_point = WatchStore(self._history), self._comparison.steady_point
+        self._watch = LiveWatch(machine, by_point, self.settings.watch, store, steady_point)
+        self._doing: str | None = None  # what was published last of what the watch does
         self._gsa = GsaProcess(self.settings.machine, self.settings.gsa)
         self._gsa_published: GsaStatus | None = None
         self._gsa_quality: dict[str, object] = {}
@@ -85,8 +93,10 @@ class AnalysisNode(ManagedNode[AnalysisSettings]):
         """Restart with another window or alarm; a study that runs keeps its options."""
         if "window" in names:
             self._comparison.set_window(self.settings.window)
-        if not names.isdisjoint(("threshold", "threshold_windows", "alarm_axes", "baseline")):
+        if not names.isdisjoint(("alarm", "threshold", "threshold_windows", "alarm_axes", "baseline")):
             self._alarm = self._new_alarm()
+        if not names.isdisjoint(("watch.baseline", "watch.commissioning", "watch.false_alarm", "watch.workers")):
+            self._watch.set_options(self.settings.watch)
         self._gsa.options = self.settings.gsa
 
     def _open_history(self, machine: Machine) -> HistoryWriter:
@@ -104,8 +114,7 @@ class AnalysisNode(ManagedNode[AnalysisSettings]):
             for point in self._points
             for quantity in topics.ANALYSIS_QUANTITIES
         }
-        self._gsa_status = self.contract_publisher(topics.GSA_STATUS)
-        self._gsa_result = self.contract_publisher(topics.GSA_RESULT)
+        self._statuses = {name: self.contract_publisher(name) for name in topics.ANALYSIS_STATUSES}
 
     def _subscribe_model(self) -> None:
         for point in self._points:
@@ -114,8 +123,9 @@ class AnalysisNode(ManagedNode[AnalysisSettings]):
             self.contract_subscription(name, partial(self._on_operating_point, name))
 
     def activate(self) -> None:
-        """Publish the status of the sensitivity analysis."""
+        """Publish the statuses of watch and sensitivity analysis."""
         self._publish_gsa()
+        self._poll_watch()
 
     def deactivate(self) -> None:
         """End a running analysis; its store stays."""
@@ -124,8 +134,9 @@ class AnalysisNode(ManagedNode[AnalysisSettings]):
             self._publish_gsa()
 
     def cleanup(self) -> None:
-        """Close what follows the field and the history."""
+        """Close what follows the field, the watch and the history."""
         self._field_topics.close()
+        self._watch.close()
         self._history.close()
 
     def _on_model(self, sensor: SensorMapping, message: PointCloud2) -> None:
@@ -155,21 +166,49 @@ class AnalysisNode(ManagedNode[AnalysisSettings]):
                 self._on_window(result)
         except ValueError as error:  # a rate too low for a band, a stamp beyond what a message holds
             self._comparison.health.refuse(sensor.point, signal, str(error))
+        if spans := self._comparison.pop_spans():
+            self._watch.add(spans, live_now(self.get_clock()))
+            self._poll_watch()
+
+    def _poll_watch(self) -> None:
+        """Publish what the watch says when that has changed."""
+        updates = self._watch.poll()
+        for update in updates:
+            if update.raised is not None:
+                self._on_alarm(update)
+        if updates or self._watch.doing != self._doing:
+            self._doing, says = self._watch.doing, self._watch_statuses()
+            self._publish_statuses(topics.ROCK, says.rock())
+            self._publish_statuses(topics.MACHINE, says.machine_state())
+
+    def _on_alarm(self, update: WatchUpdate) -> None:
+        reason = f"{update.level.level}: {alarm_text(update.state)}"
+        if self.settings.alarm != "sequential" or update.raised is None:
+            return
+        self.get_logger().warning(reason)
+        if self._gsa.options.on_threshold:
+            self._start_gsa(reason, self._gsa.options.pause, update.level.observation(update.raised.since_ns))
+
+    def _watch_statuses(self) -> WatchStatuses:
+        return WatchStatuses.of(self.status_name, self.settings.machine, self._watch)
+
+    def _publish_statuses(self, topic: str, statuses: list[DiagnosticStatus]) -> None:
+        self._statuses[topic].publish(messages.diagnostics(self.get_clock().now().nanoseconds, statuses))
 
     def _on_window(self, result: WindowResult) -> None:
         for quantity in topics.ANALYSIS_QUANTITIES:
             message = messages.vector3(result.start_ns, getattr(result, quantity), result.point)
             self._quantities[result.point, quantity].publish(message)
         self._history.add(result, result.point in self._comparison.rotating, live_now(self.get_clock()))
-        if reason := self._alarm.update(result):
+        if self.settings.alarm == "threshold" and (reason := self._alarm.update(result)):
             self.get_logger().warning(reason)
             if self._gsa.options.on_threshold:
                 self._start_gsa(reason, self._gsa.options.pause)
 
-    def _start_gsa(self, reason: str, pause: float = 0.0) -> str:
-        """Start the sensitivity analysis; why it was not, if it was not."""
+    def _start_gsa(self, reason: str, pause: float = 0.0, observed: LiveObservation | None = None) -> str:
+        """Start the sensitivity analysis, after an explanation of what was observed; why it was not, if it was not."""
         self._poll_gsa()
-        if problem := self._gsa.start(reason, pause):
+        if problem := self._gsa.start(reason, pause, observed):
             self.get_logger().warning(f"sensitivity analysis: {problem}; not started: {reason}")
             return problem
         self._gsa_quality = {}
@@ -190,8 +229,9 @@ class AnalysisNode(ManagedNode[AnalysisSettings]):
         return response
 
     def statuses(self) -> list[DiagnosticStatus]:
-        """Comparison at every point, history and sensitivity analysis."""
+        """Comparison at every point, rock and machine, history and sensitivity analysis."""
         self._poll_gsa()
+        self._poll_watch()
         comparison, conditions = self._comparison, self._comparison.conditions(self.clock_stands)
         statuses = [
             comparison_status(
@@ -205,7 +245,8 @@ class AnalysisNode(ManagedNode[AnalysisSettings]):
             for point in self._points
         ]
         history = history_status(self.status_name("history"), self.settings.machine, self._history)
-        return [*statuses, history, self._gsa_status_now()]
+        says = self._watch_statuses()
+        return [*statuses, says.rock_summary(), says.machine_summary(), history, self._gsa_status_now()]
 
     def _gsa_status_now(self) -> DiagnosticStatus:
         name = self.status_name("sensitivity analysis")
@@ -220,7 +261,8 @@ class AnalysisNode(ManagedNode[AnalysisSettings]):
         status, before = self._gsa.status, self._gsa_published
         if status == before:
             return
-        now = self.get_clock().now().nanoseconds
+        if before is not None and status.explanation and status.explanation != before.explanation:
+            self.get_logger().info(f"explanation: {status.explanation}; {status.explanation_page or 'no page'}")
         if before is not None and before.state == "running" != status.state:
             log = self.get_logger().error if status.state == "failed" else self.get_logger().info
             log(f"sensitivity analysis {status.state}: {status.report or status.reason}")
@@ -228,6 +270,6 @@ class AnalysisNode(ManagedNode[AnalysisSettings]):
                 study, prefix = self._gsa.result(), self.status_name("sensitivity of")
                 self._gsa_quality = surrogate_quality(study)
                 statuses = gsa_result_statuses(prefix, self.settings.machine, study, status)
-                self._gsa_result.publish(messages.diagnostics(now, statuses))
-        self._gsa_status.publish(messages.diagnostics(now, [self._gsa_status_now()]))
+                self._publish_statuses(topics.GSA_RESULT, statuses)
+        self._publish_statuses(topics.GSA_STATUS, [self._gsa_status_now()])
         self._gsa_published = status

@@ -10,7 +10,7 @@ from dataclasses import replace
 from itertools import groupby
 from operator import itemgetter
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypeVar
 
 from tbm_gsa.app.nodes.settings import OFF
 from tbm_gsa.comparison import UsualRatio, WindowResult
@@ -36,6 +36,7 @@ DISCARD_S = 10.0  # between two looks for windows that are too old
 MOST_DISCARDED = 2500
 LIVE_WITHIN_NS = 60_000_000_000  # of the computer's clock; a window is complete some seconds after its end
 _DAY_NS = 86_400_000_000_000
+Result = TypeVar("Result")
 
 
 def live_now(clock: Clock) -> int | None:
@@ -43,11 +44,9 @@ def live_now(clock: Clock) -> int | None:
     return None if clock.ros_time_is_active else int(clock.now().nanoseconds)
 
 
-def kind_of(result: WindowResult, now_ns: int | None) -> SourceKind:
-    """Return the kind of a window: a replay on a simulated clock, or where its stamps are not of now."""
-    if now_ns is None or abs(now_ns - result.start_ns - result.length_ns) > LIVE_WITHIN_NS:
-        return "replay"
-    return "live"
+def kind_of(end_ns: int, now_ns: int | None) -> SourceKind:
+    """Return the kind of what ends at a time: a replay on a simulated clock, or where its stamps are not of now."""
+    return "replay" if now_ns is None or abs(now_ns - end_ns) > LIVE_WITHIN_NS else "live"
 
 
 class HistoryWriter:
@@ -139,14 +138,32 @@ class HistoryWriter:
         """Write a window in which something was measured; `now_ns` as `live_now` returns it."""
         if self._file is None:
             return
-        kind = kind_of(result, now_ns)
+        kind = kind_of(result.start_ns + result.length_ns, now_ns)
         self._waiting += ((kind, entry) for entry in live_entries(result, rotating))
         surplus = len(self._waiting) - MOST_WAITING
         if surplus > 0:
             self.lost += surplus
             del self._waiting[:surplus]
-        if self._waiting and (self._history is not None or time.monotonic() >= self._next_try):
-            self._write()
+        if self._waiting:
+            self.use(self._write)
+
+    @property
+    def source(self) -> WindowSource:
+        """The live one."""
+        return self._source
+
+    def use(self, action: Callable[[History], Result]) -> Result | None:
+        """Return the result of what is done with the open history; None where none is kept, or the file fails now."""
+        if self._file is None or (self._history is None and time.monotonic() < self._next_try):
+            return None
+        try:
+            history = self._open()
+            found = None if history is None else action(history)
+        except (HistoryError, sqlite3.Error) as error:
+            self._fail(error)
+            return None
+        self.problem = ""
+        return found
 
     def _open(self) -> History | None:
         """Open the file if it is not open yet; None where nothing is kept."""
@@ -155,22 +172,14 @@ class HistoryWriter:
             self._history = History(self._file, wait_s=WAIT_S)
         return self._history
 
-    def _write(self) -> None:
-        try:
-            history = self._open()
-            if history is None:
-                return
-            while self._waiting:
-                kind, run = next(groupby(self._waiting, key=itemgetter(0)))
-                entries = [entry for _, entry in run]
-                self.written += history.add(replace(self._source, kind=kind), entries)
-                del self._waiting[: len(entries)]
-                if kind == "live":
-                    self._discard(history, max(entry.start_ns for entry in entries))
-        except (HistoryError, sqlite3.Error) as error:
-            self._fail(error)
-            return
-        self.problem = ""
+    def _write(self, history: History) -> None:
+        while self._waiting:
+            kind, run = next(groupby(self._waiting, key=itemgetter(0)))
+            entries = [entry for _, entry in run]
+            self.written += history.add(replace(self._source, kind=kind), entries)
+            del self._waiting[: len(entries)]
+            if kind == "live":
+                self._discard(history, max(entry.start_ns for entry in entries))
 
     def _discard(self, history: History, newest_ns: int) -> None:
         """Delete a portion of the windows that are too old; from the oldest again once all have been looked through."""
@@ -190,6 +199,7 @@ class HistoryWriter:
     def close(self) -> None:
         """Close the file; what still waits is tried once more."""
         if self._waiting:
-            self._write()
+            self._next_try = -math.inf
+            self.use(self._write)
         if self._history is not None:
             self._history.close()

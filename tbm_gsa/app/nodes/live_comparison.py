@@ -12,7 +12,9 @@ from tbm_gsa.app.nodes.stream_health import Condition, StreamHealth
 from tbm_gsa.comparison import LiveOperation, StreamCounters, WindowedComparison, WindowResult
 from tbm_gsa.comparison.results import OperatingKind
 from tbm_gsa.comparison.streams import Side
+from tbm_gsa.signals.spans import SpanSpectrum
 from tbm_msgs_py import topics
+from tbm_msgs_py.base.arrays import Array
 from tbm_msgs_py.base.texts import listed
 from tbm_msgs_py.base.units import NANOSECONDS
 from tbm_msgs_py.recordings.faults import CLOCK_JUMP_NS
@@ -145,6 +147,19 @@ class LiveComparison:
             if kind in kinds:
                 return replace(result, relative_error=np.full(3, np.nan), operation=kind)
         return result
+
+    def pop_spans(self) -> dict[str, list[SpanSpectrum]]:
+        """Remove and return the spectra of the field's spans that are over, by test point of the machine."""
+        found = self._windows.pop_spans()
+        return {point: spans for point, spans in found.items() if point in self._points}
+
+    def steady_point(self, begin_ns: int, end_ns: int) -> Array | None:
+        """Mean speed, torque and thrust (3,) in SI units of a time of steady boring; None of any other.
+
+        Those of the machine; where nobody publishes them those that the loads are made with.
+        """
+        known = next(filter(None, self._operation.values()), None)
+        return None if known is None else known.level(begin_ns, end_ns)
 
     def counters(self, point: str) -> dict[Side, StreamCounters] | None:
         """Counters of both signals of a test point; None before the first sample."""

@@ -28,7 +28,7 @@ _MOST_WORKERS = max(2, os.cpu_count() or 1)
 class GsaSettings(FrozenModel):
     """The sensitivity analyses that the node starts."""
 
-    on_threshold: bool = live_parameter(True, "start the sensitivity analysis when the alarm is raised")
+    on_threshold: bool = live_parameter(True, "explain an alarm and start the sensitivity analysis when it is raised")
     pause: float = live_parameter(
         60.0, "least time from the start of a study to one that an alarm starts (min)", low=0.0, high=100000.0
     )
@@ -41,10 +41,32 @@ class GsaSettings(FrozenModel):
     folder: str = live_parameter("tbm_gsa_studies", "folder that gets one folder a study", written=True, no_path=())
 
 
+class WatchSettings(FrozenModel):
+    """The watch for a change of the machine: the sequential alarm, and what stands behind it."""
+
+    baseline: str = live_parameter(
+        "commissioning",
+        "name of the commissioning that the machine is held against; learnt where there is none of that name yet",
+    )
+    commissioning: float = live_parameter(
+        4.0, "steady boring that a baseline is learnt from, at each level of operation (h)", low=0.5, high=1000.0
+    )
+    false_alarm: float = live_parameter(
+        30.0, "mean time from one false alarm to the next, of boring (d)", low=0.1, high=3650.0
+    )
+    workers: int = live_parameter(
+        2, "processes that compute the machine at a new level of operation", low=1, high=_MOST_WORKERS
+    )
+
+
 class AnalysisSettings(MachineSettings, WritingSettings):
     """Parameters of `analysis_node`."""
 
     window: float = live_parameter(topics.WINDOW, "length of a comparison window (s)", low=0.1, high=3600.0)
+    alarm: Literal["sequential", "threshold"] = live_parameter(
+        "sequential",
+        "rule of the alarm: a sequential test for a change of the machine, or the level of a point over a threshold",
+    )
     threshold: float = live_parameter(
         topics.ERROR_THRESHOLD,
         "share by which measured and computed RMS must differ to count (1)",
@@ -66,8 +88,9 @@ class AnalysisSettings(MachineSettings, WritingSettings):
     )
     history_days: float = parameter(90.0, "age at which live windows go; 0: never (d)", low=0.0, high=36500.0)
     baseline: str = live_parameter(
-        "", "baseline in the history that alarms are set against; empty: the threshold is absolute"
+        "", "baseline in the history that the threshold is set against; empty: it is absolute"
     )
+    watch: WatchSettings = WatchSettings()
     gsa: GsaSettings = GsaSettings()
 
 

@@ -95,12 +95,14 @@ def gsa_status(name: str, machine: str, status: GsaStatus, quality: Mapping[str,
     """Where the sensitivity analysis stands, and what its surrogates were worth."""
     values: dict[str, object] = {
         "state": status.state,
+        "step": status.step,
         "done": status.done,
         "total": status.total,
         "failed": status.failed,
     }
-    paths = {"folder": status.folder, "report": status.report}
+    paths = {"folder": status.folder, "report": status.report, "explanation_page": status.explanation_page}
     values |= {key: path for key, path in paths.items() if path is not None}
+    values |= {"explanation": status.explanation} if status.explanation else {}
     values |= quality
     many = status.failed > WARNED * status.done
     level: messages.Level = "error" if status.state == "failed" else "warn" if many else "ok"

@@ -7,7 +7,7 @@ from typing import Self
 
 from tbm_dynamics import Machine, MachineError, load_machine, simulate
 from tbm_dynamics.indicators import INDICATORS
-from tbm_dynamics.integration.simulator import DEFAULT_STEP
+from tbm_dynamics.integration import DEFAULT_STEP
 from tbm_dynamics.machine.description import MachineDescription
 from tbm_dynamics.machine.sensor_place import SensorPlace
 from tbm_gsa.provenance import machine_sha256

@@ -1,0 +1,94 @@
+"""`analysis_node` watches rock and machine: half an hour of blocks, a sensor whose gain changes, the topics, a restart.
+
+The machine is one whose band powers add (`watched_spans`); what the training makes of a real one is tested elsewhere.
+"""
+
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+rclpy = pytest.importorskip("rclpy")
+
+from diagnostic_msgs.msg import DiagnosticArray  # noqa: E402
+from sensor_msgs.msg import JointState, PointCloud2  # noqa: E402
+
+from tbm_gsa.app.nodes import level_watch  # noqa: E402
+from tbm_gsa.app.nodes.analysis_node import AnalysisNode  # noqa: E402
+from tbm_msgs_py import ACCELERATION, OperatingPoint  # noqa: E402
+from tbm_msgs_py.nodes import messages, qos  # noqa: E402
+
+sys.path.append(str(Path(__file__).parents[1] / "gsa"))
+from watched_spans import MINUTE, START, curves  # noqa: E402
+
+pytestmark = pytest.mark.ros
+
+RATE, BLOCK_S, LEARNT = 50, 60, 30
+POINTS = ("shield", "girder")
+OFFSETS = np.arange(BLOCK_S * RATE) / RATE
+
+
+class Boring:
+    """Blocks of white noise of both points, a minute at a time."""
+
+    def __init__(self, peer):
+        self._peer, self._random, self._block = peer, np.random.default_rng(3), 0
+        plc = peer.publisher(JointState, "/tbm/operating_point", qos.OPERATING_POINT)
+        plc.publish(messages.operating_point_message(START, OperatingPoint(0.7, 4e6, 9e6)))
+        self._points = {point: peer.publisher(PointCloud2, f"/tbm/field/{point}/block", qos.BLOCK) for point in POINTS}
+
+    def __call__(self, minutes, shield=1.0):
+        for _ in range(minutes * 60 // BLOCK_S):
+            for point, publisher in self._points.items():
+                gain = shield if point == "shield" else 1.0
+                values = gain * self._random.standard_normal((len(OFFSETS), 3))
+                stamp = START + self._block * BLOCK_S * 10**9
+                publisher.publish(messages.block(ACCELERATION, stamp, OFFSETS, values))
+                self._peer.settle()
+            self._block += 1
+
+
+def lines(message):
+    return {status.name: {pair.key: pair.value for pair in status.values} for status in message.status}
+
+
+def test_rock_machine_and_alarm_are_published(host_node, peer, tmp_path, monkeypatch):
+    monkeypatch.setattr(level_watch, "kept_curves", lambda _, reading: curves(reading))
+    machine = peer.listen(DiagnosticArray, "/tbm/analysis/machine", qos.GSA)
+    given = {"history": tmp_path / "h.sqlite", "window": 60.0, "watch.commissioning": 0.5, "gsa.on_threshold": False}
+    node = host_node(AnalysisNode, **given)
+    node.wait_for(lambda: peer.text("tbm: machine") == "no minute of steady boring yet")
+    boring = Boring(peer)
+    boring(LEARNT + 2)  # the filters settle in the first
+    node.wait_for(lambda: peer.text("tbm: machine") == "as at the commissioning")
+    boring(4, shield=3.0)
+    node.wait_for(lambda: "sensor: gain at shield x, y, z, factor" in peer.text("tbm: machine"))
+    text = peer.text("tbm: machine")
+    assert "look at the sensor, its mounting, cable and range; rock: " in text
+    assert node.says(f"[WARNING] 6.68 r/min, 4e+03 kN·m, 9e+03 kN: {text.partition(', factor')[0]}")
+    found = lines(machine[-1])
+    assert (found["tbm: machine"]["name"], found["tbm: machine"]["alarm"]) == ("sensor", "1")
+    assert float(found["tbm: machine"]["low"]) < float(found["tbm: machine"]["value"])
+    rock = peer.listen(DiagnosticArray, "/tbm/analysis/rock", qos.GSA)  # latched: comes to the late
+    peer.wait_for(lambda: rock)
+    assert set(lines(rock[0])["tbm: rock lateral"]) == {"name", "value", "low", "high", "probability", "since"}
+    assert "out of range Min: 0.5" in peer.set_parameters("/tbm/analysis_node", watch__commissioning=0.1)[0]
+    node.close()
+
+    peer.diagnostics.clear()
+    again = host_node(AnalysisNode, **given)
+    boring(3, shield=3.0)
+    again.wait_for(lambda: "sensor: gain at shield" in peer.text("tbm: machine"))
+    since = found["tbm: machine"]["since"]
+    assert peer.value("tbm: machine", "since") == since
+    assert abs(int(np.datetime64(since[:-1], "ns")) - START - (LEARNT + 2) * MINUTE) <= 2 * MINUTE
+    assert not again.says("sensor: gain")  # it was raised before
+
+
+def test_the_rule_of_the_alarm_and_the_baseline_are_chosen(host_node, peer):
+    node = host_node(AnalysisNode, history="none", alarm="threshold")
+    (refused,) = peer.set_parameters("/tbm/analysis_node", alarm="loud")
+    assert "allowed: one of sequential, threshold" in refused
+    assert not peer.set_parameters("/tbm/analysis_node", alarm="sequential", watch__baseline="repaired")
+    node.wait_for(lambda: peer.value("tbm: machine", "alarm") == "0")
