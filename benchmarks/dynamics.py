@@ -179,6 +179,7 @@ ODD = {
     "two worn": {3: {"backlash": 450e-6, "mesh_error": 2.0}, 8: {"tooth_stiffness": 0.8, "torque_share": 1.05}},
     "two with a bad tooth": {3: {"tooth": {"fault": "crack", "share": 0.3}}, 8: {"tooth": {"fault": "missing"}}},
     "two elsewhere": {3: {"angle": 70.0}, 8: {"angle": 250.0}},
+    "two on softer seats": {3: {"seat_stiffness": 0.5}, 8: {"seat_stiffness": 0.7}},
     "two off": {3: {"off": True}, 8: {"off": True}},
 }
 """Drives of dz101 that differ."""

@@ -439,7 +439,7 @@ def test_a_multiplier_of_a_connection_that_is_not_there():
         other.with_inputs(x25=2.0)
 
 
-@settings(max_examples=20)
+@settings(max_examples=6)
 @given(torque=st.floats(500.0, 5000.0), thrust=st.floats(3000.0, 20000.0))
 def test_loads_follow_thrust_and_torque(machine, torque, thrust):
     variant = machine.with_inputs(x2=torque, x3=thrust)
