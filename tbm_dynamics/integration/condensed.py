@@ -45,8 +45,9 @@ class Condensed(Method[State]):
         split = split_basis(system)
         self._drives, self._split, self._parts = system.drives, split, _SteppedParts(split, step)
         p, c = split.shared.shape
-        self.linear, gap = system.couplings.alike, widened(system.couplings.half_gap[None], p)[0]
-        self._edges = aligned(np.where(gap > 0.0, gap, -np.inf))
+        self.linear = system.couplings.alike
+        gap, damping = system.couplings.half_gap, system.couplings.damping
+        self._own = aligned(widened(np.array([np.where(gap > 0.0, gap, -np.inf), damping - self.linear[1]]), p))
         alone = p > c  # else the patterns are all that the drives can do
         self.states = sum(len(part.linear.H) for part in split.symmetric) + alone * p * len(split.individual.linear.H)
         whole = _arrays(split, self._parts)
@@ -105,13 +106,13 @@ class Condensed(Method[State]):
         state.pattern_residual[:2] = R.transpose(0, 2, 1).reshape(2, -1)
         state.individual_residual[:2] = r - R @ W
         state.mesh_inputs[:] = start.mesh_inputs
-        state.contact_state[:] = np.where(np.isinf(self._edges), 0.0, start.flank)
+        state.contact_state[:] = np.where(np.isinf(self._own[0]), 0.0, start.flank)
         recorded = np.vstack([state.individual, state.individual_residual[1]])[:, self._recorded]
         return state, np.concatenate([state.symmetric.T.ravel(), state.pattern_residual[1], recorded.T.ravel()])
 
     def advance(self, laws: CouplingLaws, steps: Steps, state: State) -> int:
         """Advance by n steps; see `method.Method`."""
-        return int(advance(self._arrays, laws, self._edges, self._recorded, steps, state))
+        return int(advance(self._arrays, laws, self._own, self._recorded, steps, state))
 
 
 class _SteppedPart:

@@ -19,7 +19,7 @@ Contact, from r₊ ≈ 2 r₀ − r₋ in two rounds, d being the deflections an
     R₊ = W r₊                               `_into_patterns`
     D = D* + Q R₊                           `_pattern_motion`
     d = d* + q r₊ + Wᵀ D                    `_coupling_motion`
-    r₊ = F(d) − F_s − k̄ d − c ḋ             `coupling_forces`
+    r₊ = F(d) − F_s − k̄ d − c ḋ             `coupling_forces`, less c ḋ of the linear part where it differs
 
 As every drive answers the whole of r with q, Q is what the patterns' answer exceeds it by. Then the contact state of
 the meshes, 1 on the drive flank, 0 open, −1 on the back flank (`_contact_state`). Where it changes, r jumps (by the
@@ -209,12 +209,12 @@ def _coupling_motion(
 
 @njit(**_LOOPS)  # type: ignore[untyped-decorator]
 def _contact_state(
-    motion: np.ndarray, mesh_inputs: np.ndarray, edges: np.ndarray, now: np.ndarray, out: np.ndarray
+    motion: np.ndarray, mesh_inputs: np.ndarray, own: np.ndarray, now: np.ndarray, out: np.ndarray
 ) -> bool:
     """Write the contact state at the end, (2L,); returns whether it differs from that now."""
     changed = 0.0
     for i in range(len(out)):
-        deflection, gap = motion[0, i] + mesh_inputs[0, 1, i], edges[i]
+        deflection, gap = motion[0, i] + mesh_inputs[0, 1, i], own[0, i]
         out[i] = (1.0 if deflection > gap else 0.0) - (1.0 if deflection < -gap else 0.0)
         changed += 1.0 if out[i] != now[i] else 0.0
     return changed > 0.0
@@ -311,12 +311,13 @@ def _record(
 
 @njit(cache=True, error_model="numpy")  # type: ignore[untyped-decorator]
 def advance(  # noqa: PLR0912, PLR0915 - one loop: a call for each phase would cost as much as the phase
-    arrays: Arrays, laws: CouplingLaws, edges: np.ndarray, drives: np.ndarray, steps: Steps, state: State
+    arrays: Arrays, laws: CouplingLaws, own: np.ndarray, drives: np.ndarray, steps: Steps, state: State
 ) -> int:
     """Compiled `Condensed.advance`.
 
-    `edges` (2L,) are the deflections at which couplings touch, −∞ without a gap: such a one has the contact state 0.
-    `drives` are those whose individual parts are recorded.
+    `own` (2, 2L) are what each coupling has of its own: the deflection at which it touches, −∞ without a gap (such a
+    one has the contact state 0), and what its damper exceeds that of the linear part by. `drives` are those whose
+    individual parts are recorded.
     """
     (
         spans,
@@ -341,7 +342,7 @@ def advance(  # noqa: PLR0912, PLR0915 - one loop: a call for each phase would c
     residuals = (r.reshape(3, 2 * lanes), R, r_own.reshape(3, 2 * lanes))
     motion, r_end = d.reshape(2, 2 * lanes), r[2].reshape(2 * lanes)
     first = np.arange(1)[0]  # no literal: the functions would be compiled anew for it
-    unequal = np.any(torque != 0.0)
+    unequal, unlike = np.any(torque != 0.0), np.any(own[1] != 0.0)
     k = substep = 0
     while k < len(record):
         # Predict.
@@ -369,7 +370,10 @@ def advance(  # noqa: PLR0912, PLR0915 - one loop: a call for each phase would c
             _pattern_motion(numbers, couple, level, R, D_predicted, D)
             _coupling_motion(numbers, own_couple, level, W, r, D, d_predicted, d)
             coupling_forces(motion, mesh_end, first, laws, force_end, r_end)
-        changed = _contact_state(motion, mesh_end, edges, contact, contact_end)
+            if unlike:
+                for i in range(2 * lanes):
+                    r_end[i] += own[1, i] * motion[1, i]
+        changed = _contact_state(motion, mesh_end, own, contact, contact_end)
         if changed and substep == 0:
             substep = 1
             for values in residuals:

@@ -27,8 +27,8 @@ class CouplingLaws(NamedTuple):
     ----------
     statics : (2L,) ndarray
         Force at equilibrium (N, N·m).
-    constants : (3, 2L) or (4, 2L) ndarray
-        k̄ of the linear part, c, half gap; where couplings differ in c, what it exceeds that of the linear part by.
+    constants : (3, 2L) ndarray
+        k̄ of the linear part, c, half gap.
     """
 
     statics: np.ndarray
@@ -132,7 +132,7 @@ def coupling_forces(
     force: np.ndarray,
     residual: np.ndarray,
 ) -> None:
-    """Compute the forces of every coupling and what they are above the mean linear part.
+    """Compute the forces of every coupling and what they are above the mean linear part, c in it each coupling's own.
 
     Parameters
     ----------
@@ -157,6 +157,3 @@ def coupling_forces(
         total = mesh_inputs[instant, 0, i] * beyond + closed * (motion[1, i] + mesh_inputs[instant, 2, i])
         force[i] = total
         residual[i] = total - statics[i] - constants[0, i] * motion[0, i] - constants[1, i] * motion[1, i]
-    if len(constants) > 3:
-        for i in range(len(force)):
-            residual[i] += constants[3, i] * motion[1, i]

@@ -64,18 +64,17 @@ def static_start(system: System, rate: float, time_step: float, linear: np.ndarr
     rows = couplings.rows
     offset = -system.solve(system.C @ velocity + rows.T @ (couplings.damping * slope[1]))
     deflection, p = rows @ still.displacement, couplings.drives
-    beyond = couplings.damping - linear[1]
+    beyond = widened((couplings.damping - linear[1])[None], p)[0]
     laws = CouplingLaws(
         statics=widened(still.force[None], p)[0],
-        constants=widened(
-            np.array([linear[0], couplings.damping, couplings.half_gap, *([beyond] if beyond.any() else [])]), p
-        ),
+        constants=widened(np.array([linear[0], couplings.damping, couplings.half_gap]), p),
     )
     mesh_inputs = np.array([widened(np.array([stiffness[i], deflection + error[i], slope[i]]), p) for i in (0, 1)])
     force, *residual = np.empty((3, mesh_inputs.shape[2]))
     for i, place in enumerate((before.displacement - still.displacement + offset, offset)):
         motion = widened(np.array([rows @ place, rows @ velocity]), p)
         coupling_forces(motion, mesh_inputs, i, laws, force, residual[i])
+        residual[i] += beyond * motion[1]
     flank = widened(system.flank[None], p)[0]
     return Start(
         still.displacement, deflection, laws, offset, velocity, np.array(residual), mesh_inputs[1], force, flank
