@@ -123,13 +123,11 @@ def split_basis(system: System, tolerance: float = DEFAULT_TOLERANCE) -> SplitBa
 def _alike_matrices(system: System) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """M, C, K, each (n, n), with the couplings that most drives have."""
     couplings = system.couplings
-    stiffness, damping = couplings.alike - [couplings.stiffness, couplings.damping]
-    rows = couplings.rows
-    return (
-        system.M,
-        system.C + rows.T @ (damping[:, None] * rows),
-        system.K + rows.T @ (stiffness[:, None] * rows),
-    )
+    beyond = couplings.alike - [couplings.stiffness, couplings.damping]
+    if not beyond.any():
+        return system.M, system.C, system.K
+    stiffness, damping = (couplings.rows.T @ (part[:, None] * couplings.rows) for part in beyond)
+    return system.M, system.C + damping, system.K + stiffness
 
 
 def _own_torque(system: System, shared: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
