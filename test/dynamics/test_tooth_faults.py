@@ -80,6 +80,24 @@ def test_factors_of_one_drive_change_its_mesh_alone():
     assert np.array_equal(e_odd[:, others], e[:, others])
 
 
+@pytest.mark.parametrize("wedge", [60e-6, 150e-6, 400e-6])
+def test_misalignment_is_what_thin_slices_in_contact_leave(wedge):
+    # Slices of equal stiffness along the face, whose gap grows by `wedge` from one end to the other: ISO 6336-1's K_Hβ
+    # is the largest load of a slice over the mean one, at least 2 where some do not touch.
+    along = (np.arange(200_000) + 0.5) / 200_000
+
+    def load(deflection):
+        return 8.1e9 * np.maximum(deflection - wedge * along, 0.0)
+
+    deflection = np.sqrt(2.0 * wedge * 200e3 / 8.1e9)  # under 200 kN
+    assert load(deflection).mean() == pytest.approx(200e3, rel=1e-3)
+    uneven = load(deflection).max() / load(deflection).mean()
+    stiffness = (load(deflection + 1e-8) - load(deflection - 1e-8)).mean() / 2e-8
+    assert uneven > 2.0
+    found = waves({3: {"misalignment": 1.0 - 2.0 / uneven}}).mesh_stiffness
+    assert found[[2, 3]] == pytest.approx([stiffness, 8.1e9], rel=1e-3)
+
+
 TURN = 4000
 """Steps of a turn of the pinion at 0.4 s a turn."""
 
