@@ -319,22 +319,9 @@ def advance(  # noqa: PLR0912, PLR0915 - one loop: a call for each phase would c
     one has the contact state 0), and what its damper exceeds that of the linear part by. `drives` are those whose
     individual parts are recorded.
     """
-    (
-        spans,
-        transfer,
-        B,
-        push,
-        observe,
-        couple,
-        own_transfer,
-        own_push,
-        own_observe,
-        own_couple,
-        W,
-        b,
-        torque,
-        numbers,
-    ) = arrays
+    spans, transfer, B, push, observe, couple, own_transfer, own_push, own_observe, own_couple, W, b, s, numbers = (
+        arrays
+    )
     mesh_inputs, inputs, forced, record, force = steps
     z, y, r, R, r_own, contact, mesh_now, workspace = state
     z_end, y_end, D_predicted, D, d_predicted, d, force_end, contact_end, mesh_end, forced_substep = workspace
@@ -342,7 +329,7 @@ def advance(  # noqa: PLR0912, PLR0915 - one loop: a call for each phase would c
     residuals = (r.reshape(3, 2 * lanes), R, r_own.reshape(3, 2 * lanes))
     motion, r_end = d.reshape(2, 2 * lanes), r[2].reshape(2 * lanes)
     first = np.arange(1)[0]  # no literal: the functions would be compiled anew for it
-    unequal, unlike = np.any(torque != 0.0), np.any(own[1] != 0.0)
+    unequal, unlike = np.any(s != 0.0), np.any(own[1] != 0.0)
     k = substep = 0
     while k < len(record):
         # Predict.
@@ -359,7 +346,7 @@ def advance(  # noqa: PLR0912, PLR0915 - one loop: a call for each phase would c
         _observe_symmetric(numbers, observe, spans, z_end, D_predicted)
         _predict_individual(own_transfer, own_push, level, y, r_own, y_end)
         if unequal:
-            _drive_individual(b, level, torque, inputs, k, substep, y_end)
+            _drive_individual(b, level, s, inputs, k, substep, y_end)
         _observe_individual(own_observe, y_end, d_predicted)
         # Contact.
         for kind in range(2):

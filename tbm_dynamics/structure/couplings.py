@@ -135,19 +135,24 @@ def _waves(description: MachineDescription, pair: InternalPair, stages: Sequence
                 *(np.hstack([idle, box.planet_error]) for box in boxes),
             ]
         ),
-        faults=tuple(
-            FaultSeries(
-                drive=i,
-                entry=phases[i],
-                turn=pair.pinion_teeth,
-                lost=mesh.mean_stiffness
-                * touching[i]
-                / np.mean(pattern)
-                * lost_stiffness(one.tooth, pair, drive.gear.face_width, steel.elasticity, steel.poisson),
-            )
-            for i, one in enumerate(each)
-            if one.tooth
-        ),
+        faults=_faults(description, pair, phases, mesh.mean_stiffness * touching / np.mean(pattern)),
+    )
+
+
+def _faults(
+    description: MachineDescription, pair: InternalPair, phases: np.ndarray, scale: np.ndarray
+) -> tuple[FaultSeries, ...]:
+    """Faults of teeth; `scale` (p,) is each mesh's mean stiffness over Ishikawa's."""
+    width, steel = description.driveshaft.gear.face_width, description.steel
+    return tuple(
+        FaultSeries(
+            drive=i,
+            entry=phases[i],
+            turn=pair.pinion_teeth,
+            lost=scale[i] * lost_stiffness(one.tooth, pair, width, steel.elasticity, steel.poisson),
+        )
+        for i, one in enumerate(description.each_drive)
+        if one.tooth
     )
 
 
