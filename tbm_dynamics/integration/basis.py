@@ -1,10 +1,12 @@
 """The production basis: reduced symmetric and individual parts of the motion of a machine with cyclic symmetry.
 
-The drives are alike, and ring and mount lie on the axis: they feel of the drives only the sums of their motions
-weighted with 1, cos and sin of their angles (`Drives.shared`). So the motion splits exactly, whatever the number of
-drives, into
+Ring and mount lie on the axis and, where the drives are alike, feel of them only the sums of their motions weighted
+with 1, cos and sin of their angles (`Drives.shared`); one with a seat of its own is a pattern by itself. Drives differ
+in their couplings and torques: the basis is that of the couplings that most drives have (`Couplings.alike`), what a
+coupling has beyond them is a force on its drive alone. So the motion splits exactly, whatever the number of drives,
+into
 
-- symmetric parts: all other nodes, and the drives moving in those three patterns; where axial, torsional and lateral
+- symmetric parts: all other nodes, and the drives moving in those patterns; where axial, torsional and lateral
   motion are uncoupled, as in a machine round its axis, that is one part for each;
 - an individual part of each drive: what is left, in which every drive moves as if ring and mount stood still.
 
@@ -31,7 +33,7 @@ import numpy as np
 import scipy.linalg
 import scipy.sparse.csgraph
 
-from tbm_dynamics.integration.linear import INPUTS, LinearSystem, first_order, input_columns
+from tbm_dynamics.integration.linear import INPUTS, MOTORS, LinearSystem, first_order, input_columns
 from tbm_dynamics.structure.system import System
 
 DEFAULT_TOLERANCE = 3e-3
@@ -83,11 +85,16 @@ class ModalPart:
 
 @dataclass(frozen=True)
 class SplitBasis:
-    """Symmetric parts, uncoupled from each other, the individual part of a drive, and the patterns (p, c)."""
+    """Symmetric parts, uncoupled from each other, the individual part of a drive, and the patterns (p, c).
+
+    `own_torque` (p,) is what of the motors' torque the patterns do not hold: the torque on each drive's individual part
+    per unit of that on the cutterhead, all 0 where the motors share alike.
+    """
 
     symmetric: tuple[ModalPart, ...]
     individual: ModalPart
     shared: np.ndarray
+    own_torque: np.ndarray
 
 
 @lru_cache(maxsize=2)
@@ -97,16 +104,43 @@ def split_basis(system: System, tolerance: float = DEFAULT_TOLERANCE) -> SplitBa
     rows = system.couplings.rows.reshape(2, len(shared), -1)
     expand = _symmetric_unknowns(system, shared)
     patterns = np.einsum("ic,kin->kcn", shared, rows).reshape(-1, system.size) @ expand
-    M, C, K = (expand.T @ matrix @ expand for matrix in (system.M, system.C, system.K))
+    alike = _alike_matrices(system)
+    M, C, K = (expand.T @ matrix @ expand for matrix in alike)
     meshes = np.arange(2 * shared.shape[1]) < shared.shape[1]
     whole = _Problem(M, C, K, expand.T @ input_columns(system), patterns, meshes)
     symmetric = [
         _reduced(whole.restricted(unknowns), expand[:, unknowns], tolerance) for unknowns in whole.components()
     ]
-    first, turn = system.drives.dofs[0], system.drives.turns[0]
-    M, C, K = (turn @ matrix[np.ix_(first, first)] @ turn.T for matrix in (system.M, system.C, system.K))
-    individual = _Problem(M, C, K, np.zeros((len(first), INPUTS)), rows[:, 0, first] @ turn.T, np.array([True, False]))
-    return SplitBasis(tuple(symmetric), _reduced(individual, np.eye(len(first)), tolerance), shared)
+    usual = min(set(range(len(shared))) - set(system.drives.odd))
+    own, turn = system.drives.dofs[usual], system.drives.turns[usual]
+    M, C, K = (turn @ matrix[np.ix_(own, own)] @ turn.T for matrix in alike)
+    inputs = np.zeros((len(own), INPUTS))
+    inputs[:, MOTORS], own_torque = _own_torque(system, shared)
+    individual = _Problem(M, C, K, inputs, rows[:, usual, own] @ turn.T, np.array([True, False]))
+    return SplitBasis(tuple(symmetric), _reduced(individual, np.eye(len(own)), tolerance), shared, own_torque)
+
+
+def _alike_matrices(system: System) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """M, C, K, each (n, n), with the couplings that most drives have."""
+    couplings = system.couplings
+    beyond = couplings.alike - [couplings.stiffness, couplings.damping]
+    if not beyond.any():
+        return system.M, system.C, system.K
+    stiffness, damping = (couplings.rows.T @ (part[:, None] * couplings.rows) for part in beyond)
+    return system.M, system.C + damping, system.K + stiffness
+
+
+def _own_torque(system: System, shared: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Direction of a motor's torque in the axes of its drive (d,), and what of it is beyond the patterns (p,)."""
+    drives = system.drives
+    forces = np.einsum("pij,pj->pi", drives.turns, system.motor_pattern[drives.dofs])
+    beyond = forces - shared @ (shared.T @ forces)
+    strongest = forces[np.abs(forces).max(axis=1).argmax()]
+    direction = strongest / np.linalg.norm(strongest)
+    torque = beyond @ direction
+    if np.abs(torque).max() <= _UNCOUPLED * np.abs(forces).max():
+        return np.zeros_like(direction), np.zeros_like(torque)
+    return direction, torque
 
 
 @dataclass(frozen=True)

@@ -10,6 +10,8 @@ each drive acts on that drive alone, with the same few numbers for all (`basis`)
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import scipy.linalg
 
@@ -43,6 +45,9 @@ class Condensed(Method[State]):
         split = split_basis(system)
         self._drives, self._split, self._parts = system.drives, split, _SteppedParts(split, step)
         p, c = split.shared.shape
+        self.linear = system.couplings.alike
+        gap, damping = system.couplings.half_gap, system.couplings.damping
+        self._own = aligned(widened(np.array([np.where(gap > 0.0, gap, -np.inf), damping - self.linear[1]]), p))
         alone = p > c  # else the patterns are all that the drives can do
         self.states = sum(len(part.linear.H) for part in split.symmetric) + alone * p * len(split.individual.linear.H)
         whole = _arrays(split, self._parts)
@@ -65,7 +70,7 @@ class Condensed(Method[State]):
         split, parts = self._split, self._parts
         pairs = self._arrays.transfer.shape[2]
         size = 2 * pairs
-        symmetric = np.zeros((size + 2 * PATTERNS, 2 * len(dofs)))
+        symmetric = np.zeros((size + 2 * len(self._arrays.numbers), 2 * len(dofs)))
         inputs = np.zeros((INPUTS, 2 * len(dofs)))
         for part, stepped, places in zip(split.symmetric, parts.symmetric, parts.places, strict=True):
             by_state, by_coupling, by_input = _observed(stepped, part, part.shapes[dofs])
@@ -78,7 +83,9 @@ class Condensed(Method[State]):
             places, outputs = np.nonzero(self._drives.dofs[i][:, None] == dofs)
             shapes = np.zeros((len(dofs), split.individual.shapes.shape[1]))
             shapes[outputs] = (self._drives.turns[i].T @ split.individual.shapes)[places]
-            rows += _observed(parts.individual, split.individual, shapes)[:2]
+            by_state, by_coupling, by_input = _observed(parts.individual, split.individual, shapes)
+            rows += [by_state, by_coupling]
+            inputs[split.individual.inputs] += split.own_torque[i] * by_input
         return np.vstack([*rows, inputs])
 
     def start(self, start: Start) -> tuple[State, np.ndarray]:
@@ -99,13 +106,13 @@ class Condensed(Method[State]):
         state.pattern_residual[:2] = R.transpose(0, 2, 1).reshape(2, -1)
         state.individual_residual[:2] = r - R @ W
         state.mesh_inputs[:] = start.mesh_inputs
-        state.contact_state.reshape(2, lanes)[:, :p] = 1.0  # the motors hold the meshes on the drive flank
+        state.contact_state[:] = np.where(np.isinf(self._own[0]), 0.0, start.flank)
         recorded = np.vstack([state.individual, state.individual_residual[1]])[:, self._recorded]
         return state, np.concatenate([state.symmetric.T.ravel(), state.pattern_residual[1], recorded.T.ravel()])
 
     def advance(self, laws: CouplingLaws, steps: Steps, state: State) -> int:
         """Advance by n steps; see `method.Method`."""
-        return int(advance(self._arrays, laws, self._recorded, steps, state))
+        return int(advance(self._arrays, laws, self._own, self._recorded, steps, state))
 
 
 class _SteppedPart:
@@ -179,10 +186,11 @@ def _pattern_places(part: ModalPart, patterns: int, times: int) -> np.ndarray:
 def _arrays(split: SplitBasis, parts: _SteppedParts) -> Arrays:
     """Arrays of a step of one length; `_with_substep` makes those of the kernel from two."""
     p, c = split.shared.shape
+    P = max(PATTERNS, c)
     pairs = sum(len(places) for places in parts.places) // 2
-    push, observe, forced = (np.zeros((rows, 2 * pairs)) for rows in (6 * PATTERNS, 4 * PATTERNS, 2 * INPUTS))
-    couple = np.zeros((4 * PATTERNS, 2 * PATTERNS))
-    spans = np.zeros((PATTERNS, 2), dtype=np.uintp)  # unsigned: the kernel's loops then need no check for wrapping
+    push, observe, forced = (np.zeros((rows, 2 * pairs)) for rows in (6 * P, 4 * P, 2 * INPUTS))
+    couple = np.zeros((4 * P, 2 * P))
+    spans = np.zeros((P, 2), dtype=np.uintp)  # unsigned: the kernel's loops then need no check for wrapping
     for part, stepped, places in zip(split.symmetric, parts.symmetric, parts.places, strict=True):
         motions, ends = _pattern_places(part, c, 2), _pattern_places(part, c, 1)
         observe[np.ix_(motions, places)] = stepped.observe
@@ -199,28 +207,36 @@ def _arrays(split: SplitBasis, parts: _SteppedParts) -> Arrays:
         spans=spans,
         transfer=np.hstack([stepped.transfer for stepped in parts.symmetric]),
         forced=forced,
-        push=push.reshape(PATTERNS, 6, 2, pairs),
-        observe=aligned(observe.reshape(PATTERNS, 4, 2, pairs)),
+        push=push.reshape(P, 6, 2, pairs),
+        observe=aligned(observe.reshape(P, 4, 2, pairs)),
         # What is left of the patterns' couplings when every drive answers the whole residual as its own part does.
-        couple=couple - np.kron(np.eye(PATTERNS), own_couple),
+        couple=couple - np.kron(np.eye(P), own_couple),
         own_transfer=own.transfer,
         own_push=own.push,
         own_observe=aligned(own.observe),
         own_couple=own_couple,
-        patterns=aligned(np.vstack([patterns, np.zeros((PATTERNS - c, patterns.shape[1]))])),
+        patterns=aligned(np.vstack([patterns, np.zeros((P - c, patterns.shape[1]))])),
+        own_forced=own.load if len(split.individual.inputs) else np.zeros((len(own.push), 2)),
+        own_torque=aligned(widened(split.own_torque[None], p)[0]),
+        numbers=tuple(range(P)),
     )
 
 
 def _with_substep(whole: Arrays, substep: Arrays) -> Arrays:
     """Arrays of a whole step, and for what depends on its length those of a substep beside them."""
-    values = zip(Arrays._fields, whole, substep, strict=True)
-    return Arrays(*(aligned(np.array([a, b])) if name in BY_LENGTH else a for name, a, b in values))
+    both: dict[str, Any] = {
+        name: aligned(np.array([getattr(whole, name), getattr(substep, name)])) for name in BY_LENGTH
+    }
+    return whole._replace(**both)
 
 
 def _mesh_gain(system: System, arrays: Arrays) -> np.ndarray:
     """Return what the residual of open meshes at the end adds to itself, for the patterns and an individual part."""
-    k = system.drives.shared.shape[1]
-    law = np.array([system.couplings.stiffness[0], 0.0, system.couplings.damping[0], 0.0])
+    patterns, P = system.drives.shared.shape[1], len(arrays.numbers)
+    k, c = system.couplings.alike[:, 0]
+    beyond = np.abs(system.couplings.stiffness[: system.couplings.drives] - k).max()
+    law = np.array([max(k, beyond), 0.0, c, 0.0])
     individual = law @ arrays.own_couple[:, 0]
-    symmetric = np.einsum("q,aqbk->abk", law, arrays.couple.reshape(PATTERNS, 4, PATTERNS, 2))[:k, :k, 0]
-    return np.asarray(scipy.linalg.block_diag(symmetric + individual * np.eye(k), individual))
+    symmetric = np.einsum("q,aqbk->abk", law, arrays.couple.reshape(P, 4, P, 2))
+    symmetric = symmetric[:patterns, :patterns, 0] + individual * np.eye(patterns)
+    return np.asarray(scipy.linalg.block_diag(symmetric, individual))

@@ -15,9 +15,9 @@ import numpy as np
 from tbm_dynamics.integration.lanes import aligned
 
 PATTERNS = 3
-"""Places for the patterns of the drives: 1, cos and sin; idle ones are zero."""
+"""Least places P for the patterns of the drives: 1, cos and sin, idle ones zero; a drive with own seats adds one."""
 
-BY_LENGTH = ("transfer", "forced", "push", "couple", "own_transfer", "own_push", "own_couple")
+BY_LENGTH = ("transfer", "forced", "push", "couple", "own_transfer", "own_push", "own_couple", "own_forced")
 """Arrays that depend on the length of a step."""
 
 
@@ -26,22 +26,28 @@ class Arrays(NamedTuple):
 
     Attributes
     ----------
-    spans : (3, 2) ndarray of unsigned int
+    spans : (P, 2) ndarray of unsigned int
         Pairs from and to which each pattern acts: those of the part that holds it.
     transfer : (2, 4, M) ndarray
         Action of a step on the pairs of the symmetric parts (A).
     forced : (2, 14, 2M) ndarray
         What the inputs at the end and at the start add to the pairs (B).
-    push : (2, 3, 6, 2, M) ndarray
+    push : (2, P, 6, 2, M) ndarray
         What the residual in a pattern, a step before, now and at the end, adds to the pairs (P₋, P₀, P₊).
-    observe : (3, 4, 2, M) ndarray
+    observe : (P, 4, 2, M) ndarray
         Coupling motion of a pattern from the pairs (O).
-    couple : (2, 12, 6) ndarray
+    couple : (2, 4P, 2P) ndarray
         What the residual at the end adds to the motion of the patterns beyond what it adds to every drive (Q).
     own_transfer : (2, 4, n/2), own_push : (2, n, 6), own_observe : (4, n), own_couple : (2, 4, 2) ndarray
         The same for the individual part of every drive (a, p, o, q).
-    patterns : (3, L) ndarray
+    patterns : (P, L) ndarray
         The patterns (W), orthonormal.
+    own_forced : (2, n, 2) ndarray
+        What torque at the end and at the start adds to an individual part (b).
+    own_torque : (L,) ndarray
+        Torque on the individual part of each drive per unit of that on the cutterhead (s°).
+    numbers : tuple of P int
+        Of the patterns.
     """
 
     spans: np.ndarray
@@ -55,6 +61,9 @@ class Arrays(NamedTuple):
     own_observe: np.ndarray
     own_couple: np.ndarray
     patterns: np.ndarray
+    own_forced: np.ndarray
+    own_torque: np.ndarray
+    numbers: tuple[int, ...]
 
 
 class Workspace(NamedTuple):
@@ -64,7 +73,7 @@ class Workspace(NamedTuple):
     ----------
     symmetric : (2, M), individual : (n, L) ndarray
         States without the residual at the end (z*, y*).
-    predicted_pattern, pattern_motion : (12,) ndarray
+    predicted_pattern, pattern_motion : (4P,) ndarray
         Coupling motion of the patterns without the residual at the end, and with it (D*, D).
     predicted, motion : (4, L) ndarray
         Coupling motion of every drive, the same (d*, d).
@@ -99,12 +108,12 @@ class State(NamedTuple):
         States of the drives' individual parts (y).
     residual : (3, 2, L) ndarray
         Residual force of every coupling a step before, now and at the end (r).
-    pattern_residual : (3, 6) ndarray
+    pattern_residual : (3, 2P) ndarray
         The same in the patterns (R).
     individual_residual : (3, 2, L) ndarray
         The same beyond the patterns (r°).
     contact_state : (2L,) ndarray
-        1 on the drive flank, 0 open, −1 on the back flank.
+        1 on the drive flank, 0 open, −1 on the back flank; always 0 without a gap.
     mesh_inputs : (3, 2L) ndarray
         Of the couplings now.
     workspace : Workspace
@@ -122,7 +131,8 @@ class State(NamedTuple):
 
 def zero_state(arrays: Arrays) -> State:
     """State without motion and force, with its workspace."""
-    pairs, lanes, n = arrays.transfer.shape[2], arrays.patterns.shape[1], arrays.own_push.shape[1]
+    pairs, n = arrays.transfer.shape[2], arrays.own_push.shape[1]
+    patterns, lanes = arrays.patterns.shape
 
     def zeros(*shape: int) -> np.ndarray:
         return aligned(np.zeros(shape))
@@ -131,15 +141,15 @@ def zero_state(arrays: Arrays) -> State:
         symmetric=zeros(2, pairs),
         individual=zeros(n, lanes),
         residual=zeros(3, 2, lanes),
-        pattern_residual=zeros(3, 2 * PATTERNS),
+        pattern_residual=zeros(3, 2 * patterns),
         individual_residual=zeros(3, 2, lanes),
         contact_state=zeros(2 * lanes),
         mesh_inputs=zeros(3, 2 * lanes),
         workspace=Workspace(
             symmetric=zeros(2, pairs),
             individual=zeros(n, lanes),
-            predicted_pattern=zeros(4 * PATTERNS),
-            pattern_motion=zeros(4 * PATTERNS),
+            predicted_pattern=zeros(4 * patterns),
+            pattern_motion=zeros(4 * patterns),
             predicted=zeros(4, lanes),
             motion=zeros(4, lanes),
             force=zeros(2 * lanes),

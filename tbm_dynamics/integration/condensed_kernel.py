@@ -11,6 +11,7 @@ Predict, all that does not depend on r₊:
     z* = A z + B u + P₋ R₋ + P₀ R₀          `_transfer_symmetric`, `_push_known`
     D* = O z*                               `_observe_symmetric`
     y* = a y + p₋ r°₋ + p₀ r°₀              `_predict_individual`
+    y* += b s° u                            `_drive_individual`, only where the motors share unequally
     d* = o y*                               `_observe_individual`
 
 Contact, from r₊ ≈ 2 r₀ − r₋ in two rounds, d being the deflections and rates of the couplings:
@@ -18,13 +19,13 @@ Contact, from r₊ ≈ 2 r₀ − r₋ in two rounds, d being the deflections an
     R₊ = W r₊                               `_into_patterns`
     D = D* + Q R₊                           `_pattern_motion`
     d = d* + q r₊ + Wᵀ D                    `_coupling_motion`
-    r₊ = F(d) − F_s − k̄ d − c ḋ             `coupling_forces`
+    r₊ = F(d) − F_s − k̄ d − c ḋ             `coupling_forces`, less c ḋ of the linear part where it differs
 
-As every drive answers the whole of r with q, Q is what the patterns' answer exceeds it by. Then the contact state, 1 on
-the drive flank, 0 open, −1 on the back flank (`_contact_state`). Where it changes, r jumps (by the damper) or turns (by
-the spring): the step is discarded and taken again in 32 substeps, u and the mesh inputs linear between its ends
-(`_substep_inputs`), r₋ moved along its line to a substep before (`_move_before`). After the substep that holds the jump
-the quadratic begins anew, r₋ = r₊.
+As every drive answers the whole of r with q, Q is what the patterns' answer exceeds it by. Then the contact state of
+the meshes, 1 on the drive flank, 0 open, −1 on the back flank (`_contact_state`). Where it changes, r jumps (by the
+damper) or turns (by the spring): the step is discarded and taken again in 32 substeps, u and the mesh inputs linear
+between its ends (`_substep_inputs`), r₋ moved along its line to a substep before (`_move_before`). After the substep
+that holds the jump the quadratic begins anew, r₋ = r₊.
 
 Correct:
 
@@ -43,8 +44,9 @@ import math
 import numpy as np
 from numba import njit
 
-from tbm_dynamics.integration.condensed_arrays import PATTERNS, Arrays, State
+from tbm_dynamics.integration.condensed_arrays import Arrays, State
 from tbm_dynamics.integration.laws import CouplingLaws, coupling_forces
+from tbm_dynamics.integration.linear import INPUTS, MOTORS
 from tbm_dynamics.integration.method import Steps
 
 SUBSTEPS = 32
@@ -53,6 +55,7 @@ SUBSTEPS = 32
 # A round shrinks the error of the residual by about (ω_mesh τ)²/6.
 _ROUNDS = 2
 
+# The numbers of the patterns are a tuple: its length is a constant of the compiled code, one for each length.
 # No slices of arrays within the steps: each would be counted as a reference. Dot products may be summed in vectors:
 # their length is fixed, so each is always summed in the same order.
 _INNER = {"cache": True, "no_cpython_wrapper": True, "no_cfunc_wrapper": True, "error_model": "numpy"}
@@ -73,9 +76,11 @@ def _transfer_symmetric(
 
 
 @njit(**_LOOPS)  # type: ignore[untyped-decorator]
-def _push_known(rows: np.ndarray, level: int, spans: np.ndarray, R: np.ndarray, out: np.ndarray) -> None:
+def _push_known(
+    numbers: tuple[int, ...], rows: np.ndarray, level: int, spans: np.ndarray, R: np.ndarray, out: np.ndarray
+) -> None:
     """Add P₋ R₋ + P₀ R₀ to out (2, M)."""
-    for q in range(PATTERNS):
+    for q in range(len(numbers)):
         a, b, c, d = R[0, 2 * q], R[0, 2 * q + 1], R[1, 2 * q], R[1, 2 * q + 1]
         for half in range(2):
             for j in range(spans[q, 0], spans[q, 1]):
@@ -84,9 +89,11 @@ def _push_known(rows: np.ndarray, level: int, spans: np.ndarray, R: np.ndarray, 
 
 
 @njit(**_LOOPS)  # type: ignore[untyped-decorator]
-def _push_end(rows: np.ndarray, level: int, spans: np.ndarray, R: np.ndarray, out: np.ndarray) -> None:
+def _push_end(
+    numbers: tuple[int, ...], rows: np.ndarray, level: int, spans: np.ndarray, R: np.ndarray, out: np.ndarray
+) -> None:
     """Add P₊ R₊ to out (2, M)."""
-    for q in range(PATTERNS):
+    for q in range(len(numbers)):
         e, f = R[2, 2 * q], R[2, 2 * q + 1]
         for half in range(2):
             for j in range(spans[q, 0], spans[q, 1]):
@@ -94,9 +101,11 @@ def _push_end(rows: np.ndarray, level: int, spans: np.ndarray, R: np.ndarray, ou
 
 
 @njit(**_SUMS)  # type: ignore[untyped-decorator]
-def _observe_symmetric(matrix: np.ndarray, spans: np.ndarray, pairs: np.ndarray, out: np.ndarray) -> None:
-    """Write D* = O z*, (12,)."""
-    for q in range(PATTERNS):
+def _observe_symmetric(
+    numbers: tuple[int, ...], matrix: np.ndarray, spans: np.ndarray, pairs: np.ndarray, out: np.ndarray
+) -> None:
+    """Write D* = O z*, (4P,)."""
+    for q in range(len(numbers)):
         w = x = y = z = 0.0
         for j in range(spans[q, 0], spans[q, 1]):
             first, second = pairs[0, j], pairs[1, j]
@@ -123,6 +132,20 @@ def _predict_individual(
 
 
 @njit(**_LOOPS)  # type: ignore[untyped-decorator]
+def _drive_individual(
+    forced: np.ndarray, level: int, torque: np.ndarray, inputs: np.ndarray, k: int, substep: int, out: np.ndarray
+) -> None:
+    """Add b s° u to out (n, L), u the motors' torque at the end of the step or substep and at its start."""
+    before, after = inputs[k, INPUTS + MOTORS], inputs[k, MOTORS]
+    start = before + (substep - 1.0) / SUBSTEPS * (after - before) if substep else before
+    end = before + substep / SUBSTEPS * (after - before) if substep else after
+    for row in range(forced.shape[1]):
+        added = forced[level, row, 0] * end + forced[level, row, 1] * start
+        for i in range(len(torque)):
+            out[row, i] += added * torque[i]
+
+
+@njit(**_LOOPS)  # type: ignore[untyped-decorator]
 def _observe_individual(weights: np.ndarray, rows: np.ndarray, out: np.ndarray) -> None:
     """Write d* = o y*, (4, L); n even."""
     for i in range(rows.shape[1]):
@@ -139,9 +162,9 @@ def _observe_individual(weights: np.ndarray, rows: np.ndarray, out: np.ndarray) 
 
 
 @njit(**_SUMS)  # type: ignore[untyped-decorator]
-def _into_patterns(patterns: np.ndarray, r: np.ndarray, R: np.ndarray) -> None:
+def _into_patterns(numbers: tuple[int, ...], patterns: np.ndarray, r: np.ndarray, R: np.ndarray) -> None:
     """Write R₊ = W r₊, by pattern and kind."""
-    for q in range(PATTERNS):
+    for q in range(len(numbers)):
         mesh = gearbox = 0.0
         for i in range(patterns.shape[1]):
             mesh += patterns[q, i] * r[2, 0, i]
@@ -150,17 +173,20 @@ def _into_patterns(patterns: np.ndarray, r: np.ndarray, R: np.ndarray) -> None:
 
 
 @njit(**_SUMS)  # type: ignore[untyped-decorator]
-def _pattern_motion(couple: np.ndarray, level: int, R: np.ndarray, predicted: np.ndarray, out: np.ndarray) -> None:
-    """Write D = D* + Q R₊, (12,)."""
-    for i in range(12):
+def _pattern_motion(
+    numbers: tuple[int, ...], couple: np.ndarray, level: int, R: np.ndarray, predicted: np.ndarray, out: np.ndarray
+) -> None:
+    """Write D = D* + Q R₊, (4P,)."""
+    for i in range(4 * len(numbers)):
         total = predicted[i]
-        for j in range(6):
+        for j in range(2 * len(numbers)):
             total += couple[level, i, j] * R[2, j]
         out[i] = total
 
 
 @njit(**_LOOPS)  # type: ignore[untyped-decorator]
 def _coupling_motion(
+    numbers: tuple[int, ...],
     couple: np.ndarray,
     level: int,
     patterns: np.ndarray,
@@ -175,16 +201,20 @@ def _coupling_motion(
         for i in range(patterns.shape[1]):
             own = predicted[k, i] + (a * r[2, 0, i] + b * r[2, 1, i])
             out[k, i] = own + (x * patterns[0, i] + y * patterns[1, i] + z * patterns[2, i])
+        for q in range(3, len(numbers)):
+            x = D[4 * q + k]
+            for i in range(patterns.shape[1]):
+                out[k, i] += x * patterns[q, i]
 
 
 @njit(**_LOOPS)  # type: ignore[untyped-decorator]
 def _contact_state(
-    motion: np.ndarray, mesh_inputs: np.ndarray, constants: np.ndarray, now: np.ndarray, out: np.ndarray
+    motion: np.ndarray, mesh_inputs: np.ndarray, own: np.ndarray, now: np.ndarray, out: np.ndarray
 ) -> bool:
     """Write the contact state at the end, (2L,); returns whether it differs from that now."""
     changed = 0.0
     for i in range(len(out)):
-        deflection, gap = motion[0, i] + mesh_inputs[0, 1, i], constants[2, i]
+        deflection, gap = motion[0, i] + mesh_inputs[0, 1, i], own[0, i]
         out[i] = (1.0 if deflection > gap else 0.0) - (1.0 if deflection < -gap else 0.0)
         changed += 1.0 if out[i] != now[i] else 0.0
     return changed > 0.0
@@ -216,12 +246,18 @@ def _substep_inputs(
 
 
 @njit(**_LOOPS)  # type: ignore[untyped-decorator]
-def _individual_residual(patterns: np.ndarray, r: np.ndarray, R: np.ndarray, out: np.ndarray) -> None:
+def _individual_residual(
+    numbers: tuple[int, ...], patterns: np.ndarray, r: np.ndarray, R: np.ndarray, out: np.ndarray
+) -> None:
     """Write r°₊ = r₊ − Wᵀ R₊."""
     for kind in range(2):
         x, y, z = R[2, kind], R[2, 2 + kind], R[2, 4 + kind]
         for i in range(patterns.shape[1]):
             out[2, kind, i] = r[2, kind, i] - (x * patterns[0, i] + y * patterns[1, i] + z * patterns[2, i])
+        for q in range(3, len(numbers)):
+            x = R[2, 2 * q + kind]
+            for i in range(patterns.shape[1]):
+                out[2, kind, i] -= x * patterns[q, i]
 
 
 @njit(**_LOOPS)  # type: ignore[untyped-decorator]
@@ -250,15 +286,22 @@ def _move_before(r: np.ndarray, factor: float) -> None:
 
 @njit(**_LOOPS)  # type: ignore[untyped-decorator]
 def _record(
-    z: np.ndarray, R: np.ndarray, y: np.ndarray, r: np.ndarray, drives: np.ndarray, k: int, record: np.ndarray
+    numbers: tuple[int, ...],
+    z: np.ndarray,
+    R: np.ndarray,
+    y: np.ndarray,
+    r: np.ndarray,
+    drives: np.ndarray,
+    k: int,
+    record: np.ndarray,
 ) -> None:
     """Write z, R₀ and of the drives asked for y and r°₀ to row k of the record."""
     for j in range(z.shape[1]):
         record[k, 2 * j], record[k, 2 * j + 1] = z[0, j], z[1, j]
     place = 2 * z.shape[1]
-    for i in range(2 * PATTERNS):
+    for i in range(2 * len(numbers)):
         record[k, place + i] = R[1, i]
-    place += 2 * PATTERNS
+    place += 2 * len(numbers)
     for i in drives:
         for j in range(len(y)):
             record[k, place + j] = y[j, i]
@@ -267,11 +310,18 @@ def _record(
 
 
 @njit(cache=True, error_model="numpy")  # type: ignore[untyped-decorator]
-def advance(  # noqa: PLR0912 - one loop: a call for each phase would cost as much as the phase
-    arrays: Arrays, laws: CouplingLaws, drives: np.ndarray, steps: Steps, state: State
+def advance(  # noqa: PLR0912, PLR0915 - one loop: a call for each phase would cost as much as the phase
+    arrays: Arrays, laws: CouplingLaws, own: np.ndarray, drives: np.ndarray, steps: Steps, state: State
 ) -> int:
-    """Compiled `Condensed.advance`; `drives` are those whose individual parts are recorded."""
-    spans, transfer, B, push, observe, couple, own_transfer, own_push, own_observe, own_couple, W = arrays
+    """Compiled `Condensed.advance`.
+
+    `own` (2, 2L) are what each coupling has of its own: the deflection at which it touches, −∞ without a gap (such a
+    one has the contact state 0), and what its damper exceeds that of the linear part by. `drives` are those whose
+    individual parts are recorded.
+    """
+    spans, transfer, B, push, observe, couple, own_transfer, own_push, own_observe, own_couple, W, b, s, numbers = (
+        arrays
+    )
     mesh_inputs, inputs, forced, record, force = steps
     z, y, r, R, r_own, contact, mesh_now, workspace = state
     z_end, y_end, D_predicted, D, d_predicted, d, force_end, contact_end, mesh_end, forced_substep = workspace
@@ -279,6 +329,7 @@ def advance(  # noqa: PLR0912 - one loop: a call for each phase would cost as mu
     residuals = (r.reshape(3, 2 * lanes), R, r_own.reshape(3, 2 * lanes))
     motion, r_end = d.reshape(2, 2 * lanes), r[2].reshape(2 * lanes)
     first = np.arange(1)[0]  # no literal: the functions would be compiled anew for it
+    unequal, unlike = np.any(s != 0.0), np.any(own[1] != 0.0)
     k = substep = 0
     while k < len(record):
         # Predict.
@@ -291,29 +342,34 @@ def advance(  # noqa: PLR0912 - one loop: a call for each phase would cost as mu
                 for i in range(2 * lanes):
                     mesh_end[0, q, i] = mesh_inputs[k, q, i]
             _transfer_symmetric(transfer, level, z, forced, k, z_end)
-        _push_known(push, level, spans, R, z_end)
-        _observe_symmetric(observe, spans, z_end, D_predicted)
+        _push_known(numbers, push, level, spans, R, z_end)
+        _observe_symmetric(numbers, observe, spans, z_end, D_predicted)
         _predict_individual(own_transfer, own_push, level, y, r_own, y_end)
+        if unequal:
+            _drive_individual(b, level, s, inputs, k, substep, y_end)
         _observe_individual(own_observe, y_end, d_predicted)
         # Contact.
         for kind in range(2):
             for i in range(lanes):
                 r[2, kind, i] = 2.0 * r[1, kind, i] - r[0, kind, i]
         for _ in range(_ROUNDS):
-            _into_patterns(W, r, R)
-            _pattern_motion(couple, level, R, D_predicted, D)
-            _coupling_motion(own_couple, level, W, r, D, d_predicted, d)
+            _into_patterns(numbers, W, r, R)
+            _pattern_motion(numbers, couple, level, R, D_predicted, D)
+            _coupling_motion(numbers, own_couple, level, W, r, D, d_predicted, d)
             coupling_forces(motion, mesh_end, first, laws, force_end, r_end)
-        changed = _contact_state(motion, mesh_end, laws.constants, contact, contact_end)
+            if unlike:
+                for i in range(2 * lanes):
+                    r_end[i] += own[1, i] * motion[1, i]
+        changed = _contact_state(motion, mesh_end, own, contact, contact_end)
         if changed and substep == 0:
             substep = 1
             for values in residuals:
                 _move_before(values, 1.0 / SUBSTEPS)
             continue
         # Correct.
-        _into_patterns(W, r, R)
-        _individual_residual(W, r, R, r_own)
-        _push_end(push, level, spans, R, z_end)
+        _into_patterns(numbers, W, r, R)
+        _individual_residual(numbers, W, r, R, r_own)
+        _push_end(numbers, push, level, spans, R, z_end)
         _correct_individual(own_push, level, r_own, y_end, y)
         for j in range(pairs):
             z[0, j], z[1, j] = z_end[0, j], z_end[1, j]
@@ -332,7 +388,7 @@ def advance(  # noqa: PLR0912 - one loop: a call for each phase would cost as mu
             for i in range(2 * lanes):
                 mesh_now[q, i] = mesh_inputs[k, q, i]
         # Record.
-        _record(z, R, y, r_own, drives, k, record)
+        _record(numbers, z, R, y, r_own, drives, k, record)
         for i in range(2 * lanes):
             force[k, i] = force_end[i]
         if not math.isfinite(force_end[0]) or not math.isfinite(z[0, 0]):

@@ -28,7 +28,7 @@ class CouplingLaws(NamedTuple):
     statics : (2L,) ndarray
         Force at equilibrium (N, N·m).
     constants : (3, 2L) ndarray
-        k̄, c and half gap.
+        k̄ of the linear part, c, half gap.
     """
 
     statics: np.ndarray
@@ -62,10 +62,10 @@ class MeshInputs:
         slope[0::2], slope[1::2] = error[1::2], -error[0::2]
         slope *= 2.0 * np.pi * np.repeat(waves.turns, 2)[:, None]
         # Each sum begins with a phase that does not turn: cos 0 = 1 carries the mean.
-        mean = [waves.mesh_stiffness, waves.gearbox_compliance]
-        self._mesh = widened(_with_mean(np.full(p, mean[0]), waves.mesh_variation), p)
-        self._gearbox = widened(_with_mean(np.full(p, mean[1]), waves.gearbox_variation), p)
-        self._gearbox[0] = mean[1]  # idle lanes too: they are divided by
+        self._mesh = widened(_with_mean(np.full(p, waves.mesh_stiffness), waves.mesh_variation), p)
+        self._gearbox = widened(_with_mean(np.full(p, waves.gearbox_compliance), waves.gearbox_variation), p)
+        self._gearbox[0, p:] = self._gearbox[0, 0]  # idle lanes too: they are divided by
+        self._faults = waves.faults
         self._error = np.hstack(
             [widened(_with_mean(deflection, error), p), widened(_with_mean(np.zeros(2 * p), slope), p)]
         )
@@ -105,6 +105,8 @@ class MeshInputs:
         np.matmul(waves[:, second:], self._error, out=self._errors)
         values = self.values
         values[:, STIFFNESS, :lanes] = self._stiffness
+        for fault in self._faults:
+            values[:, STIFFNESS, fault.drive] -= fault.at(start + turn * self._instants)
         np.reciprocal(self._compliance, out=values[:, STIFFNESS, lanes:])
         values[:, OFFSET] = self._errors[:, : 2 * lanes]
         np.multiply(self._errors[:, 2 * lanes :], rate, out=values[:, SLOPE])
@@ -130,7 +132,7 @@ def coupling_forces(
     force: np.ndarray,
     residual: np.ndarray,
 ) -> None:
-    """Compute the forces of every coupling and what they are above the mean linear part.
+    """Compute the forces of every coupling and what they are above the mean linear part, c in it each coupling's own.
 
     Parameters
     ----------

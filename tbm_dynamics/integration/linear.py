@@ -19,6 +19,8 @@ from tbm_dynamics.structure.system import System
 
 INPUTS = 7
 """Six cutterhead loads and the motor torque."""
+MOTORS = 6
+"""Which of them is the motor torque."""
 
 
 @dataclass(frozen=True)
@@ -49,7 +51,7 @@ def input_columns(system: System) -> np.ndarray:
     """Generalised forces of unit inputs u, shape (n, 7)."""
     columns = np.zeros((system.size, INPUTS))
     columns[system.load_dofs, np.arange(6)] = 1.0
-    columns[:, 6] = system.motor_pattern
+    columns[:, MOTORS] = system.motor_pattern
     return columns
 
 

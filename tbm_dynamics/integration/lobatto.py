@@ -41,6 +41,7 @@ class Lobatto(Method[np.ndarray]):
         s, k = len(linear.H), len(rows)
         from_state, forced, now, middle, end = _columns(linear, step)
         self.states = s
+        self.linear = np.array([system.couplings.stiffness, system.couplings.damping])
         self.forced = np.vstack([forced[INPUTS:], forced[:INPUTS]])
         self._predict = np.vstack([from_state, now])
         self._middle, self._end = middle, end
@@ -76,7 +77,8 @@ def _columns(linear: LinearSystem, step: float) -> list[np.ndarray]:
 def _mesh_gain(system: System, middle: np.ndarray, end: np.ndarray) -> np.ndarray:
     """Return what the residual of open meshes in the middle and at the end of a step adds to itself, (2p, 2p)."""
     p, s = system.couplings.drives, 2 * system.size
-    stiffness, damping, k = system.couplings.stiffness[0], system.couplings.damping[0], len(middle)
+    k = len(middle)
+    stiffness, damping = system.couplings.stiffness[:p], system.couplings.damping[:p]
     blocks = [
         [stiffness * pushed[:p, at : at + p] + damping * pushed[:p, at + k : at + k + p] for at in (s, s + 2 * k)]
         for pushed in (middle, end)

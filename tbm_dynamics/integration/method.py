@@ -13,7 +13,7 @@
 A method implements
 
     class Euler(Method[State]):
-        states = stages = forced = output = tail = ...    # as documented at `Method`
+        states = stages = linear = forced = output = tail = ...    # as documented at `Method`
 
         def start(self, start):
             return State(start.displacement, start.velocity, start.residual[1]), row
@@ -83,6 +83,8 @@ class Method(ABC, Generic[StateT]):
         Instants within a step, as shares of it, at which the mesh inputs are wanted.
     states : int
         Number of states integrated.
+    linear : (2, 2p) ndarray
+        Stiffness and damping of the couplings in the linear part; what a coupling has beyond them is residual.
     forced : (14, w) ndarray
         What u at the end of a step and at its start add.
     output : (r, o) ndarray
@@ -93,6 +95,7 @@ class Method(ABC, Generic[StateT]):
 
     stages: tuple[float, ...]
     states: int
+    linear: np.ndarray
     forced: np.ndarray
     output: np.ndarray
     tail: int

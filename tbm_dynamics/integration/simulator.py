@@ -120,7 +120,7 @@ class Simulator:
         dofs = np.array([system.dof(node, direction) for node in self.nodes for direction in DIRECTIONS], dtype=np.intp)
         self._method: Method[Any] = (Condensed if method == "reduced" else Lobatto)(system, dofs, time_step)
         self._operation = _Operation(self._mesh_rate(system.operating_point), (self._mean_torque, self._mean_torque))
-        start = static_start(system, self._operation.rate, time_step)
+        start = static_start(system, self._operation.rate, time_step, self._method.linear)
         self._laws, self._start_force = start.laws, start.force
         self._state: Any
         self._state, self._start_row = self._method.start(start)

@@ -32,6 +32,8 @@ class Start:
         Now.
     force : (2L,) ndarray
         Of the couplings now.
+    flank : (2L,) ndarray
+        That each coupling rests on, 1 or −1.
     """
 
     equilibrium: np.ndarray
@@ -42,10 +44,13 @@ class Start:
     residual: np.ndarray
     mesh_inputs: np.ndarray
     force: np.ndarray
+    flank: np.ndarray
 
 
-def static_start(system: System, rate: float, time_step: float) -> Start:
+def static_start(system: System, rate: float, time_step: float, linear: np.ndarray) -> Start:
     """Start of a run of a system whose meshes turn at `rate` (Hz), in steps of `time_step` (s).
+
+    `linear` are stiffness and damping (2, 2p) that the method has in its linear part.
 
     Without the motion that the equilibrium has as the teeth turn, the error rate of the meshes would strike the pinions
     at the first step.
@@ -59,13 +64,18 @@ def static_start(system: System, rate: float, time_step: float) -> Start:
     rows = couplings.rows
     offset = -system.solve(system.C @ velocity + rows.T @ (couplings.damping * slope[1]))
     deflection, p = rows @ still.displacement, couplings.drives
+    beyond = widened((couplings.damping - linear[1])[None], p)[0]
     laws = CouplingLaws(
         statics=widened(still.force[None], p)[0],
-        constants=widened(np.array([couplings.stiffness, couplings.damping, couplings.half_gap]), p),
+        constants=widened(np.array([linear[0], couplings.damping, couplings.half_gap]), p),
     )
     mesh_inputs = np.array([widened(np.array([stiffness[i], deflection + error[i], slope[i]]), p) for i in (0, 1)])
     force, *residual = np.empty((3, mesh_inputs.shape[2]))
     for i, place in enumerate((before.displacement - still.displacement + offset, offset)):
         motion = widened(np.array([rows @ place, rows @ velocity]), p)
         coupling_forces(motion, mesh_inputs, i, laws, force, residual[i])
-    return Start(still.displacement, deflection, laws, offset, velocity, np.array(residual), mesh_inputs[1], force)
+        residual[i] += beyond * motion[1]
+    flank = widened(system.flank[None], p)[0]
+    return Start(
+        still.displacement, deflection, laws, offset, velocity, np.array(residual), mesh_inputs[1], force, flank
+    )

@@ -2,7 +2,7 @@
 
 Every entry carries `source`: `table1`, `table4`, `table5` (the paper), `assumed` (ours, adjusted only by the
 calibration), `calibrated`, `updated` (to explain a recording), or in words where else it is from. SI units, angles in
-degrees where the name says so.
+degrees where the name says so (and the `angle` of a drive).
 """
 
 from __future__ import annotations
@@ -12,11 +12,11 @@ import re
 from itertools import groupby
 from typing import Annotated, Literal, Self
 
-from pydantic import AfterValidator, Field, model_validator
+from pydantic import AfterValidator, Field, SerializerFunctionWrapHandler, model_serializer, model_validator
 
 from tbm_dynamics.loads.cutters.description import CutterDescription
 from tbm_dynamics.loads.description import LoadDescription
-from tbm_dynamics.machine.drive import ConnectionType, DriveTemplate, Node, SixStiffnesses
+from tbm_dynamics.machine.drive import ConnectionType, DriveOverride, DriveTemplate, Node, SixStiffnesses
 from tbm_dynamics.machine.sensor_place import SensorPlace, TestPoint, place_of
 from tbm_msgs_py.base.fields import FrozenModel, Label, NonNegative, Positive, Source, Vector3
 from tbm_msgs_py.base.texts import LONGEST_NAME
@@ -194,12 +194,36 @@ class MachineDescription(FrozenModel):
     connection_damping: ConnectionDamping
     cutterhead_bearing_gear: Subsystem
     driveshaft: DriveTemplate
+    drives: dict[Annotated[int, Field(ge=1)], DriveOverride] = Field(default_factory=dict)
     carrier_girder: Subsystem
     connections: tuple[Connection, ...]
     load_node: Node
     test_points: dict[PointName, TestPoint]
     loads: LoadDescription
     cutters: CutterDescription | None = None
+
+    @model_serializer(mode="wrap")
+    def _without_alike_drives(self, dump: SerializerFunctionWrapHandler) -> dict[str, object]:
+        # What is written of a machine whose drives are alike, and its digest, is as it was before they could differ.
+        data: dict[str, object] = dump(self)
+        if not self.drives:
+            data.pop("drives", None)
+        return data
+
+    @property
+    def each_drive(self) -> tuple[DriveOverride, ...]:
+        """How each drive differs from the template, in the order of the drives."""
+        alike = DriveOverride()
+        return tuple(self.drives.get(number, alike) for number in range(1, self.driveshaft.count + 1))
+
+    @property
+    def drive_angles(self) -> tuple[float, ...]:
+        """Places of the drives around the x axis, rad."""
+        first, count = math.radians(self.driveshaft.placement.first_angle_deg), self.driveshaft.count
+        return tuple(
+            first + 2.0 * math.pi * i / count if drive.angle is None else math.radians(drive.angle)
+            for i, drive in enumerate(self.each_drive)
+        )
 
     def structural_nodes(self) -> dict[int, Vector3]:
         """Positions of the nodes that are not part of a drive."""
@@ -246,6 +270,30 @@ class MachineDescription(FrozenModel):
             node = getattr(self.driveshaft, key)
             if node not in known or known[node][1:] != (0.0, 0.0):
                 raise ValueError(f"driveshaft.{key}: node {node} must be a structural node on the x axis (y = z = 0)")
+        return self
+
+    @model_validator(mode="after")
+    def _known_drives(self) -> Self:
+        count = self.driveshaft.count
+        for number in self.drives:
+            if number > count:
+                raise ValueError(f"drives.{number}: unknown drive, allowed: 1 to {count}")
+        if sum(drive.weight for drive in self.each_drive) <= 0.0:
+            raise ValueError("drives: none gives torque, allowed: at least one that runs, and less drag")
+        return self
+
+    @model_validator(mode="after")
+    def _drives_beside_each_other(self) -> Self:
+        gear, angles = self.driveshaft.gear, self.drive_angles
+        tip, places = gear.module * (gear.pinion_teeth + 2), gear.module * (gear.ring_teeth - gear.pinion_teeth)
+        for number, drive in sorted(self.drives.items()):
+            for other, angle in enumerate(angles, start=1):
+                apart = abs(places * math.sin((angle - angles[number - 1]) / 2.0))
+                if drive.angle is not None and other != number and apart < tip:
+                    raise ValueError(
+                        f"drives.{number}.angle: {drive.angle:g} degrees puts its pinion into that of "
+                        f"drive {other} at {math.degrees(angle):.4g}, allowed: tip circles of {tip:.3g} m side by side"
+                    )
         return self
 
     @model_validator(mode="after")

@@ -1,12 +1,13 @@
-"""The drives of a machine file: one template, repeated around the ring."""
+"""The drives of a machine file: one template, repeated around the ring, and how single drives differ from it."""
 
 from __future__ import annotations
 
 import math
 from typing import Annotated, Literal, Self
 
-from pydantic import Field, FiniteFloat, model_validator
+from pydantic import BeforeValidator, Field, FiniteFloat, model_validator
 
+from tbm_dynamics.mesh.faults import ToothFault
 from tbm_dynamics.mesh.planetary import PlanetaryStage
 from tbm_msgs_py.base.fields import FrozenModel, NonNegative, Positive, Source
 
@@ -144,3 +145,58 @@ class DriveTemplate(FrozenModel):
             if getattr(self, key).stiffness[3] != 0.0:
                 raise ValueError(f"{key}: the stiffness about x must be 0, the drive turns in it")
         return self
+
+
+def _off(given: object) -> object:
+    """Return the word for a yes or no."""
+    return {True: "dragged", False: None}[given] if isinstance(given, bool) else given
+
+
+class DriveOverride(FrozenModel):
+    """How a drive differs from the template; what is left out is the template's.
+
+    Attributes
+    ----------
+    angle : float or None
+        Place around the x axis (degrees) instead of that at equal angles.
+    backlash : float or None
+        m, instead of the template's.
+    mesh_error, tooth_stiffness, seat_stiffness : float
+        Factors on the template's mesh error, mesh stiffness and seat stiffness.
+    torque_share : float or None
+        Weight in the torque of the head, which is shared in proportion: 1 of a motor that runs, 0 of one that is off,
+        below 0 of a drive that brakes by its drag.
+    off : "dragged", "uncoupled" or None
+        The motor gives no torque; dragged (in a file also `true`) it turns with its pinion, uncoupled it does not.
+    eccentricity : float
+        Of the pinion's teeth about its shaft (m), beside the run-out that its accuracy grade allows.
+    misalignment : float
+        Share of the face width that does not touch. In thin slices side by side the teeth lose that share of their
+        stiffness; of ISO 6336-1's face load factor K_Hβ of at least 2 it is 1 − 2/K_Hβ.
+    tooth : ToothFault or None
+    """
+
+    angle: Annotated[FiniteFloat, Field(ge=-360.0, le=360.0)] | None = None
+    backlash: NonNegative | None = None
+    mesh_error: NonNegative = 1.0
+    tooth_stiffness: Positive = 1.0
+    torque_share: Annotated[FiniteFloat, Field(gt=-1.0)] | None = None
+    off: Annotated[Literal["dragged", "uncoupled"] | None, BeforeValidator(_off)] = None
+    seat_stiffness: Positive = 1.0
+    eccentricity: NonNegative = 0.0
+    misalignment: Annotated[float, Field(ge=0.0, lt=1.0)] = 0.0
+    tooth: ToothFault | None = None
+    source: Source = "assumed"
+
+    @model_validator(mode="after")
+    def _one_torque(self) -> Self:
+        share, most = self.torque_share, {"dragged": 0.0, "uncoupled": -1.0}.get(self.off or "", math.inf)
+        if share is not None and share > most:
+            allowed = "0, or below for its drag" if self.off == "dragged" else "none is stated"
+            raise ValueError(f"torque_share {share:g}: the drive is {self.off}, allowed: {allowed}")
+        return self
+
+    @property
+    def weight(self) -> float:
+        """Weight in the torque of the head."""
+        return float(not self.off) if self.torque_share is None else self.torque_share

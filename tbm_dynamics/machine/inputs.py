@@ -1,11 +1,14 @@
-"""The 25 uncertain inputs of the paper's Table 4 and the factors of the loads, applied to a machine description.
+"""The 25 uncertain inputs of the paper's Table 4, the factors of the loads and what single drives have of their own.
 
 Values are in Table 4's units: x1 r/min, x2 kN·m, x3 kN, x5 GPa, x7 µm, x9 N/m; x8 and x16 … x25 are multipliers;
-the damping ratios x4 and x11 … x15 are Table 4's numbers; ``loads.axial_low`` … ``loads.moments`` are the factors.
+the damping ratios x4 and x11 … x15 are Table 4's numbers; ``loads.axial_low`` … ``loads.moments`` are the factors;
+``drive_3.backlash`` … are the keys of ``drives: {3: …}``, backlash and eccentricity in µm, the others as in the file.
 """
 
 from __future__ import annotations
 
+import math
+import re
 from collections.abc import Iterator, Mapping
 from numbers import Real
 from operator import attrgetter
@@ -13,7 +16,7 @@ from typing import Any, Final
 
 from tbm_dynamics.loads.description import LOAD_GROUPS
 from tbm_dynamics.machine.description import MachineDescription
-from tbm_dynamics.machine.drive import SixStiffnesses
+from tbm_dynamics.machine.drive import DriveOverride, SixStiffnesses
 from tbm_msgs_py.base.errors import MachineError
 from tbm_msgs_py.base.validation import validated
 
@@ -58,6 +61,20 @@ INPUT_CODES: tuple[str, ...] = (*_VALUES, *_MULTIPLIED)
 
 LOAD_INPUTS: Final = {f"loads.{group}": f"loads.factors.{group}" for group in LOAD_GROUPS}
 """Factors of the loads by the code of the input."""
+
+DRIVE_INPUTS: Final = {
+    "angle": 1.0,
+    "backlash": 1e-6,
+    "mesh_error": 1.0,
+    "tooth_stiffness": 1.0,
+    "torque_share": 1.0,
+    "seat_stiffness": 1.0,
+    "eccentricity": 1e-6,
+    "misalignment": 1.0,
+}
+"""What of a single drive is an input, ``drive_3.backlash``, and the factor from its unit to the file's."""
+_DRIVE: Final = re.compile(r"drive_([1-9][0-9]?)\.([a-z_]+)")
+
 _PLACES: Final = _VALUES | {code: (path, 1.0) for code, path in LOAD_INPUTS.items()}
 
 
@@ -85,10 +102,16 @@ def changed_values(base: MachineDescription, inputs: Mapping[str, float]) -> dic
     found: dict[Place, float] = {}
     changes: dict[Place, tuple[float, float]]
     for code, value in inputs.items():
-        if code not in _PLACES and code not in _MULTIPLIED:
-            raise MachineError(f"input {code!r}: unknown; allowed are x1 … x25 and {', '.join(LOAD_INPUTS)}")
+        drive = drive_input(code)
+        if code not in _PLACES and code not in _MULTIPLIED and not drive:
+            raise MachineError(
+                f"input {code!r}: unknown; allowed are x1 … x25 and {', '.join(LOAD_INPUTS)}, and of drive N "
+                f"{', '.join(f'drive_N.{key}' for key in DRIVE_INPUTS)}"
+            )
         number = _number(code, value)
-        if code in _PLACES:
+        if drive:
+            changes = {("drives", *drive): (_of_drive(base, *drive), number * DRIVE_INPUTS[drive[1]])}
+        elif code in _PLACES:
             path, factor = _PLACES[code]
             changes = {(*path.split("."),): (attrgetter(path)(base), number * factor)}
         else:
@@ -98,6 +121,18 @@ def changed_values(base: MachineDescription, inputs: Mapping[str, float]) -> dic
             changes = {(*place, i): (k, number * k) for place, six in multiplied for i, k in enumerate(six)}
         found |= {place: after for place, (before, after) in changes.items() if after != before}
     return found
+
+
+def drive_input(code: str) -> tuple[int, str] | None:
+    """Return number and key of an input of a single drive; None of any other text."""
+    match = _DRIVE.fullmatch(code)
+    return (int(match[1]), match[2]) if match and match[2] in DRIVE_INPUTS else None
+
+
+def _of_drive(base: MachineDescription, number: int, key: str) -> float:
+    """Value of a key of a drive, nan of one that has none of its own."""
+    own = getattr(base.drives.get(number, DriveOverride()), key)
+    return math.nan if own is None else float(own)
 
 
 def _number(code: str, value: object) -> float:
@@ -122,18 +157,21 @@ def _stiffnesses(base: MachineDescription, target: str) -> Iterator[tuple[Place,
 def set_values(data: Any, values: Mapping[Place, float | str], source: str | None = None) -> None:
     """Set values in the data of a machine file; a `source` becomes that of every entry whose number changes.
 
-    A section that the file leaves out is added with the source.
+    A section that the file leaves out is added.
     """
     for (*parents, key), value in values.items():
         around = [data]
         for parent in parents:
-            if isinstance(around[-1], dict) and parent not in around[-1]:
-                around[-1][parent] = {} if source is None else {"source": source}
-            around.append(around[-1][parent])
+            inside, at = around[-1], parent
+            if isinstance(inside, dict) and parent not in inside:
+                at = str(parent) if str(parent) in inside else parent  # JSON has numbers of drives as texts
+                inside.setdefault(at, {})
+            around.append(inside[at])
         around[-1][key] = value
         if source is not None and not isinstance(value, str):
-            entry = next(one for one in reversed(around) if isinstance(one, dict) and "source" in one)
-            entry["source"] = source
+            entries = [one for one in reversed(around) if isinstance(one, dict)]
+            # Without one, it is an entry that need not say where it is from.
+            next((one for one in entries if "source" in one), entries[0])["source"] = source
 
 
 def input_values(description: MachineDescription) -> dict[str, float]:

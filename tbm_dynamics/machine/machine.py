@@ -36,8 +36,8 @@ class Machine:
     base : MachineDescription
         What the file says.
     inputs : mapping
-        Inputs changed since, read-only: x1 … x25 in Table 4's units, ``loads.axial_low`` … ``loads.moments``. A
-        multiplier is relative to the file.
+        Inputs changed since, read-only: x1 … x25 in Table 4's units, ``loads.axial_low`` … ``loads.moments``,
+        ``drive_3.backlash`` …. A multiplier is relative to the file.
     origin : str
         What error messages and results call it: the shipped name or the file it was loaded from, the same by whatever
         path or link it was named; else the name in the description.
@@ -81,7 +81,9 @@ class Machine:
         return self.description.driveshaft.gear.ring_teeth * self.description.operating_point.speed_r_min / 60.0
 
     def with_inputs(self, **inputs: float) -> Machine:
-        """Return a variant with the named inputs changed and nothing else: x1 … x25, ``loads.axial_low`` ….
+        """Return a variant with the named inputs changed and nothing else.
+
+        They are x1 … x25, ``loads.axial_low`` … and of single drives ``drive_3.backlash`` …, see `machine.inputs`.
 
         Raises
         ------

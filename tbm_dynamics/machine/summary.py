@@ -8,7 +8,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
 import numpy as np
-from pydantic import computed_field
+from pydantic import BaseModel, computed_field
 
 from tbm_dynamics.loads.cutters.description import CutterDescription
 from tbm_dynamics.loads.cutters.layout import TYPES
@@ -22,14 +22,23 @@ from tbm_dynamics.machine.description import (
     SiteOperatingPoint,
     Subsystem,
 )
-from tbm_dynamics.machine.drive import DriveBody, DriveConnection, DrivePlacement, DriveShaft, Gear, Gearbox, Mesh
+from tbm_dynamics.machine.drive import (
+    DriveBody,
+    DriveConnection,
+    DriveOverride,
+    DrivePlacement,
+    DriveShaft,
+    Gear,
+    Gearbox,
+    Mesh,
+)
 from tbm_dynamics.machine.machine import Machine
 from tbm_dynamics.machine.modes import ModeSummary, lowest_modes
 from tbm_dynamics.machine.sensor_place import SensorPlace
 from tbm_dynamics.mesh.planetary import PlanetaryStage, stage_law
 from tbm_dynamics.structure.assembly import node_positions
 from tbm_dynamics.structure.couplings import STAGE_HARMONICS
-from tbm_dynamics.structure.drive import drive_angles, drive_nodes, gear_pair
+from tbm_dynamics.structure.drive import drive_nodes, gear_pair
 from tbm_msgs_py.base.fields import SOURCES, FrozenModel, Source
 
 STRUCTURES = ("cutterhead_bearing_gear", "carrier_girder")
@@ -139,11 +148,12 @@ class ShownDriveConnection(DriveConnection):
 
 @dataclass(frozen=True)
 class DriveMember:
-    """One drive, its angle, and its nodes in the order of `DRIVE_NODES`."""
+    """One drive, its angle, its nodes in the order of `DRIVE_NODES`, and how it differs from the template."""
 
     drive: int
     angle_deg: float
     nodes: tuple[int, ...]
+    override: DriveOverride | None
 
 
 class DriveSummary(FrozenModel):
@@ -233,7 +243,7 @@ def machine_summary(machine: Machine, count: int = 10) -> MachineSummary:
 
 def _drives(machine: Machine) -> DriveSummary:
     drive = machine.description.driveshaft
-    pair, angles = gear_pair(drive), np.degrees(drive_angles(drive)).tolist()
+    pair, angles = gear_pair(drive), np.degrees(machine.description.drive_angles).tolist()
     stages = tuple(_stages(machine))
     pinion_r_min = 60.0 * (machine.mesh_frequency / drive.gear.pinion_teeth)
     return DriveSummary(
@@ -244,7 +254,10 @@ def _drives(machine: Machine) -> DriveSummary:
         placement=drive.placement,
         mesh=drive.mesh,
         radius=pair.centre_distance,
-        members=tuple(DriveMember(i + 1, angle, tuple(drive_nodes(drive, i))) for i, angle in enumerate(angles)),
+        members=tuple(
+            DriveMember(i + 1, angle, tuple(drive_nodes(drive, i)), machine.description.drives.get(i + 1))
+            for i, angle in enumerate(angles)
+        ),
         parts={name: getattr(drive, name) for name in DRIVE_PARTS},
         connections=tuple(ShownDriveConnection(**dict(getattr(drive, key)), name=key) for key in DRIVE_CONNECTIONS),
         gear=GearSummary(
@@ -334,20 +347,23 @@ def _masses(description: MachineDescription) -> dict[str, float]:
 
 def count_sources(description: MachineDescription) -> dict[str, int]:
     """How many numbers of a machine file are from which source, the user's own words as one; node numbers are none."""
-    written = description.model_dump(exclude_unset=True)
-    given = [source for source in _sources(written, None) if source is not None]
+    given = [source for source in _sources(description, None) if source is not None]
     found = Counter(source if source in SOURCES else OWN for source in given)
     return {name: found[name] for name in (*SOURCES, OWN)}
 
 
 def _sources(value: object, source: str | None) -> Iterator[str | None]:
-    """Source of every number within: that of the nearest entry around it."""
-    if isinstance(value, Mapping):
-        inner = value.get("source", source)
-        for key, part in value.items():
+    """Source of every number within that the file states: that of the nearest entry around it."""
+    if isinstance(value, BaseModel):
+        inner = getattr(value, "source", source)
+        for key in value.model_fields_set:
+            part = getattr(value, key)
             # `nodes` of a shaft are references, those of a subsystem places.
-            if not _REFERENCES.fullmatch(str(key)) and (key != "nodes" or isinstance(part, Mapping)):
+            if not _REFERENCES.fullmatch(key) and (key != "nodes" or isinstance(part, Mapping)):
                 yield from _sources(part, inner)
+    elif isinstance(value, Mapping):
+        for part in value.values():
+            yield from _sources(part, source)
     elif isinstance(value, list | tuple):
         for part in value:
             yield from _sources(part, source)

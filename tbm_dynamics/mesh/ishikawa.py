@@ -117,15 +117,20 @@ def mesh_stiffness(
     phase : ndarray
         Cycles, in [0, 1).
     """
-    ratio = pair.contact_ratio
     total = np.zeros_like(phase)
-    for j in range(math.ceil(ratio)):
-        along = phase + j
-        inside = along < ratio
-        curvature = pair.path_start + np.minimum(along, ratio) * pair.base_pitch
-        compliance = _pair_compliance(pair, curvature, width, elasticity, poisson)
-        total += np.where(inside, 1.0 / compliance, 0.0)
+    for j in range(math.ceil(pair.contact_ratio)):
+        total += pair_stiffness(pair, width, elasticity, poisson, phase + j)
     return total
+
+
+def pair_stiffness(
+    pair: ExternalPair | InternalPair, width: float, elasticity: float, poisson: float, along: np.ndarray
+) -> np.ndarray:
+    """Stiffness of one tooth pair, mesh cycles `along` after it has entered, 0 when it has left; see above."""
+    ratio = pair.contact_ratio
+    curvature = pair.path_start + np.minimum(along, ratio) * pair.base_pitch
+    compliance = _pair_compliance(pair, curvature, width, elasticity, poisson)
+    return np.where(along < ratio, 1.0 / compliance, 0.0)
 
 
 def _pair_compliance(

@@ -1,4 +1,4 @@
-"""Stiffness and error of all couplings as trigonometric sums of phases that turn with the mesh.
+"""Stiffness and error of all couplings as trigonometric sums of phases that turn with the mesh, less faults of teeth.
 
 Everything that repeats in a drive repeats with one of a few phases: the pinion–ring mesh, the pinion shaft, the mesh of
 each planetary stage and the turn of its planets. Each is the mesh phase (cycles) times a constant, less a shift that
@@ -11,6 +11,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from tbm_dynamics.mesh.faults import FaultSeries
+
 
 @dataclass(frozen=True)
 class Waves:
@@ -22,25 +24,28 @@ class Waves:
         Cycles of each phase per mesh cycle.
     harmonics : tuple of int
         Harmonics of the stiffness at the first phases: the mesh, then each planetary stage.
-    mesh_stiffness : float
-        Mean (N/m).
+    mesh_stiffness : (p,) ndarray
+        Mean (N/m), faults left out.
     mesh_variation : (2 h, p) ndarray
         Cosine and sine coefficients of the mesh stiffness, harmonic by harmonic (N/m).
-    gearbox_compliance : float
+    gearbox_compliance : (p,) ndarray
         Mean (rad/(N·m)).
     gearbox_variation : (2 Σ h, p) ndarray
         Coefficients of the gearboxes' compliance, stage by stage (rad/(N·m)).
     error : (2 b, 2 p) ndarray
         Coefficients of cosine and sine of every phase in the error of the meshes (m), then of the gearboxes (rad).
+    faults : tuple of FaultSeries
+        Of single teeth.
     """
 
     turns: np.ndarray
     harmonics: tuple[int, ...]
-    mesh_stiffness: float
+    mesh_stiffness: np.ndarray
     mesh_variation: np.ndarray
-    gearbox_compliance: float
+    gearbox_compliance: np.ndarray
     gearbox_variation: np.ndarray
     error: np.ndarray
+    faults: tuple[FaultSeries, ...] = ()
 
     def stiffness_turns(self) -> list[np.ndarray]:
         """Cycles per mesh cycle of the harmonics of the stiffness, (h,) for each phase that it follows."""
@@ -65,8 +70,11 @@ class Waves:
         mesh, *stages = self.sums(cycles)
         gearbox = np.hstack([mesh[:, :0], *stages]) @ self.gearbox_variation
         value, slope = self.first(cycles)
-        stiffness = [self.mesh_stiffness + mesh @ self.mesh_variation, 1.0 / (self.gearbox_compliance + gearbox)]
-        return np.hstack(stiffness), value @ self.error, slope @ self.error
+        meshes = self.mesh_stiffness + mesh @ self.mesh_variation
+        for fault in self.faults:
+            meshes[:, fault.drive] -= fault.at(cycles)
+        stiffness = np.hstack([meshes, 1.0 / (self.gearbox_compliance + gearbox)])
+        return stiffness, value @ self.error, slope @ self.error
 
 
 def series(cycles: np.ndarray, harmonics: int) -> np.ndarray:

@@ -90,13 +90,15 @@ class Assembler:
         self.M[place] += along_direction(mass, vector)
         self.add_stiffness(nodes, along_direction(stiffness, vector), self.damping("steel"))
 
-    def add_spring(self, first: int, second: int | str, stiffness: SixStiffnesses, kind: ConnectionType) -> None:
-        """Add six springs at the place of the first node, to the second or the ground."""
+    def add_spring(
+        self, first: int, second: int | str, stiffness: SixStiffnesses, kind: ConnectionType, factor: float = 1.0
+    ) -> None:
+        """Add six springs, times a factor, at the place of the first node, to the second or the ground."""
         place = self.positions[first]
         grounded = isinstance(second, str)
         rows = spring_rows(place, place, None if grounded else self.positions[int(second)])
         nodes = (first,) if grounded else (first, int(second))
-        self.add_stiffness(nodes, spring_stiffness(rows, np.array(stiffness)), self.damping(kind))
+        self.add_stiffness(nodes, spring_stiffness(rows, factor * np.array(stiffness)), self.damping(kind))
 
     def damping(self, kind: ConnectionType) -> float:
         """β of C_e = β K_e (s) of a type of connection, or of steel, in the reading of the machine file."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from statistics import mode
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -12,7 +13,6 @@ from tbm_dynamics.structure.couplings import build_couplings
 from tbm_dynamics.structure.drive import (
     OWN_NODES,
     DriveUnit,
-    drive_angles,
     drive_nodes,
     drive_positions,
     drive_unit,
@@ -33,8 +33,8 @@ _ZERO_ENERGY = 1e-13
 def node_positions(description: MachineDescription) -> dict[int, np.ndarray]:
     """Positions (3,) m of every node, in ascending order of the node numbers."""
     found = {node: np.array(place, dtype=float) for node, place in description.structural_nodes().items()}
-    for i, angle in enumerate(drive_angles(description.driveshaft)):
-        found |= drive_positions(description.driveshaft, i, float(angle))
+    for i, angle in enumerate(description.drive_angles):
+        found |= drive_positions(description.driveshaft, i, angle)
     return dict(sorted(found.items()))
 
 
@@ -87,27 +87,30 @@ def _assembled(description: MachineDescription, load_scale: np.ndarray, point: O
 
 def _add_drives(assembler: Assembler, unit: DriveUnit) -> tuple[Drives, np.ndarray]:
     """Turn the drive to every place: where the drives are, and the rows of their couplings (2p, n)."""
-    drive = assembler.description.driveshaft
-    angles = drive_angles(drive)
+    drive, seats = assembler.description.driveshaft, [one.seat_stiffness for one in assembler.description.each_drive]
+    units = {seat: unit if seat == 1.0 else drive_unit(assembler.description, seat) for seat in set(seats)}
+    angles = np.array(assembler.description.drive_angles)
     rows = np.zeros((2, drive.count, len(assembler.M)))
     for i, angle in enumerate(angles):
         nodes = (*drive_nodes(drive, i), drive.ring_node, drive.mount_node)
         R = np.kron(np.eye(2 * len(nodes)), turn(float(angle)))
-        assembler.add_matrices(nodes, R.T @ unit.M @ R, R.T @ unit.C @ R, R.T @ unit.K @ R)
+        one = units[seats[i]]
+        assembler.add_matrices(nodes, R.T @ one.M @ R, R.T @ one.C @ R, R.T @ one.K @ R)
         rows[:, i, assembler.dofs(*nodes)] = unit.rows @ R
     own = np.array([assembler.dofs(*drive_nodes(drive, i)) for i in range(drive.count)])
-    return Drives(
-        angles, own, np.array([np.kron(np.eye(2 * OWN_NODES), turn(float(a))) for a in angles])
-    ), rows.reshape(2 * drive.count, -1)
+    turns = np.array([np.kron(np.eye(2 * OWN_NODES), turn(float(a))) for a in angles])
+    odd = tuple(i for i, seat in enumerate(seats) if seat != mode(seats))
+    return Drives(angles, own, turns, odd), rows.reshape(2 * drive.count, -1)
 
 
 def _motor_pattern(assembler: Assembler) -> np.ndarray:
-    drive = assembler.description.driveshaft
-    share = drive.gear.pinion_teeth / drive.gear.ring_teeth / drive.count
+    """Generalised force (n,) of the motors, which share the torque by their weights."""
+    drive, each = assembler.description.driveshaft, assembler.description.each_drive
+    unit = drive.gear.pinion_teeth / drive.gear.ring_teeth / sum(one.weight for one in each)
     pattern = np.zeros(len(assembler.M))
-    for i in range(drive.count):
-        pattern[assembler.index[drive_nodes(drive, i)[-1]] + 3] += share
-        pattern[assembler.index[drive.mount_node] + 3] -= share
+    for i, one in enumerate(each):
+        pattern[assembler.index[drive_nodes(drive, i)[-1]] + 3] += unit * one.weight
+        pattern[assembler.index[drive.mount_node] + 3] -= unit * one.weight
     return pattern
 
 

@@ -10,18 +10,22 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from tbm_dynamics.mesh.error import composite_tolerances
+from tbm_dynamics.mesh.faults import FaultSeries, lost_stiffness
 from tbm_dynamics.mesh.geometry import InternalPair, named
 from tbm_dynamics.mesh.ishikawa import mesh_stiffness
 from tbm_dynamics.mesh.planetary import GOLDEN, PlanetaryStage, StageLaw, stage_law
 from tbm_dynamics.mesh.stiffness import HARMONICS, PATTERN_PARTS, rounded_variation
 from tbm_dynamics.mesh.waves import Waves, shifted
-from tbm_dynamics.structure.drive import DriveUnit, drive_angles, gear_pair
+from tbm_dynamics.structure.drive import DriveUnit, gear_pair
 
 if TYPE_CHECKING:
     from tbm_dynamics.machine.description import MachineDescription
-    from tbm_dynamics.machine.drive import DriveTemplate
+    from tbm_dynamics.machine.drive import DriveOverride, DriveTemplate
 
 STAGE_HARMONICS = 4
+
+_UNCOUPLED = 1e-6
+"""Of its stiffness, what is left of an uncoupled gearbox: its rotor would need minutes to follow, and has a place."""
 
 
 @dataclass(frozen=True)
@@ -54,6 +58,12 @@ class Couplings:
         """Number of drives p."""
         return len(self.rows) // 2
 
+    @property
+    def alike(self) -> np.ndarray:
+        """Stiffness and damping (2, 2p) that most drives have, of every drive: what the split of the motion takes."""
+        laws = np.array([self.stiffness, self.damping]).reshape(2, 2, -1)
+        return np.repeat(np.median(laws, axis=2), self.drives, axis=1)
+
 
 def build_couplings(
     description: MachineDescription, unit: DriveUnit, rows: np.ndarray, ring_inertia: float
@@ -74,13 +84,15 @@ def build_couplings(
             stage.check()
     waves = _waves(description, pair, stages)
     mesh, gearbox = drive.mesh, 1.0 / waves.gearbox_compliance
+    own = (one.backlash for one in description.each_drive)
+    backlash = np.array([mesh.backlash if value is None else value for value in own])
     mass = 1.0 / (1.0 / unit.pinion_mesh_mass + pair.ring_base_radius**2 / ring_inertia)
-    mesh_damping = 2.0 * mesh.damping_ratio * math.sqrt(mesh.mean_stiffness * mass)
+    mesh_damping = 2.0 * mesh.damping_ratio * np.sqrt(waves.mesh_stiffness * mass)
     return Couplings(
         rows=rows,
-        stiffness=np.repeat([mesh.mean_stiffness, gearbox], drive.count),
-        damping=np.repeat([mesh_damping, unit.gearbox_damping * gearbox], drive.count),
-        half_gap=np.repeat([mesh.backlash / 2.0, 0.0], drive.count),
+        stiffness=np.concatenate([waves.mesh_stiffness, gearbox]),
+        damping=np.concatenate([mesh_damping, unit.gearbox_damping * gearbox]),
+        half_gap=np.concatenate([backlash / 2.0, np.zeros_like(backlash)]),
         waves=waves,
         ring_teeth=pair.ring_teeth,
     )
@@ -90,15 +102,17 @@ def _waves(description: MachineDescription, pair: InternalPair, stages: Sequence
     drive, steel = description.driveshaft, description.steel
     middles = (np.arange(PATTERN_PARTS) + 0.5) / PATTERN_PARTS
     pattern = mesh_stiffness(pair, drive.gear.face_width, steel.elasticity, steel.poisson, middles)
-    mesh = drive.mesh
+    mesh, each = drive.mesh, description.each_drive
     variation = mesh.mean_stiffness * mesh.variation * rounded_variation(pattern)
-    phases = np.mod(pair.ring_teeth * drive_angles(drive) / (2.0 * math.pi), 1.0)
+    phases = np.mod(pair.ring_teeth * np.array(description.drive_angles) / (2.0 * math.pi), 1.0)
+    touching = np.array([one.tooth_stiffness * (1.0 - one.misalignment) for one in each])
+    engaged = np.array([_UNCOUPLED if one.off == "uncoupled" else 1.0 for one in each])
     boxes = _gearboxes(
         drive.count, stages, [stage_law(s, steel.elasticity, steel.poisson, STAGE_HARMONICS) for s in stages]
     )
     shaft_turns = 1.0 / pair.pinion_teeth
     idle = np.zeros((2, drive.count))
-    tooth, shaft = _pinion_errors(drive, pair, phases)
+    tooth, shaft = _pinion_errors(drive, each, pair, phases)
     return Waves(
         turns=np.array(
             [
@@ -109,10 +123,10 @@ def _waves(description: MachineDescription, pair: InternalPair, stages: Sequence
             ]
         ),
         harmonics=(HARMONICS, *(STAGE_HARMONICS for _ in boxes)),
-        mesh_stiffness=mesh.mean_stiffness,
-        mesh_variation=shifted(variation, phases),
-        gearbox_compliance=1.0 / drive.gearbox.shaft_stiffness + sum(box.compliance for box in boxes),
-        gearbox_variation=np.vstack([idle[:0], *(box.variation for box in boxes)]),
+        mesh_stiffness=mesh.mean_stiffness * touching,
+        mesh_variation=shifted(variation, phases) * touching,
+        gearbox_compliance=(1.0 / drive.gearbox.shaft_stiffness + sum(box.compliance for box in boxes)) / engaged,
+        gearbox_variation=np.vstack([idle[:0], *(box.variation for box in boxes)]) / engaged,
         error=np.vstack(
             [
                 np.hstack([tooth, idle]),
@@ -121,19 +135,41 @@ def _waves(description: MachineDescription, pair: InternalPair, stages: Sequence
                 *(np.hstack([idle, box.planet_error]) for box in boxes),
             ]
         ),
+        faults=_faults(description, pair, phases, mesh.mean_stiffness * touching / np.mean(pattern)),
     )
 
 
-def _pinion_errors(drive: DriveTemplate, pair: InternalPair, phases: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def _faults(
+    description: MachineDescription, pair: InternalPair, phases: np.ndarray, scale: np.ndarray
+) -> tuple[FaultSeries, ...]:
+    """Faults of teeth; `scale` (p,) is each mesh's mean stiffness over Ishikawa's."""
+    width, steel = description.driveshaft.gear.face_width, description.steel
+    return tuple(
+        FaultSeries(
+            drive=i,
+            entry=phases[i],
+            turn=pair.pinion_teeth,
+            lost=scale[i] * lost_stiffness(one.tooth, pair, width, steel.elasticity, steel.poisson),
+        )
+        for i, one in enumerate(description.each_drive)
+        if one.tooth
+    )
+
+
+def _pinion_errors(
+    drive: DriveTemplate, each: Sequence[DriveOverride], pair: InternalPair, phases: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
     """Coefficients of the pinions' error at the mesh and at the shaft phase, each (2, p), m."""
     tooth, total = composite_tolerances(
         drive.gear.module, 2.0 * pair.pinion_pitch_radius, pair.contact_ratio, drive.gear.accuracy_grade
     )
     half = 0.5 * drive.mesh.error_factor
     run_out = np.mod(-GOLDEN * np.arange(drive.count), 1.0)
+    factor, eccentricity = np.array([(one.mesh_error, one.eccentricity) for one in each]).T
     return (
-        shifted(np.array([0.0, half * tooth]), phases),
-        shifted(np.array([0.0, half * (total - tooth)]), run_out),
+        shifted(np.array([0.0, half * tooth]), phases) * factor,
+        shifted(np.array([0.0, half * (total - tooth)]), run_out) * factor
+        + shifted(np.array([0.0, 1.0]), run_out) * eccentricity,
     )
 
 

@@ -1,7 +1,7 @@
 """One drive, built in its own axes and turned to its place.
 
-The drives are alike and stand around the x axis: each is the drive at angle 0, turned about x. So one pair of matrices
-serves all of them, here and in the reduced basis. A drive's own axes are x, radial, tangential.
+The drives are alike but for their couplings, and stand around the x axis: each is the drive at angle 0, turned about x.
+So one pair of matrices serves all of them, here and in the reduced basis. A drive's own axes are x, radial, tangential.
 """
 
 from __future__ import annotations
@@ -54,11 +54,6 @@ def gear_pair(drive: DriveTemplate) -> InternalPair:
     return InternalPair(gear.pinion_teeth, gear.ring_teeth, gear.module, math.radians(gear.pressure_angle_deg))
 
 
-def drive_angles(drive: DriveTemplate) -> np.ndarray:
-    """Places of the drives around the ring, shape (count,), rad."""
-    return math.radians(drive.placement.first_angle_deg) + 2.0 * math.pi * np.arange(drive.count) / drive.count
-
-
 def drive_nodes(drive: DriveTemplate, i: int) -> tuple[int, ...]:
     """Front seat, mesh node, rear seat, gearbox output and rotor of drive i."""
     pinion, gearbox = drive.pinion_nodes_from + 3 * i, drive.gearbox_nodes_from + 2 * i
@@ -80,8 +75,8 @@ def turn(angle: float) -> np.ndarray:
     return np.array([[1.0, 0.0, 0.0], [0.0, c, s], [0.0, -s, c]])
 
 
-def drive_unit(description: MachineDescription) -> DriveUnit:
-    """Build the drive at angle 0."""
+def drive_unit(description: MachineDescription, seat: float = 1.0) -> DriveUnit:
+    """Build the drive at angle 0; `seat` is a factor on the stiffness of its pinion's seats."""
     drive = description.driveshaft
     places = description.structural_nodes()
     ends = {node: np.array(places[node], dtype=float) for node in (drive.ring_node, drive.mount_node)}
@@ -94,8 +89,8 @@ def drive_unit(description: MachineDescription) -> DriveUnit:
     unit.add_body(rotor, drive.rotor.mass, (about * drive.gearbox.ratio**2, across[0], across[1]))
     for node in (output, rotor):
         unit.add_spring(node, drive.mount_node, drive.gearbox_mount.stiffness, drive.gearbox_mount.type)
-    for seat in (front, rear):
-        unit.add_spring(seat, drive.mount_node, drive.pinion_bearing.stiffness, drive.pinion_bearing.type)
+    for node in (front, rear):
+        unit.add_spring(node, drive.mount_node, drive.pinion_bearing.stiffness, drive.pinion_bearing.type, seat)
     unit.add_spring(rear, output, drive.spline.stiffness, drive.spline.type)
     pair = gear_pair(drive)
     return DriveUnit(

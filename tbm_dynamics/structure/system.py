@@ -13,6 +13,9 @@ from tbm_dynamics.structure.couplings import Couplings
 from tbm_msgs_py.base.errors import MachineError
 from tbm_msgs_py.base.operating_point import OperatingPoint
 
+# Of the largest share in the torque, what is no more than the rounding of the solution.
+_IDLE = 1e-6
+
 DIRECTIONS = ("ux", "uy", "uz", "rx", "ry", "rz")
 
 
@@ -28,19 +31,24 @@ class Drives:
         Unknowns of each drive's own nodes.
     turns : (p, d, d) ndarray
         From those to the axes of the drive.
+    odd : tuple of int
+        Drives whose M, C or K, couplings left out, are not those of the others.
     """
 
     angles: np.ndarray
     dofs: np.ndarray
     turns: np.ndarray
+    odd: tuple[int, ...] = ()
 
     @cached_property
     def shared(self) -> np.ndarray:
-        """Orthonormal columns (p, c) spanning 1, cos and sin of the angles.
+        """Orthonormal columns (p, c) spanning 1, cos and sin of the angles, and each odd drive.
 
-        Ring and mount, on the axis, are coupled to these sums only: any other motion stays within each drive.
+        Ring and mount, on the axis, are coupled to the first three only: any other motion stays within each drive, and
+        is alike in all that are not odd.
         """
-        patterns = np.column_stack([np.ones_like(self.angles), np.cos(self.angles), np.sin(self.angles)])
+        angles, odd = self.angles, np.array(self.odd, dtype=np.intp)
+        patterns = np.column_stack([np.ones_like(angles), np.cos(angles), np.sin(angles), np.eye(len(angles))[:, odd]])
         columns, sizes, _ = np.linalg.svd(patterns, full_matrices=False)
         return np.asarray(columns[:, sizes > 1e-9 * sizes[0]])
 
@@ -138,19 +146,12 @@ class System:
         return force
 
     def equilibrium(self, stiffness: np.ndarray | None = None, error: np.ndarray | None = None) -> Equilibrium:
-        """Find the static equilibrium under the mean load, the rotors having taken up the gap.
-
-        Contact is found by iteration over the state of the couplings (drive flank, open, back flank).
+        """Find the static equilibrium under the mean load, the rotors having taken up the gap on their `flank`.
 
         Parameters
         ----------
         stiffness, error : (2p,) ndarray, optional
             Stiffness and error of the couplings to hold; the mean and none by default.
-
-        Raises
-        ------
-        MachineError
-            The meshes in contact do not settle.
         """
         rows, gap, mean = self.couplings.rows, self.couplings.half_gap, self.couplings.stiffness
         k = mean if stiffness is None else stiffness
@@ -158,17 +159,22 @@ class System:
         # K + rowsᵀ (k − k̄) rows, solved among the deflections: what the couplings do beyond their mean is a force.
         free, bent = self._static_shapes
         flexibility, given = rows @ bent, rows @ free
-        flank = np.ones(len(rows))
-        for _ in range(2 * len(rows)):
-            closed = np.abs(flank)
-            correction, push = k * closed - mean, k * (gap * flank - e) * closed
-            deflection = np.linalg.solve(np.eye(len(rows)) + flexibility * correction, given + flexibility @ push)
-            new = np.sign(deflection + e) * (np.abs(deflection + e) > gap)
-            if np.array_equal(new, flank):
-                displacement = free + bent @ (push - correction * deflection)
-                return Equilibrium(displacement, k * (deflection + e - gap * flank) * closed)
-            flank = new
-        raise MachineError("static equilibrium: the meshes in contact do not settle; check torque and backlash")
+        taken_up = gap * self.flank
+        correction, push = k - mean, k * (taken_up - e)
+        deflection = np.linalg.solve(np.eye(len(rows)) + flexibility * correction, given + flexibility @ push)
+        displacement = free + bent @ (push - correction * deflection)
+        return Equilibrium(displacement, k * (deflection + e - taken_up))
+
+    @cached_property
+    def flank(self) -> np.ndarray:
+        """Flank on which each coupling rests, (2p,): 1 the drive flank, −1 the coast flank.
+
+        That of its static force: the motor's torque, whatever torque, loads, stiffness and error are. A drive without a
+        share in the torque is dragged by the ring, on the coast flank.
+        """
+        force = self.couplings.stiffness * (self.couplings.rows @ self.solve(self.motor_pattern))
+        largest = np.repeat(np.abs(force.reshape(2, -1)).max(axis=1), self.couplings.drives)
+        return np.where(force > _IDLE * largest, 1.0, -1.0)
 
     @cached_property
     def _static_shapes(self) -> tuple[np.ndarray, np.ndarray]:

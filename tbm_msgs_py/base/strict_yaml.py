@@ -1,4 +1,4 @@
-"""YAML files of people: `1e9` is a number (YAML 1.1 asks for `1.0e+9`), a key given twice is an error."""
+"""YAML files of people: `1e9` is a number (not in YAML 1.1), a key `off` a word, a key given twice an error."""
 
 from __future__ import annotations
 
@@ -75,8 +75,14 @@ def parse_yaml(
     return content
 
 
+_BOOL, _STR = "tag:yaml.org,2002:bool", "tag:yaml.org,2002:str"
+
+
 class _Loader(_SafeLoader):  # type: ignore[valid-type, misc]  # chosen at run time
     def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> dict[object, object]:
+        for key, _ in node.value:
+            if key.tag == _BOOL:  # a key `off` is that word
+                key.tag = _STR
         keys = [self.construct_object(key, deep=True) for key, _ in node.value]
         seen: set[object] = set()
         for key in (key for key in keys if isinstance(key, Hashable)):  # yaml refuses the others

@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 from machine_files import TEXT, all_connections, built, plain, without
 
 from tbm_dynamics import MachineError, load_machine, shipped_machines
-from tbm_dynamics.machine.inputs import INPUT_CODES, LOAD_INPUTS
+from tbm_dynamics.machine.inputs import DRIVE_INPUTS, INPUT_CODES, LOAD_INPUTS
 from tbm_msgs_py.base.fields import SOURCES
 
 
@@ -146,6 +146,22 @@ WRONG = {
         "cutters.face.wear.3",
         "greater than or equal to 0",
     ),
+    **{
+        f"drives: {given}": ("load_node: 1", f"load_node: 1\ndrives: {given}", where, allowed)
+        for given, where, allowed in (
+            ("{11: {off: true}}", "drives.11: unknown drive", "1 to 10"),
+            ("{3: {backlsh: 1e-4}}", "drives.3.backlsh: unknown key", "backlash, mesh_error"),
+            ("{3: {backlash: -1e-4}}", "drives.3.backlash: -0.0001", "greater than or equal to 0"),
+            ("{3: {off: perhaps}}", "drives.3.off: 'perhaps'", "'dragged' or 'uncoupled'"),
+            ("{3: {off: true, torque_share: 2}}", "drives.3: torque_share 2: the drive is dragged", "0, or below"),
+            ("{3: {off: uncoupled, torque_share: -0.1}}", "drives.3: torque_share -0.1", "none is stated"),
+            ("{3: {angle: 110}}", "drives.3.angle: 110 degrees", "drive 4 at 108, allowed: tip circles"),
+            ("{3: {tooth: {fault: rust}}}", "drives.3.tooth.fault: 'rust'", "'crack', 'pitting' or 'missing'"),
+            ("{3: {tooth: {fault: crack}}}", "drives.3.tooth: share", "above 0 and below 1"),
+            ("{3: {tooth: {fault: crack, share: 1}}}", "drives.3.tooth.share: 1", "less than 1"),
+            (f"{{{', '.join(f'{i}: {{off: true}}' for i in range(1, 11))}}}", "drives: none gives", "one that runs"),
+        )
+    },
     "text for a number": ("speed_r_min: 5.6", "speed_r_min: fast", "operating_point.speed_r_min", "valid number"),
 }
 
@@ -369,6 +385,13 @@ def test_numbers_of_numpy_are_numbers(machine, number):
         ({"x4": -1e-3}, r"steel.damping: .*greater than or equal to 0"),
         ({"x8": -0.1}, r"error_factor: .*greater than or equal to 0"),
         ({"loads.axial": 1.0}, r"input 'loads.axial': unknown; allowed are x1 … x25 and loads.axial_low"),
+        (
+            {"drive_3.backlsh": 1.0},
+            r"input 'drive_3.backlsh': unknown; .* and of drive N drive_N.angle, drive_N.backlash",
+        ),
+        ({"drive_03.backlash": 1.0}, r"input 'drive_03.backlash': unknown"),
+        ({"drive_11.backlash": 1.0}, r"drives.11: unknown drive, allowed: 1 to 10"),
+        ({"drive_3.misalignment": 1.0}, r"drives.3.misalignment: 1.0, allowed: less than 1"),
         ({"loads.lateral": -1.0}, r"loads.factors.lateral: .*greater than or equal to 0"),
     ],
 )
@@ -378,11 +401,31 @@ def test_a_wrong_input_is_refused(machine, inputs, message):
     assert "\n" not in str(caught.value)
 
 
-@pytest.mark.parametrize("code", [*INPUT_CODES, *LOAD_INPUTS])
+@pytest.mark.parametrize("code", [*INPUT_CODES, *LOAD_INPUTS, *(f"drive_3.{key}" for key in DRIVE_INPUTS)])
 @pytest.mark.parametrize("value", [float("nan"), float("inf"), -float("inf")])
 def test_no_input_may_be_other_than_finite(machine, code, value):
     with pytest.raises(MachineError):
         machine.with_inputs(**{code: value})
+
+
+@pytest.mark.parametrize(
+    ("code", "value", "expected"),
+    [
+        ("backlash", 450.0, 450e-6),
+        ("eccentricity", 30.0, 30e-6),
+        ("angle", 75.0, 75.0),
+        ("torque_share", 0.5, 0.5),
+    ],
+)
+def test_an_input_of_one_drive_keeps_the_rest_of_it(code, value, expected):
+    own = {3: {"mesh_error": 2.0, "tooth": {"fault": "crack", "share": 0.3}}, 8: {"off": True}}
+    before = built({**plain(), "drives": own})
+    found = before.with_inputs(**{f"drive_3.{code}": value}).description.model_dump()
+    assert found["drives"][3].pop(code) == pytest.approx(expected, rel=1e-15)
+    kept = before.description.model_dump()
+    kept["drives"][3].pop(code)
+    assert found == kept
+    assert "drives" not in load_machine("dz101").base.model_dump()  # the same text and digest as ever
 
 
 def test_a_multiplier_of_a_connection_that_is_not_there():
@@ -391,7 +434,7 @@ def test_a_multiplier_of_a_connection_that_is_not_there():
         other.with_inputs(x25=2.0)
 
 
-@settings(max_examples=20)
+@settings(max_examples=6)
 @given(torque=st.floats(500.0, 5000.0), thrust=st.floats(3000.0, 20000.0))
 def test_loads_follow_thrust_and_torque(machine, torque, thrust):
     variant = machine.with_inputs(x2=torque, x3=thrust)

@@ -84,6 +84,21 @@ def test_a_section_that_a_file_leaves_out_is_added(tmp_path):
         assert (factors.lateral, factors.axial_low, factors.source) == (value, 1.0, "updated")
 
 
+@pytest.mark.parametrize("drives", ["", "\ndrives:  # seen\n  3: {off: true}  # off\n", "\ndrives: {3: {source: me}}"])
+def test_values_of_a_drive_are_written_beside_what_is_there(tmp_path, drives):
+    path = tmp_path / "mine.yaml"
+    path.write_text(TEXT + drives, "utf-8")
+    machine, changes = load_machine(path), {"drive_3.backlash": 450.0, "drive_10.mesh_error": 2.0}
+    path.write_text(updated_text(machine, changes, "dz101", []), "utf-8")
+    written = load_machine(path)
+    expected = machine.with_inputs(**changes).description.drives
+    assert {n: d.model_copy(update={"source": ""}) for n, d in written.description.drives.items()} == {
+        n: d.model_copy(update={"source": ""}) for n, d in expected.items()
+    }
+    assert {drive.source for drive in written.description.drives.values()} == {"updated"}
+    assert all(comment in path.read_text("utf-8") for comment in re.findall(r"# \w+", drives))
+
+
 def test_a_layout_beside_the_file_is_found_from_elsewhere(tmp_path):
     (tmp_path / "mine.csv").write_text("cutter,type,radius_m,angle_deg,tilt_deg\n1,face,2.0,0,0\n", "utf-8")
     path = tmp_path / "mine.yaml"

@@ -8,6 +8,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from machine_files import built, plain
 
 from tbm_dynamics import SimulationError, Simulator, simulate
 from tbm_dynamics.streaming.streams import DynamicsStream, LoadStream, step_ns
@@ -45,7 +46,12 @@ def test_the_head_angle_stays_within_a_turn(machine):
     assert angles == pytest.approx(machine.operating_point.speed * 100.0 * np.arange(5) % (2.0 * np.pi))
 
 
-def test_a_live_run_is_the_offline_run(machine):
+BAD = {3: {"tooth": {"fault": "crack", "share": 0.4}}, 7: {"torque_share": 1.2}, 8: {"off": True}}
+
+
+@pytest.mark.parametrize("drives", [{}, BAD])
+def test_a_live_run_is_the_offline_run(drives):
+    machine = built({**plain(), "drives": drives})
     stream = DynamicsStream(machine, RATE)
     stream.warm_up()
     chunks = [chunk for block in blocks(machine, 6) for chunk in stream.process(stamp(block), block.loads)]

@@ -59,6 +59,7 @@ GROUPS = "inputs: {{x2, x3, x4}}\ngroups: {{{}}}"
     ("text", "message"),
     [
         ("inputs: {x26: {lower: 0, upper: 1}}", "unknown input 'x26', allowed: x1, x2"),
+        ("inputs: {drive_3.tooth: {lower: 0, upper: 1}}", "loads.moments, drive_N.backlash, drive_N.mesh_error"),
         ("inputs: {x2: {lower: 2000, upper: 1000}}", "input x2: lower 2000, allowed: below upper, 1000"),
         ("inputs: {x2: {lower: 1000, upper: 1000}}", "input x2: lower 1000, allowed: below upper, 1000"),
         ("inputs: {x2: {lower: 1000}}", "input x2: upper: missing, allowed: a uniform distribution with lower, upper"),
@@ -114,6 +115,14 @@ def test_bad_files_are_refused_in_one_line(tmp_path, text, message):
     assert message in str(caught.value)
     assert str(tmp_path / "study.yaml") in str(caught.value)
     assert "\n" not in str(caught.value)
+
+
+def test_a_drive_s_own_inputs_have_ranges(tmp_path):
+    inputs = _read(tmp_path, "inputs: {drive_3.backlash: , drive_12.tooth_stiffness: {lower: 0.6, upper: 0.9}}").inputs
+    assert inputs.codes == ("drive_3.backlash", "drive_12.tooth_stiffness")
+    own, soft = inputs.inputs
+    assert (own.unit, own.lower, own.initial, own.upper, own.name) == ("µm", 100.0, 300.0, 500.0, "Backlash, drive 3")
+    assert (soft.lower, soft.initial, soft.upper, soft.kind) == (0.6, pytest.approx(0.75), 0.9, "multiplier")
 
 
 def test_factors_of_the_loads_have_a_log_normal_prior(tmp_path):

@@ -183,6 +183,23 @@ def test_the_check_finds_size_frequency_and_mesh_force(data, command):
     assert f"mesh frequency {mesh_hz:.2f} Hz, static mesh force {force / 1e3:.1f} kN each" in out
 
 
+def test_drives_that_differ_are_shown(command):
+    odd = '{2: {off: true}, 3: {backlash: 450e-6, tooth: {fault: crack, share: 0.3}, source: "inspection"}}'
+    Path("odd.yaml").write_text(f"{TEXT['open380.yaml']}\ndrives: {odd}\n", "utf-8")
+    rows = [line.split() for line in command("show --machine odd.yaml")[1].splitlines()]
+    assert ["2", "off", "dragged", "assumed"] in rows
+    assert ["3", "backlash", "0.00045,", "tooth", "crack", "0.3", "inspection"] in rows
+    found, alike = (document(command, f"show --machine {name}") for name in ("odd.yaml", "open380"))
+    overrides = [member["override"] for member in found["drives"]["members"]]
+    assert [one and one["off"] for one in overrides] == [None, "dragged", None, None]
+    assert overrides[2]["tooth"] == {"fault": "crack", "share": 0.3}
+    assert found["sources"]["measured or documented"] == alike["sources"]["measured or documented"] + 2
+    each = np.array(document(command, "check --machine open380")["static_mesh_force"]) / 1e3
+    expected = ", ".join(f"{force:.4g}" for force in each * np.array([4, 0, 4, 4]) / 3)
+    out = " ".join(command("check --machine odd.yaml")[1].split())
+    assert f"static mesh force {expected} kN" in out
+
+
 def test_pictures(data, command):
     code, out, err = command(f"show --machine {data['name']} --out picture.png --json")
     assert (code, json.loads(out)["machine"], err) == (0, data["name"], "drawing: picture.png\n")

@@ -127,8 +127,9 @@ def check(machine: MachineOption = DEFAULT_MACHINE, json: Annotated[bool, JSON_O
         f"{found.machine}: {found.nodes} nodes, {found.degrees_of_freedom} degrees of freedom, {meshes} meshes"
     )
     results.print(f"SHA-256 {found.sha256}", highlight=False)
-    mean = sum(found.static_mesh_force) / meshes / 1e3
-    results.print(f"mesh frequency {found.mesh_frequency_hz:.2f} Hz, static mesh force {mean:.4g} kN each")
+    force = [f"{round(value, 1) / 1e3 + 0.0:.4g}" for value in found.static_mesh_force]
+    each = f"{force[0]} kN each" if len(set(force)) == 1 else f"{', '.join(force)} kN"
+    results.print(f"mesh frequency {found.mesh_frequency_hz:.2f} Hz, static mesh force {each}")
     print_sentence(
         "lowest natural frequencies (Hz): " + ", ".join(f"{value:.4g}" for value in found.natural_frequencies_hz)
     )

@@ -110,6 +110,7 @@ def _print_drives(drives: DriveSummary) -> None:
         f"{drives.radius:.4g} m off the axis (places {at.source}), "
         f"mounted on node {mount}, driving the ring gear at node {drives.ring_node}"
     )
+    _print_overrides(drives)
     front, _, rear, output, rotor = drives.members[0].nodes
     between = (f"{front}, {rear}–{mount}", f"{rear}–{output}", f"{output}, {rotor}–{mount}")
     named = ((item.name, ends, item) for item, ends in zip(drives.connections, between, strict=True))
@@ -120,6 +121,23 @@ def _print_drives(drives: DriveSummary) -> None:
         ("part", ">outer, m", ">inner, m", ">mass, kg", ">about x, kg·m²", ">across", "source"),
         ((name, *_part_numbers(part), part.source) for name, part in drives.parts.items()),
     )
+
+
+def _print_overrides(drives: DriveSummary) -> None:
+    """Print how single drives differ from the template, in the words of the file."""
+    rows = []
+    for member in drives.members:
+        drive = member.override
+        if drive is None:
+            continue
+        stated = drive.model_dump(exclude_defaults=True, exclude={"source", "tooth"})
+        values = [f"{key} {value:g}" if isinstance(value, float) else f"{key} {value}" for key, value in stated.items()]
+        if drive.tooth:
+            share = "" if drive.tooth.share is None else f" {drive.tooth.share:g}"
+            values.append(f"tooth {drive.tooth.fault}{share}")
+        rows.append((member.drive, ", ".join(values), drive.source))
+    if rows:
+        _print_table("drives that differ from the template", (">drive", "by", "source"), rows)
 
 
 def _part_numbers(part: DriveShaft | DriveBody) -> list[str]:

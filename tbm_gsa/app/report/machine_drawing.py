@@ -18,7 +18,7 @@ from matplotlib.patheffects import AbstractPathEffect, withStroke
 from tbm_dynamics import Machine
 from tbm_dynamics.machine.description import MachineDescription, Subsystem
 from tbm_dynamics.machine.summary import STRUCTURES, SUBSYSTEMS
-from tbm_dynamics.structure.drive import drive_angles, drive_nodes, drive_positions, gear_pair
+from tbm_dynamics.structure.drive import drive_nodes, drive_positions, gear_pair
 from tbm_gsa.app.report.gsa_figures import PALETTE
 
 # Of the side view, inches: its length, between rows, between parts in a row, of a node from a line that it hides.
@@ -223,7 +223,7 @@ def _draw_end(axes: Axes, description: MachineDescription) -> None:
     ring = pair.ring_pitch_radius
     axes.add_patch(Circle((0.0, 0.0), ring, fill=False, ec=_COLOURS[STRUCTURES[0]], lw=2.0))
     axes.text(0.0, 0.0, f"ring gear\nnode {drive.ring_node}", ha="center", va="center", fontsize=8)
-    for i, angle in enumerate(drive_angles(drive)):
+    for i, angle in enumerate(description.drive_angles):
         front, middle, rear, output, rotor = drive_nodes(drive, i)
         _, y, z = drive_positions(drive, i, float(angle))[middle]
         axes.add_patch(Circle((y, z), pair.pinion_pitch_radius, fc="white", ec=_COLOURS["driveshaft"], lw=2.0))

@@ -6,7 +6,7 @@ from typing import Final
 
 from tbm_gsa.sensitivity.study.distributions import distribution_from, number
 from tbm_gsa.sensitivity.study.errors import StudyError
-from tbm_gsa.sensitivity.study.inputs import KNOWN_INPUTS, Input, InputSet
+from tbm_gsa.sensitivity.study.inputs import Input, InputSet, known_input
 from tbm_msgs_py.base.strict_yaml import read_yaml
 from tbm_msgs_py.base.texts import LONGEST_NAME, quoted
 
@@ -42,6 +42,7 @@ def read_definition(path: str | Path) -> Definition:
           x11: {distribution: log-uniform, lower: 2e-4, upper: 5e-3}
           x16: {distribution: triangular, lower: 0.5, mode: 1, upper: 2, initial: 1}
           loads.axial_low: {distribution: log-normal, lower: 0.25, upper: 4, median: 1, log_sigma: 0.7}
+          drive_3.backlash: {lower: 100, upper: 500}
         groups:
           meshing: [x7, x9]
         outputs: [MF_M, rms_cutterhead_x]
@@ -82,7 +83,7 @@ def _definition(document: dict[str, object]) -> Definition:
 
 def _input(code: str, given: object) -> Input:
     """Return a known input, with another distribution where one is given."""
-    known = KNOWN_INPUTS[code]
+    known = known_input(code)
     if given is None:
         return known
     try:

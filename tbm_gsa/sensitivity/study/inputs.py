@@ -2,13 +2,14 @@
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Annotated, Final, Literal, Self
 
 import numpy as np
 from numpy.typing import ArrayLike
 from pydantic import BeforeValidator
 
+from tbm_dynamics.machine.inputs import drive_input
 from tbm_gsa.sensitivity.study.distributions import Distribution, LogNormal, Uniform, distribution_from, number
 from tbm_gsa.sensitivity.study.errors import StudyError
 from tbm_msgs_py.base.arrays import Array
@@ -27,7 +28,7 @@ class Input:
     Parameters
     ----------
     code : str
-        Name in the paper's Table 4 or ``loads.GROUP``, as in ``Machine.with_inputs``.
+        Name in the paper's Table 4, ``loads.GROUP`` or ``drive_N.KEY``, as in ``Machine.with_inputs``.
     name, symbol, unit : str
         For tables and axes; a multiplier has no unit.
     kind : {"absolute", "multiplier"}
@@ -248,4 +249,34 @@ LOAD_INPUTS: Final = InputSet(
 )
 
 KNOWN_INPUTS: Final = InputSet((*PAPER_INPUTS.inputs, *LOAD_INPUTS.inputs))
-"""All that a study can vary."""
+"""All that a study can vary of a whole machine."""
+
+_OF_A_DRIVE: Final = InputSet(
+    (
+        _absolute("backlash", "Backlash", "b", "µm", 300.0, (100.0, 500.0)),
+        _multiplier("mesh_error", "Meshing error", "e", (0.5, 4.0)),
+        _multiplier("tooth_stiffness", "Meshing stiffness", "k", (0.5, 1.5)),
+        _absolute("torque_share", "Weight in the torque", "w", "", 1.0, (0.8, 1.2)),
+        _multiplier("seat_stiffness", "Stiffness of the pinion seats", "k_b", (0.5, 2.0)),
+        _absolute("eccentricity", "Eccentricity of the pinion", "ε", "µm", 0.0, (0.0, 200.0)),
+        _absolute("misalignment", "Share of the face without contact", "m", "", 0.0, (0.0, 0.5)),
+    )
+)
+
+
+def known_input(code: str) -> Input:
+    """Input of a code, of the whole machine or of one drive: ``drive_3.backlash``.
+
+    Raises
+    ------
+    StudyError
+        Unknown.
+    """
+    number, key = drive_input(code) or (0, "")
+    if key in _OF_A_DRIVE.codes:
+        item = _OF_A_DRIVE[key]
+        return replace(item, code=code, name=f"{item.name}, drive {number}", symbol=f"{item.symbol},{number}")
+    if code in KNOWN_INPUTS.codes:
+        return KNOWN_INPUTS[code]
+    of_a_drive = ", ".join(f"drive_N.{key}" for key in _OF_A_DRIVE.codes)
+    raise StudyError(f"unknown input {quoted(code)}, allowed: {', '.join(KNOWN_INPUTS.codes)}, {of_a_drive}")

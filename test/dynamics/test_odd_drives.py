@@ -1,0 +1,120 @@
+"""Drives that are not like the others: statics by hand, and their motion against methods that know of no split.
+
+Sources: the balance of torques (each motor's torque at its mesh, all together that of the head); the reference method
+on every unknown, and scipy's Radau. Tolerances: statics to 1e-6, what the conditioning of K leaves; motion as for alike
+drives, 1e-3 of the largest mesh force and 1 % of accelerations in the mean square.
+"""
+
+import numpy as np
+import pytest
+from machine_files import built, plain, small, static_mesh_force
+from reference_motion import reference_motion, start_of
+from test_simulation import swinging
+
+from tbm_dynamics import Simulator
+from tbm_msgs_py.base.operating_point import OperatingPoint
+
+NODES = (8, 14, 17, 20)
+
+
+def few(drives, count=4):
+    """A small machine of four drives, one more than patterns."""
+    data = small()
+    data["driveshaft"]["count"] = count
+    return built({**data, "drives": drives})
+
+
+def shares(drives):
+    """Static mesh forces over those of equal shares."""
+    data = {**plain(), "drives": drives}
+    return built(data).assemble().equilibrium().force[:10] / static_mesh_force(built(plain()))
+
+
+@pytest.mark.parametrize(
+    ("drives", "expected"),
+    [
+        ({8: {"off": True}}, {8: 0.0, None: 10 / 9}),
+        ({8: {"off": "uncoupled"}, 1: {"off": True}}, {8: 0.0, 1: 0.0, None: 10 / 8}),
+        ({3: {"torque_share": 1.3}}, {3: 13.0 / 10.3, None: 10.0 / 10.3}),
+        ({8: {"off": True, "torque_share": -0.1}}, {8: -1.0 / 8.9, None: 10.0 / 8.9}),
+        ({3: {"torque_share": 0.0, "backlash": 9e-4, "tooth_stiffness": 0.5}}, {3: 0.0, None: 10 / 9}),
+        ({2: {"angle": 30.0, "mesh_error": 5.0, "tooth": {"fault": "missing"}}}, {None: 1.0}),
+    ],
+)
+def test_running_motors_share_the_torque_by_their_weights(drives, expected):
+    force = shares(drives)
+    assert force == pytest.approx([expected.get(i, expected[None]) for i in range(1, 11)], abs=1e-6)
+    assert force.sum() == pytest.approx(10.0, rel=1e-6)
+
+
+def test_an_idle_drive_rests_on_its_coast_flank_others_drive():
+    system = few({2: {"off": True, "backlash": 4e-4}, 3: {"tooth_stiffness": 0.5}}).assemble()
+    deflection = (system.couplings.rows @ system.equilibrium().displacement)[:4]
+    load = 3.04e6 / (3 * 1.672 * np.cos(np.radians(25.0)))
+    stiffness = 8.1e9 * np.array([1.0, np.inf, 0.5, 1.0])
+    assert deflection == pytest.approx(np.array([150e-6, -200e-6, 150e-6, 150e-6]) + load / stiffness, rel=1e-6)
+
+
+@pytest.mark.parametrize("torque", [0.0, 1e-9])
+def test_without_torque_running_motors_hold_the_drive_flank(torque):
+    machine = few({2: {"off": True}})
+    system = machine.assemble()
+    idle = system.under(OperatingPoint(speed=0.5, torque=torque, thrust=1e7), np.array([-1e7, 0, 0, -torque, 0, 0]))
+    deflection = (system.couplings.rows @ idle.equilibrium().displacement)[:4]
+    assert deflection == pytest.approx(np.array([1, -1, 1, 1]) * 150e-6, rel=1e-6)
+
+
+ODD = {
+    "meshes": {
+        1: {"tooth_stiffness": 0.6, "backlash": 450e-6, "tooth": {"fault": "pitting", "share": 0.5}},
+        3: {"eccentricity": 80e-6, "misalignment": 0.4},
+        4: {"tooth_stiffness": 1.4, "mesh_error": 3.0},
+    },
+    "torque": {2: {"torque_share": 1.3}, 4: {"off": True, "torque_share": -0.4}},
+    "angles": {2: {"angle": 60.0}, 3: {"angle": 220.0, "tooth": {"fault": "crack", "share": 0.4}}},
+    "uncoupled": {2: {"off": "uncoupled"}},
+    "seats": {3: {"seat_stiffness": 0.5}, 1: {"tooth_stiffness": 0.8}},
+}
+COMPILED = "seats"  # for a pattern more, in 20 s
+
+
+def motion(system, method, torque_falls):
+    """Chunk of 0.12 s of a swinging load; the motors' torque may fall on the way."""
+    loads = swinging(system, 0.2)(np.arange(1200) * 1e-4)
+    run = Simulator(system, NODES, method=method)
+    if not torque_falls:
+        return [run.step(loads)]
+    first = run.step(loads[:400])
+    point = system.operating_point
+    run.set_operating_point(OperatingPoint(point.speed, 0.7 * point.torque, point.thrust), over=300)
+    loads[400:, 3] *= 0.7
+    return [first, run.step(loads[400:])]
+
+
+@pytest.mark.parametrize(
+    "name", [pytest.param(name, marks=pytest.mark.verify if name == COMPILED else ()) for name in ODD]
+)
+def test_reduced_against_every_unknown(name):
+    system = few(ODD[name]).assemble()
+    actual, expected = (
+        [np.concatenate([getattr(c, what) for c in chunks]) for what in ("mesh_force", "acceleration")]
+        for chunks in (motion(system, method, name == "torque") for method in ("reduced", "full"))
+    )
+    assert np.abs(actual[0] - expected[0]).max() < 2e-3 * expected[0].max()
+    scale, error = (np.sqrt(np.mean(part**2, axis=0)) for part in (expected[1], actual[1] - expected[1]))
+    # A pinion that nothing drives strikes both flanks: no two methods agree on its motion, only on the rest.
+    driven = [i for i in range(len(NODES)) if name != "uncoupled" or NODES[i] != 17]
+    assert np.all(error[driven] < (0.02 if name == "uncoupled" else 0.01) * scale[driven] + 1e-6 * scale.max(axis=0))
+
+
+def test_reduced_against_radau():
+    system = few(
+        {1: {"tooth_stiffness": 0.6, "backlash": 450e-6}, 2: {"torque_share": 1.3, "misalignment": 0.2}}, 2
+    ).assemble()
+    times, loads = np.arange(250) * 1e-4, swinging(system, 0.2)
+    speed = system.operating_point.speed
+    exact = reference_motion(
+        system, start_of(system), lambda t: loads(t)[0], times, lambda t: speed * t, tolerance=1e-6
+    )
+    actual = Simulator(system, system.nodes).step(loads(times)).mesh_force
+    assert np.abs(actual - exact[2]).max() < 1e-3 * exact[2].max()
