@@ -241,14 +241,17 @@ def _compare_each(
 ) -> tuple[dict[str, PointComparison], dict[str, str]]:
     """Comparison of each point by itself, for a dead sensor must not end that of the others; reasons of the failed."""
     compared: dict[str, PointComparison] = {}
-    failed = {**field.failed, **reader.problems}
+    unusable = dict(field.failed)
     for point, signal in field.signals.items():
         try:
             if point not in predicted:
                 raise InputError("no window at a level of operation")
-            compared[point] = compare_signals(signal, predicted[point], settings)
+            compared[point] = compare_signals(signal, predicted[point], settings, reader.sensors[point].measured)
         except InputError as error:
-            failed[point] = str(error)
+            unusable[point] = str(error)
+    # What was not used may be why too little is left.
+    failed = {point: "; ".join([reason, *reader.not_used(point)]) for point, reason in unusable.items()}
+    failed |= reader.problems
     if not compared:
         reasons = (f"test point {point}: {reason}" for point, reason in failed.items())
         raise RecordingError(f"{reader.path}: {listed(reasons, separator='; ')}")

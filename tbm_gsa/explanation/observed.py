@@ -46,7 +46,7 @@ class Observed:
     bands : BandObservation
         With the noise that is expected of the sensors.
     floor : ndarray, shape (k,)
-        Noise as it was found in the recording, m²/s⁴/Hz.
+        Noise as it was found in the recording, m²/s⁴/Hz; NaN of an axis that was not measured.
     """
 
     reading: BandReading
@@ -55,13 +55,16 @@ class Observed:
 
     @classmethod
     def of(cls, reading: BandReading, powers: Array, floor: Array, stated: Array, duration_s: float) -> Self:
-        """From band powers (k,), the noise found in the recording and that stated, NaN where it is not."""
+        """From band powers (k,), the noise found in the recording and that stated, NaN where it is not.
+
+        Powers and noise found are NaN along axes that were not measured.
+        """
         floor = np.maximum(floor, _LEAST_NOISE)
-        noise = np.where(np.isfinite(stated), stated, np.minimum(floor, ALIKE * float(np.median(floor))))
+        noise = np.where(np.isfinite(stated), stated, np.fmin(floor, ALIKE * float(np.nanmedian(floor))))
         noise = np.maximum(noise, _LEAST_NOISE)
-        # A dead channel has no power at all: it is given that of its noise.
+        # A dead channel has no power at all: it is given that of its noise, as is one that there is not.
         widths = np.outer(reading.columns.sum(axis=1), [high - low for low, high in reading.bands]).ravel()
-        return cls(reading, BandObservation(np.maximum(powers, widths * noise), noise, duration_s), floor)
+        return cls(reading, BandObservation(np.fmax(powers, widths * noise), noise, duration_s), floor)
 
     @cached_property
     def channels(self) -> tuple[str, ...]:
@@ -79,7 +82,8 @@ class Observed:
         heard = telling(self.bands, scatter)
         quiet = scatter.transfer.predict(prior.values * math.exp(-_QUIETER * prior.log_sigma))
         loud = quiet > LEAST_OVER_NOISE * scatter.width * self.bands.noise
-        silent = set(self.channels) - {self.channels[place] for place in heard}
+        there = [name for name, floor in zip(self.channels, self.floor, strict=True) if math.isfinite(floor)]
+        silent = set(there) - {self.channels[place] for place in heard}
         missed = [place for place, name in enumerate(self.channels) if name in silent and loud[place]]
         if len(heard) < FEWEST_TELLING:
             raise StudyError(
@@ -90,11 +94,9 @@ class Observed:
     def weightless(self, used: Integers, scatter: LoadScatter) -> dict[str, str]:
         """Statistics that are not used, by name, and why."""
         noisy = self.bands.powers <= LEAST_OVER_NOISE * scatter.width * self.bands.noise
-        return {
-            one.name: "noise of the sensor" if noisy[place] else "leakage of stronger bands"
-            for place, one in enumerate(self.reading.statistics)
-            if place not in used
-        }
+        reasons = np.where(noisy, "noise of the sensor", "leakage of stronger bands")
+        reasons = np.where(np.isnan(self.floor), "an axis that was not measured", reasons)
+        return {one.name: str(reasons[place]) for place, one in enumerate(self.reading.statistics) if place not in used}
 
 
 def observed(comparison: ComparisonResult) -> Observed:
@@ -171,7 +173,8 @@ def _round(value: float) -> float:
 
 
 def _density(spectrum: SpectrumResult) -> tuple[Array, Array]:
-    density = np.array([0.0 if value is None else value for value in spectrum.density])
+    """Frequencies and densities, NaN along an axis that was not measured."""
+    density = np.array([math.nan if value is None else value for value in spectrum.density])
     return spectrum.resolution_hz * np.arange(len(density), dtype=np.float64), density
 
 
@@ -185,6 +188,8 @@ def _band_powers(spectrum: SpectrumResult, reading: BandReading) -> Array:
 
 def _floor(spectrum: SpectrumResult, reading: BandReading) -> float:
     frequency, density = _density(spectrum)
+    if np.isnan(density).all():
+        return math.nan
     gain = power_gain(reading.rate_hz, reading.band, frequency)
     try:
         return float(spectrum_floor(frequency, density[:, None], gain, max(spectrum.segments, 1.0))[0])

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import re
 from collections.abc import Mapping
 from pathlib import Path
@@ -13,6 +12,7 @@ from pydantic import Field, field_validator, model_validator
 from tbm_msgs_py import topics
 from tbm_msgs_py.base.errors import RecordingError
 from tbm_msgs_py.base.fields import FrozenModel, Name
+from tbm_msgs_py.base.operating_point import LARGEST
 from tbm_msgs_py.base.strict_yaml import read_yaml
 from tbm_msgs_py.base.texts import quoted
 from tbm_msgs_py.base.units import R_MIN, STANDARD_GRAVITY
@@ -110,8 +110,8 @@ class QuantityColumn(FrozenModel, Generic[UnitT]):
         if (self.column is None) == (self.value is None):
             given = "missing" if self.column is None else "both stated"
             raise ValueError(f"column or value: {given}, allowed: one of them")
-        if not math.isfinite((self.value or 0.0) * _UNITS[self.unit][0]):
-            raise ValueError(f"value: {self.value:g} {self.unit}, allowed: what a float64 holds in SI units")
+        if not 0.0 <= (self.value or 0.0) * _UNITS[self.unit][0] <= LARGEST:
+            raise ValueError(f"value: {self.value:g} {self.unit}, allowed: 0 to {LARGEST:g} in SI units")
         return self
 
 

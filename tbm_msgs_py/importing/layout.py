@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from datetime import datetime, tzinfo
-from typing import Annotated, Literal, TypeAlias
+from typing import Annotated, Literal, TypeAlias, get_args
 
 from pydantic import AfterValidator, BeforeValidator, Field, field_validator, model_validator
 
@@ -45,6 +45,8 @@ class TimeColumn(FrozenModel):
 
 
 TimeBase: TypeAlias = TimeColumn | Literal["file"] | None
+Thousands: TypeAlias = Literal[".", ",", " ", "'", "\u2019", "_", "\u00a0", "\u202f"]
+THOUSANDS: tuple[Thousands, ...] = get_args(Thousands)
 
 
 class CsvLayout(FrozenModel):
@@ -55,7 +57,8 @@ class CsvLayout(FrozenModel):
     delimiter, decimal, encoding : str
         Between the cells; ``.`` or ``,``; of the text.
     header, first : int
-        Line of the column names, and of the first row of numbers (default: the one after), counted from 1.
+        Line of the column names, and of the first row of numbers (default: the one after), counted from 1; a header of
+        0: there are no names, and columns are called ``1``, ``2`` ....
     thousands : str or None
         Between groups of three digits before the decimal sign; None: there is none.
     """
@@ -63,9 +66,9 @@ class CsvLayout(FrozenModel):
     delimiter: Annotated[str, Field(min_length=1, max_length=1)] = ","
     decimal: Literal[".", ","] = "."
     encoding: Name = "utf-8-sig"
-    header: Annotated[int, Field(ge=1, strict=True)] = 1
-    first: Annotated[int, Field(ge=2, strict=True)] | None = None
-    thousands: Literal[".", ",", " ", "'", "\u2019", "_", "\u00a0", "\u202f"] | None = None
+    header: Annotated[int, Field(ge=0, strict=True)] = 1
+    first: Annotated[int, Field(ge=1, strict=True)] | None = None
+    thousands: Thousands | None = None
 
     @field_validator("delimiter")
     @classmethod

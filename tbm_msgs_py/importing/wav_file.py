@@ -21,7 +21,11 @@ from tbm_msgs_py.importing.measurement_file import MeasurementFile, Rows
 
 _WHOLE_NUMBERS, _FLOATS, _EXTENSIBLE = 1, 3, 0xFFFE
 _WIDTHS: Final = {_WHOLE_NUMBERS: (1, 2, 3, 4, 8), _FLOATS: (4, 8)}  # bytes of a reading
+_MOST_OF_RIFF: Final = 2**32  # bytes
 _MOST_CHUNKS: Final = 10_000
+_LARGE: Final = (b"RF64", b"BW64")  # EBU Tech 3306 and ITU-R BS.2088: sizes of 64 bits in a ds64 chunk
+# Identifiers of samples behind their first two bytes, which are a format: Microsoft's, and that of B-format.
+_SUBFORMATS: Final = (bytes.fromhex("000000001000800000aa00389b71"), bytes.fromhex("00002107d3118644c8c1ca000000"))
 _BEXT: Final = slice(320, 338)  # date and time of the first sample, by EBU Tech 3285: 2026-03-01, 08:00:00
 
 
@@ -59,7 +63,7 @@ class _Channel:
 
 
 class WavFile(MeasurementFile):
-    """A WAV file (RIFF or RF64) of whole numbers or floats; its channels are numbered from 1."""
+    """A WAV file (RIFF, RF64 or BW64) of whole numbers or floats; its channels are numbered from 1."""
 
     kind = "a WAV"
     full_scale = True
@@ -71,9 +75,9 @@ class WavFile(MeasurementFile):
             np.memmap(path, np.uint8, "r") if path.stat().st_size else np.empty(0, np.uint8)
         )
         head = self._bytes[:12].tobytes()
-        if head[:4] not in (b"RIFF", b"RF64") or head[8:] != b"WAVE":
-            raise self.error("not a WAV file: does not begin with RIFF or RF64 and WAVE, allowed: one of those")
-        self._chunks = self._walk(head[:4] == b"RF64")
+        if head[:4] not in (b"RIFF", *_LARGE) or head[8:] != b"WAVE":
+            raise self.error("not a WAV file: does not begin with RIFF, RF64 or BW64 and WAVE, allowed: one of those")
+        self._chunks = self._walk(head[:4] in _LARGE)
         self._format = self._read_format()
         self._data = self._rows()
 
@@ -118,7 +122,9 @@ class WavFile(MeasurementFile):
                 f"its header says 0 bytes of data, and {behind} bytes follow: it was not finished, allowed: a header "
                 "that says how many there are"
             )
-        self.warn(f"{behind} bytes behind the {size} of the data are no chunk, and left out")
+        whole = len(self._bytes)
+        cause = f": {whole} bytes are more than a RIFF header can say, RF64 can" if whole > _MOST_OF_RIFF else ""
+        self.warn(f"{behind} bytes behind the {size} of the data are no chunk, and left out{cause}")
 
     def _is_chunk(self, at: int) -> bool:
         """Whether a chunk that ends in the file begins at a byte."""
@@ -139,7 +145,9 @@ class WavFile(MeasurementFile):
         if len(head) < 16:
             raise self.error(f"a fmt chunk of {len(head)} bytes, allowed: 16 or more")
         tag, channels, rate, _, row, bits = struct.unpack_from("<HHIIHH", head)
-        if tag == _EXTENSIBLE and len(head) >= 26:
+        if tag == _EXTENSIBLE:
+            if len(head) < 40 or head[26:] not in _SUBFORMATS:
+                raise self.error("format 65534 without the identifier of its samples' format, allowed: that of 1 or 3")
             tag = struct.unpack_from("<H", head, 24)[0]
         if tag not in _WIDTHS:
             raise self.error(f"format {tag}, allowed: 1 (whole numbers) or 3 (floats), or 65534 with one of them")

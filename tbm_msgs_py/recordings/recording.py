@@ -34,6 +34,10 @@ from tbm_msgs_py.recordings.used import BY_PROGRAM, UsedSources
 PIECE_S = 60.0
 
 
+class NoSampleError(RecordingError):
+    """No test point of a recording has a single sample; one line that says why of each."""
+
+
 @dataclass(frozen=True)
 class UsedMapping:
     """A mapping, and the file that it was read from, if it was.
@@ -115,6 +119,12 @@ class RecordingReader:
         """What was found so far, by test point."""
         return {point: topic.line.total for point, topic in self._sensors.items()}
 
+    def not_used(self, point: str) -> list[str]:
+        """Return what of the topic of a test point is not used so far, a text each: how much, and why."""
+        topic = self._sensors[point]
+        left = [f"{one.messages} messages left out, {one.what}: {one.reason}" for one in topic.channel.left_out]
+        return [*topic.line.total.dropped(), *left]
+
     @property
     def left_out(self) -> list[LeftOut]:
         """Messages of mapped topics that are not used, so far."""
@@ -169,7 +179,7 @@ class RecordingReader:
 
         Raises
         ------
-        RecordingError
+        NoSampleError
             At the end, when no test point had a single sample.
         """
         if not length_s >= 1e-3:
@@ -183,7 +193,7 @@ class RecordingReader:
             yield from map(self._records, splitter.due())
         yield from map(self._records, splitter.rest())
         if not self._sampled:
-            raise RecordingError(f"{self.path}: {listed(self.problems.values(), separator='; ')}")
+            raise NoSampleError(f"{self.path}: {listed(self.problems.values(), separator='; ')}")
 
     def _restart(self) -> None:
         """Forget what was read, and find the topics of the mapping."""

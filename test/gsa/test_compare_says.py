@@ -11,8 +11,10 @@ from tbm_dynamics.machine.loading import machine_text
 from tbm_gsa.app.cli.bag.info import info
 from tbm_gsa.app.cli.compare import print_tables
 from tbm_gsa.app.report.compare_page import compare_page
+from tbm_gsa.comparison.results import ComparisonResult
 from tbm_gsa.comparison.units import unit_doubt
 from tbm_gsa.comparison.workflow import compare_recording
+from tbm_gsa.history import recording_entries
 from tbm_msgs_py import ACCELERATION, OperatingPoint, open_recording
 from tbm_msgs_py.bags.definitions import serialised_operating_point
 from tbm_msgs_py.bags.metadata import SYNTHETIC, is_synthetic
@@ -99,6 +101,60 @@ def test_what_a_mapping_names_is_used_or_named(tmp_path, capsys):
     assert "Operating point: topic /tbm/operating is not in the recording" in page
     assert "Test point girder was not compared: topic /girder" in page
     assert "Test point gripper was not compared: topic /tbm/field/gripper/block: no finite sample" in page
+
+
+def test_an_axis_that_is_not_measured_is_null_and_no_zero(tmp_path, capsys):
+    """And of a topic of which too little is left the result says what was not used, and why."""
+    thin = noise(3.0)
+    thin[::1000] = np.nan
+    path = write_bag(
+        tmp_path / "bag", {"shield": noise(3.0), "girder": thin, "gripper": noise(3.0), "walkway": noise(3.0)}
+    )
+    mapping = mapping_of(
+        tmp_path / "m.yaml", **{p: f"/tbm/field/{p}/block" for p in ("shield", "girder", "gripper", "walkway")}
+    )
+    lacking = {"shield": "[x, ~, z]", "gripper": "[~, y, z]", "walkway": "[x, ~, z], rotation: [30, 20, 10]"}
+    text = mapping.read_text()
+    for point, axes in lacking.items():
+        text = text.replace(f"point: {point}", f"point: {point}, axes: {axes}")
+    mapping.write_text(text)
+    compared = compare_recording(path, mapping=mapping, **SHORT)
+    result = compared.result
+    assert (
+        result.skipped["girder"] == "no stretch of 1 s without a gap at 2000 Hz; 6 samples that are no finite numbers"
+    )
+    assert result.skipped["walkway"].startswith("the sensor measures none of the machine's axes by itself")
+    for point, lacks in (("shield", "y"), ("gripper", "x")):
+        for axis, found in result.points[point].items():
+            spectrum = result.spectra[point][axis].field.density
+            level = result.levels[0].points[point][axis]
+            field = [
+                value
+                for name, value in found.model_dump().items()
+                if name.startswith("field_") and name != "field_lines"
+            ]
+            told = [
+                found.coverage,
+                found.relative_error,
+                level.field_rms,
+                level.relative_error,
+                spectrum[20],
+                *field[:6],
+            ]
+            assert [value is None for value in told] == [axis == lacks] * len(told)
+            assert (len(found.windows.start), len(found.field_lines)) == ((0, 0) if axis == lacks else (1, 5))
+            assert found.model_rms > 0.0
+    history = list(recording_entries(result, compared.starts_ns))
+    assert {(entry.point, entry.axis) for entry in history} == {
+        ("shield", "x"),
+        ("shield", "z"),
+        ("gripper", "y"),
+        ("gripper", "z"),
+    }
+    print_tables(result)
+    assert " – " in next(line for line in capsys.readouterr().out.splitlines() if line.startswith("gripper"))
+    assert "100.000 %" in compare_page(compared)
+    assert ComparisonResult.model_validate_json(result.model_dump_json()) == result
 
 
 def test_any_way_to_a_recording_gives_the_same(tmp_path, monkeypatch):

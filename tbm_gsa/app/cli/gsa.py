@@ -16,7 +16,7 @@ from tbm_gsa.app.cli.explain import explain
 from tbm_gsa.app.cli.output import (
     DEFAULT_MACHINE,
     JSON_OPTION,
-    OUTPUTS_OPTION,
+    OUTPUTS_HELP,
     SEED_OPTION,
     MachineOption,
     add_row,
@@ -46,7 +46,8 @@ app = typer.Typer(add_completion=False, no_args_is_help=True)
 
 Folder = Annotated[Path, typer.Option("--out", help="Folder of the study: store, result.json, report.html.")]
 Methods = Annotated[
-    list[str] | None, typer.Option("--method", help="Surrogate to choose from: svr, krg, rbf or prs; may be repeated.")
+    list[str] | None,
+    typer.Option("--method", help="Surrogate to choose from: svr, krg, rbf or prs; may be repeated; default: all."),
 ]
 MOST_SAMPLES = 1_000_000
 AllowFailures = Annotated[
@@ -69,10 +70,12 @@ def run(
         Path | None,
         typer.Option(help="YAML file with inputs, distributions, groups, outputs; default: the paper's Table 4."),
     ] = None,
-    outputs: Annotated[str | None, OUTPUTS_OPTION] = None,
+    outputs: Annotated[
+        str | None, typer.Option(help=f"{OUTPUTS_HELP}those of --inputs, else the eight indicators.")
+    ] = None,
     high_hz: Annotated[
         float | None,
-        typer.Option(help="Upper limit of the band of accelerations (Hz); default: a comparison's, 1000."),
+        typer.Option(help="Upper limit of the band of accelerations (Hz); default: 1000, as of a comparison."),
     ] = None,
     method: Methods = None,
     allow_failures: AllowFailures = False,

@@ -59,7 +59,10 @@ def observe(
     ] = None,
     duration: Annotated[float, typer.Option(max=LONGEST_S, help="Length of a recording (s).")] = 60.0,
     noise_density: Annotated[
-        float, typer.Option(min=0.0, max=10.0, help="Noise of the sensors, one-sided (m/s²/√Hz).")
+        float,
+        typer.Option(
+            min=0.0, max=10.0, help="Noise of the sensors, one-sided (m/s²/√Hz).", show_default="0.00098, 100 µg/√Hz"
+        ),
     ] = 100e-6 * STANDARD_GRAVITY,
     model_error: Annotated[
         float,

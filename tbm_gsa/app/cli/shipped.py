@@ -16,6 +16,11 @@ RECORDING_ARGUMENT = typer.Argument(
     help=f"Recording: a rosbag2 folder, an .mcap file, or {RECORDING}, the shipped synthetic one."
 )
 
+MAPPING_HELP = (
+    "Mapping of topics to test points; default: mapping.yaml in or beside the recording, else the topics of the "
+    "contract."
+)
+
 
 def shipped_bag(name: str = RECORDING) -> Path:
     """Folder of a recording that comes with the project.

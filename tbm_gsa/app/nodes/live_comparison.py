@@ -58,6 +58,8 @@ class LiveComparison:
 
     Attributes
     ----------
+    points : tuple of str
+        Test points of the machine.
     latest : dict of str to WindowResult
         By test point.
     rotating : frozenset of str
@@ -73,7 +75,7 @@ class LiveComparison:
         self.rotating = frozenset(sensor.point for sensor in sensors if sensor.frame == "rotating")
         self._measured = {sensor.point: np.array(sensor.measured) for sensor in sensors}
         self.health = StreamHealth(warn)
-        self._points = points
+        self.points = tuple(points)
         # What the machine does, and what the model does after it.
         self._operation = {name: LiveOperation() for name in (topics.OPERATING_POINT, topics.LOADS_OPERATING_POINT)}
         self.set_window(window)
@@ -119,7 +121,7 @@ class LiveComparison:
         known = [
             self._without_error_unless_steady(self._without_unmeasured(result))
             for result in results
-            if result.point in self._points
+            if result.point in self.points
         ]
         self.latest |= {result.point: result for result in known}
         return known
