@@ -57,7 +57,7 @@ def observe(
             help="Places of one sensor more, as --points; default: all test points, on the node and 1 m to the left."
         ),
     ] = None,
-    duration: Annotated[float, typer.Option(max=LONGEST_S, help="Length of a recording (s).")] = 60.0,
+    duration: Annotated[float, typer.Option(max=LONGEST_S, help="Length of a recording (s), 4 or more.")] = 60.0,
     noise_density: Annotated[
         float,
         typer.Option(

@@ -214,9 +214,9 @@ def _follow(
     counts, diagnostics = watching.state.blocks.values(), watching.state.diagnostics
     asked, reached = False, 0.0
     while not stopping() and not (asked and diagnostics.keys() >= ACTIVE_STATUSES):
-        reached = min(count.stream_time for count in counts)
-        nodes.check(reached)
         watching.spin(_LOOK_S)
+        reached = min(count.stream_time for count in counts)
+        nodes.check(reached)  # first what is new of the nodes, then how it goes
         if not asked and diagnostics.keys() >= ACTIVE_STATUSES:
             line.update(diagnostics, reached)
         if duration is not None and reached >= duration and not asked:
