@@ -58,13 +58,14 @@ class CsvFile(MeasurementFile):
         return f"line {self._layout.first_line + index}"
 
     def _pieces(self, columns: Sequence[str], time: TimeBase) -> Iterator[Rows]:
-        wanted = [self._index(column) for column in columns]
-        clock = self._index(time.column) if isinstance(time, TimeColumn) else None
+        names = [*columns, *([time.column] if isinstance(time, TimeColumn) else [])]
+        places = [self._index(name, names) for name in names]
+        wanted, clock = places[: len(columns)], places[-1]
         first = 0
         for lines in self._lines():
             self._check_width(lines, first)
             times = None
-            if isinstance(time, TimeColumn) and clock is not None:
+            if isinstance(time, TimeColumn):
                 times = self._times(lines, clock, time, first)
             yield Rows(self._numbers(lines, wanted, first), times)
             first += len(lines)
@@ -160,9 +161,10 @@ class CsvFile(MeasurementFile):
                 raise self.error(f"{row}, column {time.column}: {quoted(cell)}: {error}") from error
         return times
 
-    def _index(self, column: str) -> int:
+    def _index(self, column: str, names: Sequence[str]) -> int:
+        """Place of a column, one of the names that are asked for."""
         if column not in self.columns:
-            raise self.no_column(column, self.columns, csv_hints.of_column(self.path, column, self._layout))
+            raise self.no_column(column, self.columns, csv_hints.of_columns(self.path, names, self._layout))
         if self.columns.count(column) > 1:
             raise self.error(f"column {column} occurs twice in the header, allowed: once")
         return self.columns.index(column)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import json
+import unicodedata
 from collections.abc import Iterable, Iterator, Sequence
 from datetime import UTC
 from itertools import islice
@@ -16,21 +17,21 @@ from tbm_msgs_py.importing.moments import moment_ns
 
 _LINES: Final = 100  # of the beginning that are looked through
 _LONGEST: Final = 1 << 16  # characters of one of them
-_DELIMITERS: Final = (",", ";", "\t", "|")
+_DELIMITERS: Final = (",", ";", "\t", "|", " ")
 _ENCODINGS: Final = ("utf-8-sig", "utf-16", "cp1252")
 _BYTE_ORDER_MARKS: Final = (b"\xff\xfe", b"\xfe\xff")
 _ZIP: Final = b"PK\x03\x04"
 
 
-def of_column(path: Path, column: str, layout: CsvLayout) -> str:
-    """Keys by which the file has a column that it does not have as described; empty where it has it by none."""
+def of_columns(path: Path, columns: Sequence[str], layout: CsvLayout) -> str:
+    """Keys by which the file has columns that it does not have as described; empty where it has them by none."""
     if not layout.header:
         return ""
     delimiters = tuple(dict.fromkeys((layout.delimiter, *_DELIMITERS)))
-    for encoding in dict.fromkeys((layout.encoding, *_ENCODINGS)) if not _is_value(column) else ():
+    for encoding in dict.fromkeys((layout.encoding, *_ENCODINGS)) if not any(map(_is_value, columns)) else ():
         for number, line in enumerate(_lines(path, encoding), start=1):
             for delimiter in delimiters:
-                if column in _cells(line, delimiter):
+                if set(columns) <= set(_cells(line, delimiter)):
                     return "; it is there by " + _keys(layout, header=number, delimiter=delimiter, encoding=encoding)
     line = next(islice(_lines(path, layout.encoding), layout.header - 1, None), "")
     if any(all(map(_is_value, cells)) for cells in (_cells(line, delimiter) for delimiter in delimiters) if cells):
@@ -50,17 +51,23 @@ def of_number(cell: str, layout: CsvLayout) -> str:
         for decimal, thousands in signs
         if decimal not in (thousands, layout.delimiter) and number_reader(decimal, thousands)(cell) is not None
     }
+    plain = unicodedata.normalize("NFKC", cell).replace("\u2212", "-")
+    if not found and plain != cell and number_reader(layout.decimal, layout.thousands)(plain) is not None:
+        odd = next(sign for sign in cell if not sign.isascii())
+        return f"; {odd!r} is {unicodedata.name(odd, 'no sign')}, which is no part of a plain number"
     fewest = min(found.values(), default=0)
     return "".join(["; it is one by " + " or ".join(key for key in found if found[key] == fewest)] if found else [])
 
 
 def of_first_row(lines: Iterable[str], column: int, layout: CsvLayout) -> str:
     """Key for lines such as that of units between names and numbers, if the first of these lines is one."""
-    for number, line in enumerate(islice(lines, _LINES), start=layout.first_line):
-        row = _cells(line, layout.delimiter)
+    rows = [_cells(line, layout.delimiter) for line in islice(lines, _LINES)]
+    if any(map(_is_value, rows[0])):
+        return ""
+    for number, row in enumerate(rows, start=layout.first_line):
         if column < len(row) and _is_value(row[column]):
             key = {"first": number} if layout.header else {"header": number - 1}
-            return f"; numbers begin in line {number}: " + _keys(layout, **key) if number > layout.first_line else ""
+            return f"; numbers begin in line {number}: " + _keys(layout, **key)
     return ""
 
 

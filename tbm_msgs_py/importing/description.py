@@ -17,7 +17,7 @@ from tbm_msgs_py.base.strict_yaml import read_yaml
 from tbm_msgs_py.base.texts import quoted
 from tbm_msgs_py.base.units import R_MIN, STANDARD_GRAVITY
 from tbm_msgs_py.base.validation import validated
-from tbm_msgs_py.importing.layout import FileLayout, Number, Positive
+from tbm_msgs_py.importing.layout import ColumnName, FileLayout, Number, Positive
 from tbm_msgs_py.recordings.mapping import IN_UNITS, SensorMapping
 
 UnitT = TypeVar("UnitT", bound=str)
@@ -62,7 +62,7 @@ class PointColumns(SensorMapping):
         Value in `units` of a reading of 1; a WAV file, whose readings are shares of full scale, needs it.
     """
 
-    columns: tuple[Name | None, Name | None, Name | None]
+    columns: tuple[ColumnName | None, ColumnName | None, ColumnName | None]
     full_scale: Positive | None = None
 
     @field_validator("columns")
@@ -101,7 +101,7 @@ class PointColumns(SensorMapping):
 class QuantityColumn(FrozenModel, Generic[UnitT]):
     """Column of a quantity in one of its units, or the value that it kept."""
 
-    column: Name | None = None
+    column: ColumnName | None = None
     unit: UnitT
     value: Number | None = None
 

@@ -20,6 +20,14 @@ Positive = Annotated[float, Field(gt=0, allow_inf_nan=False, strict=True)]
 Number = Annotated[float, Field(allow_inf_nan=False, strict=True)]
 
 
+def _number_as_name(given: object) -> object:
+    """Name of a column that is a number, as those of a WAV file are, which YAML reads as one."""
+    return str(given) if type(given) is int else given
+
+
+ColumnName = Annotated[Name, BeforeValidator(_number_as_name)]
+
+
 class TimeColumn(FrozenModel):
     """Column that holds the time of each row.
 
@@ -33,7 +41,7 @@ class TimeColumn(FrozenModel):
         A time that steps back begins a new run, put this many s after the row before; None: it is an error.
     """
 
-    column: Name
+    column: ColumnName
     unit: Literal["s", "ms", "us", "ns", "datetime"]
     restart_gap: Annotated[Positive, Field(le=LAST_NS / NANOSECONDS)] | None = None
 

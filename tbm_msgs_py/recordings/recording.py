@@ -151,7 +151,7 @@ class RecordingReader:
 
     @property
     def doubts(self) -> list[str]:
-        """What of the operating point and of the clocks is not as the mapping or the stamps say, a line each."""
+        """What is not as mapping, stamps or rates say: the operating point, unused messages, clocks; a line each."""
         found = [self._no_operating] if self._no_operating else []
         if self._operating is not None:
             points, record, name = self._operating.points, self.operating_point, self._operating.name
@@ -159,6 +159,7 @@ class RecordingReader:
                 found.append(f"operating point {name}: {record.doubt}")
             if points.undecodable or (record is None and points.problem):
                 found.append(f"operating point {name}: {points.undecodable} messages cannot be used: {points.problem}")
+        found += [topic.doubt for point, topic in self._sensors.items() if point in self._sampled and topic.doubt]
         return [*found, *clock_doubts(self.clocks)]
 
     @cached_property

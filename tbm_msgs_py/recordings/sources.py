@@ -15,6 +15,8 @@ from tbm_msgs_py.recordings.mapping import SensorMapping
 from tbm_msgs_py.recordings.operating import OperatingPoints
 from tbm_msgs_py.recordings.timeline import Timeline
 
+_FEW = 0.01  # share of the messages of a topic
+
 
 class SensorTopic:
     """One topic of one sensor, while it is read.
@@ -46,7 +48,19 @@ class SensorTopic:
         self.name, self.sensor = name, sensor
         self.channel = ChosenChannel(name, channels, ACCELERATION_TYPES)
         self.line, self.clock = Timeline(), ClockTrack()
-        self._frame = sensor.frame_id
+        self._frame, self._messages = sensor.frame_id, sum(channels.values())
+
+    @property
+    def doubt(self) -> str:
+        """That many messages are not used, which rate and coverage do not show; empty where they are few."""
+        found = self.line.total
+        unused = found.undecodable + found.astray + found.unstamped + found.unmeasured
+        if unused <= _FEW * self._messages:
+            return ""
+        return (
+            f"test point {self.sensor.point}: {unused} of {self._messages} messages of {self.name} are not used "
+            f"({', '.join(found.dropped())}): rate and coverage are those of the rest"
+        )
 
     def problem(self, unread: str) -> str:
         """Why there are no samples, if there are none; what of the recording is not read may be the reason."""

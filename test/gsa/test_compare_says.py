@@ -16,7 +16,7 @@ from tbm_gsa.comparison.units import unit_doubt
 from tbm_gsa.comparison.workflow import compare_recording
 from tbm_gsa.history import recording_entries
 from tbm_msgs_py import ACCELERATION, OperatingPoint, open_recording
-from tbm_msgs_py.bags.definitions import serialised_operating_point
+from tbm_msgs_py.bags.definitions import BLOCK_TYPE, serialised_block, serialised_operating_point
 from tbm_msgs_py.bags.metadata import SYNTHETIC, is_synthetic
 from tbm_msgs_py.bags.writing import BagWriter
 
@@ -153,8 +153,31 @@ def test_an_axis_that_is_not_measured_is_null_and_no_zero(tmp_path, capsys):
     }
     print_tables(result)
     assert " – " in next(line for line in capsys.readouterr().out.splitlines() if line.startswith("gripper"))
-    assert "100.000 %" in compare_page(compared)
     assert ComparisonResult.model_validate_json(result.model_dump_json()) == result
+
+
+@pytest.mark.parametrize("every", [10, 1000])
+def test_messages_that_are_no_use_are_lost_and_doubted(tmp_path, capsys, every):
+    """Of all but each so many the stamp is no time of ROS: what is left looks whole, at another rate."""
+    with BagWriter(tmp_path / "bag") as writer:
+        for k, row in enumerate(noise(0.2)):
+            log = START_NS + k * 10_000_000
+            data = bytearray(serialised_block(ACCELERATION, log, [0.0], row[None]))
+            if (k + 1) % every:
+                data[8:12] = (2 * 10**9).to_bytes(4, "little")  # nanoseconds
+            writer.write("/tbm/field/shield/block", BLOCK_TYPE, log, bytes(data))
+        writer.write_operating_point(START_NS, HIGH)
+    info(tmp_path / "bag", scan=True, mapping=None, json=True)
+    said, unused = json.loads(capsys.readouterr().out), 400 - 400 // every
+    assert said["lost"] == unused
+    if every > 400:
+        assert "is no ROS time" in said["problems"]["shield"]
+        return
+    result = compare_recording(tmp_path / "bag", **SHORT).result
+    assert result.recording.lost == unused
+    doubt = result.doubts[0]  # then that of units
+    assert doubt.startswith("test point shield: 360 of 400 messages of /tbm/field/shield/block are not used (360 ")
+    assert said["doubts"] == [doubt]
 
 
 def test_any_way_to_a_recording_gives_the_same(tmp_path, monkeypatch):
