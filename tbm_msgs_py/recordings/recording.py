@@ -224,9 +224,10 @@ class RecordingReader:
         return self._channels[name]
 
     def _no_sensor(self) -> str:
-        named = [name for name in self.mapping.mapping.topics if name in self._channels]
-        if not named:
-            return f"no topic of the mapping is in the recording, {_listing(self._channels)}"
+        wanted = self.mapping.mapping.topics
+        if not any(name in self._channels for name in wanted):
+            names = f" ({listed(wanted)})" if wanted else ""
+            return f"no topic of the mapping is in the recording{names}, {_listing(self._channels)}"
         return listed(self._missing.values(), separator="; ")
 
     def _add(self, batch: MessageBatch) -> None:

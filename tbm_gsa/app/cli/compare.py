@@ -23,7 +23,7 @@ from tbm_gsa.app.cli.output import (
     progress_bar,
     results,
 )
-from tbm_gsa.app.cli.shipped import MAPPING_HELP, RECORDING_ARGUMENT, recording_path
+from tbm_gsa.app.cli.shipped import MAPPING_OPTION, RECORDING_ARGUMENT, recording_path
 from tbm_gsa.comparison.results import ComparisonResult
 from tbm_gsa.comparison.workflow import RecordingComparison, compare_recording
 from tbm_gsa.history import (
@@ -44,7 +44,7 @@ from tbm_msgs_py.recordings.recording_health import COUNTS
 def compare(
     bag: Annotated[Path, RECORDING_ARGUMENT],
     machine: MachineOption = DEFAULT_MACHINE,
-    mapping: Annotated[Path | None, typer.Option(help=MAPPING_HELP)] = None,
+    mapping: Annotated[Path | None, MAPPING_OPTION] = None,
     html: Annotated[Path | None, typer.Option(help="Write a page with figures to this file.", dir_okay=False)] = None,
     model_duration: Annotated[
         float, typer.Option(help="Length of the model run at each level of operation (s), 1 to 3600.")

@@ -222,7 +222,7 @@ def _follow(
         if duration is not None and reached >= duration and not asked:
             diagnostics.clear()  # of before the end
             asked = True
-    line.finish(diagnostics, reached)
+    line.finish(diagnostics, reached if duration is None else min(reached, duration))
 
 
 def run_document(state: WatchState, first_block: float | None) -> dict[str, object]:

@@ -16,9 +16,8 @@ RECORDING_ARGUMENT = typer.Argument(
     help=f"Recording: a rosbag2 folder, an .mcap file, or {RECORDING}, the shipped synthetic one."
 )
 
-MAPPING_HELP = (
-    "Mapping of topics to test points; default: mapping.yaml in or beside the recording, else the topics of the "
-    "contract."
+MAPPING_OPTION = typer.Option(
+    help="Mapping of topics to test points; default: mapping.yaml in or beside the bag, else the contract's topics."
 )
 
 

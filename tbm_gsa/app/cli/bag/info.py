@@ -13,7 +13,7 @@ from pydantic import ConfigDict
 from rich.text import Text
 
 from tbm_gsa.app.cli.output import JSON_OPTION, add_row, narrow_table, print_json, progress_bar, results
-from tbm_gsa.app.cli.shipped import MAPPING_HELP, RECORDING_ARGUMENT, recording_path
+from tbm_gsa.app.cli.shipped import MAPPING_OPTION, RECORDING_ARGUMENT, recording_path
 from tbm_gsa.reading import Maybe, Part
 from tbm_msgs_py.bags.bag import Bag, BagInfo
 from tbm_msgs_py.bags.definitions import JOINT_STATE_TYPE, definition_hash
@@ -129,7 +129,7 @@ class ScannedBag(BagContents):
 def info(
     bag: Annotated[Path, RECORDING_ARGUMENT],
     scan: Annotated[bool, typer.Option("--scan", help="Read it through for damage and faults of the sensors.")] = False,
-    mapping: Annotated[Path | None, typer.Option(help=f"{MAPPING_HELP} With --scan.")] = None,
+    mapping: Annotated[Path | None, MAPPING_OPTION] = None,
     json: Annotated[bool, JSON_OPTION] = False,
 ) -> None:
     """List the topics of a recording, its length, and what is missing."""
