@@ -336,7 +336,8 @@ def subformat(name, valid_bits=16):
     return struct.pack("<HHI", 22, valid_bits, 4) + uuid.UUID(name).bytes_le
 
 
-PCM = subformat("00000001-0000-0010-8000-00aa00389b71")
+PCM_NAME = "00000001-0000-0010-8000-00aa00389b71"
+PCM = subformat(PCM_NAME)
 B_FORMAT_FLOAT = subformat("00000003-0721-11d3-8644-c8c1ca000000", 64)
 OTHER = subformat("00000001-0000-0010-8000-00aa00389b72")
 
@@ -364,6 +365,8 @@ def wav(data=b"\1\0\2\0", tag=1, rate=RATE, channels=1, bits=16, size=None, head
             wav(tag=65534, wide_format=B_FORMAT_FLOAT, bits=64, data=struct.pack("<dd", 1 / 32768, 2 / 32768)),
             (2, ""),
         ),
+        (wav(tag=65534, wide_format=subformat(PCM_NAME, 15)), (2, "the lowest 1 bits of readings are set")),
+        (wav(tag=65534, wide_format=subformat(PCM_NAME, 17)), "17 valid bits of 16"),
         (wav(tag=65534, wide_format=OTHER), "format 65534 without the identifier"),
         (wav(tag=65534, wide_format=PCM[:8]), "format 65534 without the identifier"),
         (wav(tag=65534), "format 65534 without the identifier"),
