@@ -18,7 +18,7 @@ from tbm_gsa.comparison.results import (
     RecordedPoint,
     RecordingResult,
 )
-from tbm_gsa.comparison.units import unit_doubt
+from tbm_gsa.comparison.units import operating_doubts, unit_doubt
 from tbm_gsa.provenance import machine_file, package_versions
 from tbm_gsa.signals.intervals import CONFIDENCE
 from tbm_gsa.signals.reduction import ReducedSignal, Series, SignalReducer, one_level
@@ -129,7 +129,7 @@ def compare_recording(
         machine=described.name,
         machine_file=machine_file(described),
         sources=reader.sources,
-        doubts=(*reader.doubts, *_unit_doubts(points)),
+        doubts=(*reader.doubts, *_operating_doubts(history, described), *_unit_doubts(points)),
         operating_point=history.levels[0],
         levels=_levels(history, points),
         dwells=_dwells(history, field.begin_ns),
@@ -149,6 +149,12 @@ def _unknown_points(reader: RecordingReader, machine: Machine) -> dict[str, str]
     """Name the recorded points that the machine does not have, with that as the reason."""
     missing = [point for point in reader.sensors if point not in machine.description.test_points]
     return dict.fromkeys(missing, f"machine {machine.name} has no such test point")
+
+
+def _operating_doubts(history: OperatingHistory, machine: Machine) -> Iterator[str]:
+    level, own = history.levels[0], machine.description.operating_point
+    names = {"torque (kN·m)": "torque_kn_m", "thrust (kN)": "thrust_kn"}
+    return operating_doubts(*({name: getattr(one, key) for name, key in names.items()} for one in (level, own)))
 
 
 def _unit_doubts(points: Mapping[str, PointComparison]) -> Iterator[str]:

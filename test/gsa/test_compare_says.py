@@ -218,6 +218,28 @@ def test_units_off_by_a_factor_are_said(tmp_path):
     assert json.loads(result.model_dump_json())["doubts"] == list(result.doubts)
 
 
+@pytest.mark.parametrize(
+    ("point", "said"),
+    [
+        (
+            OperatingPoint(0.586, 3040.0, 1.2e7),
+            ["torque (kN·m) 3.04 is about 0.001 of the machine's own 3040: values in kN"],
+        ),
+        (
+            OperatingPoint(0.586, 3.04e6, 8.0),
+            ["thrust (kN) 0.008 is about 6.7e-07 of the machine's own 1.2e+04: values in MN"],
+        ),
+        (OperatingPoint(0.586, 0.3e6, 0.1e7), []),
+    ],
+)
+def test_loads_in_another_unit_are_doubted(tmp_path, point, said):
+    result = compare_recording(
+        write_bag(tmp_path / "bag", {"shield": noise(1.5)}, operating=[(0.0, point)]), **SHORT
+    ).result
+    doubts = [doubt for doubt in result.doubts if doubt.startswith("operating point: ")]
+    assert [doubt.partition(": ")[2].partition(" where")[0] for doubt in doubts] == said
+
+
 def test_units_are_told_from_what_measures():
     assert unit_doubt([9.8, 0.0, np.nan], [1.0, 1.0, 1.0]).startswith("field is about 9.81 times")
     assert unit_doubt([9.8, 1.0, 9.8], [1.0, 1.0, 1.0]) == unit_doubt([3.0, 3.0, 3.0], [1.0, 1.0, 1.0]) == ""
