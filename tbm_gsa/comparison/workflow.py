@@ -256,12 +256,22 @@ def _compare_each(
         except InputError as error:
             unusable[point] = str(error)
     # What was not used may be why too little is left.
-    failed = {point: "; ".join([reason, *reader.not_used(point)]) for point, reason in unusable.items()}
+    failed = {
+        point: "; ".join([reason, *_came(field.health.get(point)), *reader.not_used(point)])
+        for point, reason in unusable.items()
+    }
     failed |= reader.problems
     if not compared:
         reasons = (f"test point {point}: {reason}" for point, reason in failed.items())
         raise RecordingError(f"{reader.path}: {listed(reasons, separator='; ')}")
     return compared, failed
+
+
+def _came(health: PointHealth | None) -> Iterator[str]:
+    """How many samples came in which time: more often than that by their steps where they are stamped in bunches."""
+    if health is not None and health.duration > 0.0:
+        mean = (health.samples - 1) / health.duration
+        yield f"{health.samples} samples in {health.duration:.4g} s, {mean:.4g} Hz on average"
 
 
 def _levels(history: OperatingHistory, points: Mapping[str, PointComparison]) -> tuple[LevelResult, ...]:
