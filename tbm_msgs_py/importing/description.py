@@ -235,7 +235,8 @@ def describe(path: str | Path | None, changes: Mapping[str, object] | None = Non
     if path is None:
         return validated(Description, changes or {}, label, RecordingError)
     content = read_yaml(path, f"an {label}", Description.model_fields, RecordingError)
-    return validated(Description, _joined(content, changes or {}), str(path), RecordingError)
+    beside = ", with what is stated beside it" if changes else ""
+    return validated(Description, _joined(content, changes or {}), f"{path}{beside}", RecordingError)
 
 
 def _joined(content: Mapping[str, object], changes: Mapping[str, object]) -> dict[str, object]:
