@@ -73,6 +73,9 @@ def test_stuck_and_dead_axes(tmp_path):
         ("z", 1.0, 3.0),
     ]
     assert len(record.time) == 5000
+    sensor = SensorMapping(point="shield", units="m/s2", gravity="removed", frame="fixed", axes=("-z", None, "x"))
+    lacking = read_acceleration(tmp_path / "bag", TOPIC, TopicMapping(topics={TOPIC: sensor}))
+    assert {axis for axis, *_ in lacking.stuck} == {"z"}  # y is none that the mapping says is measured
 
 
 @given(st.integers(0, 400), st.integers(1, 400), st.integers(0, 400))
