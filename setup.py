@@ -21,6 +21,7 @@ REQUIRED = [
     "pydantic>=2.5",
     "pyyaml>=6.0",
     "ruamel.yaml>=0.17.21",
+    "tzdata>=2024.1",  # names of time zones, where the system has none
     "mcap>=1.5",
     "lz4>=4.0",
     "zstandard>=0.19",

@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from tbm_msgs_py.base.errors import MachineError
 from tbm_msgs_py.base.files import LARGEST_TABLE, read_text
-from tbm_msgs_py.base.operating_point import OperatingPoint
+from tbm_msgs_py.base.operating_point import OperatingPoint, OperatingPointError
 from tbm_msgs_py.base.texts import doubled, listed, number_reader, quoted
 from tbm_msgs_py.base.units import R_MIN
 
@@ -76,7 +76,10 @@ class Schedule:
         """Name in messages and operating point of each row, in order."""
         table: NDArray[np.float64] = np.array([self.speed, self.torque, self.thrust]).T
         for place, row in zip(self.places, table, strict=True):
-            yield place, OperatingPoint(*map(float, row))
+            try:
+                yield place, OperatingPoint(*map(float, row))
+            except OperatingPointError as error:
+                raise MachineError(f"{place}: {error}") from None
 
 
 def read_schedule(
@@ -124,7 +127,8 @@ def _schedule(path: str | Path, lines: Iterable[str], chosen: Mapping[str, str],
         if name not in header:
             # Nothing is quoted of a file without any of them: over ROS anybody may name it.
             there = f", there are {listed(header)}" if set(header) & set(wanted_columns) else ""
-            raise MachineError(f"{path}: line 1: no column {name!r}{there}")
+            allowed = ", allowed: names in the first line, commas between them, and decimal points"
+            raise MachineError(f"{path}: line 1: no column {name!r}{there or allowed}")
     if twice := doubled(name for name in header if name in wanted_columns):
         raise MachineError(f"{path}: line 1: column {twice!r} stands twice, allowed: once")
     chosen_rows = [

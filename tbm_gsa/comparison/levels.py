@@ -117,7 +117,11 @@ def recorded_history(record: OperatingRecord, begin_ns: int, end_ns: int) -> Ope
     segments = list(_segments(record, begin_ns, end_ns))
     driven = [segment for segment in segments if segment.kind != "standstill"]
     if not driven:
-        raise NeverDrivenError("operating point: never driven, allowed: positive speed, torque and thrust at some time")
+        most = np.max([(p.speed / R_MIN, p.torque / 1e3, p.thrust / 1e3) for p in record.points], axis=0)
+        raise NeverDrivenError(
+            "operating point: never driven, allowed: positive speed, torque and thrust at some time, there are at most "
+            "{:.4g} r/min, {:.4g} kN·m, {:.4g} kN".format(*most)
+        )
     groups = _groups([segment for segment in driven if segment.kind == "steady"])
     if groups:
         number = {id(segment): place for place, group in enumerate(groups[:MOST_LEVELS]) for segment in group}

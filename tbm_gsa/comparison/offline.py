@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -57,7 +57,12 @@ def compared_band(field_rate_hz: float, model_rate_hz: float, settings: Settings
     return band if settings.high_hz is None else Band(band.low, settings.high_hz)
 
 
-def compare_signals(field: ReducedSignal, model: ReducedSignal, settings: Settings) -> PointComparison:
+def compare_signals(
+    field: ReducedSignal,
+    model: ReducedSignal,
+    settings: Settings,
+    measured: tuple[bool, bool, bool] = (True, True, True),
+) -> PointComparison:
     """Comparison of what is left of both signals of a test point.
 
     Parameters
@@ -65,27 +70,32 @@ def compare_signals(field: ReducedSignal, model: ReducedSignal, settings: Settin
     field, model : ReducedSignal
         Windows of the recording at a level that the model was not run at are left out.
     settings : Settings
+    measured : tuple of bool
+        Whether the sensor measures along x, y and z; what it does not measure is nothing, and not zero.
 
     Raises
     ------
     InputError
-        No window of the recording belongs to a level.
+        No window of the recording belongs to a level, or the sensor measures along no axis of the machine.
     """
+    if not any(measured):
+        raise InputError("the sensor measures none of the machine's axes by itself, by the mapping's axes and rotation")
     shares = level_shares(field, np.unique(model.level).tolist())
     if not shares:
         raise InputError("no window at a steady level of operation")
-    both = _statistics(field, model, shares, settings)
+    both = _statistics(field, model, shares, settings, measured)
     by_level = {
-        level: _statistics(field, model, {level: 1.0}, settings) if len(shares) > 1 else both
+        level: _statistics(field, model, {level: 1.0}, settings, measured) if len(shares) > 1 else both
         for level in shares
         if level in field.spectra
     }
     levels = {level: {axis: _level_axis(*sides) for axis, sides in at.items()} for level, at in by_level.items()}
     share = coverage(float(field.windows.count.sum()), field.rate_hz, field.duration)
     axes = {}
-    for number, (axis, sides) in enumerate(both.items()):
+    for number, (axis, (first, *_)) in enumerate(field.axes.items()):
         model_rms = {level: found[axis].model_rms for level, found in levels.items()}
-        axes[axis] = _axis(*sides, share, _windows(field, number, model_rms, settings))
+        windows = _windows(field, number, model_rms, settings, recorded=measured[first])
+        axes[axis] = _axis(*both[axis], share if measured[first] else None, windows)
     return PointComparison(
         axes,
         {axis: AxisSpectra(field=_spectrum(one), model=_spectrum(other)) for axis, (one, other) in both.items()},
@@ -93,16 +103,26 @@ def compare_signals(field: ReducedSignal, model: ReducedSignal, settings: Settin
             low_hz=field.band.low, high_hz=field.band.high, field_rate_hz=field.rate_hz, model_rate_hz=model.rate_hz
         ),
         levels,
-        (field.excerpt, model.excerpt),
+        (
+            field.excerpt if measured[0] else replace(field.excerpt, values=math.nan * field.excerpt.values),
+            model.excerpt,
+        ),
     )
 
 
 def _statistics(
-    field: ReducedSignal, model: ReducedSignal, shares: Mapping[int, float], settings: Settings
+    field: ReducedSignal,
+    model: ReducedSignal,
+    shares: Mapping[int, float],
+    settings: Settings,
+    measured: tuple[bool, bool, bool],
 ) -> dict[str, tuple[SignalStatistics, SignalStatistics]]:
     """Statistics of field and model over some levels, by axis."""
-    measured, computed = (estimate(signal, shares, settings) for signal in (field, model))
-    return {axis: (measured[axis], computed[axis]) for axis in field.axes}
+    found, computed = (estimate(signal, shares, settings) for signal in (field, model))
+    return {
+        axis: (found[axis] if measured[first] else found[axis].undefined(), computed[axis])
+        for axis, (first, *_) in field.axes.items()
+    }
 
 
 def _level_axis(field: SignalStatistics, model: SignalStatistics) -> LevelAxis:
@@ -120,7 +140,7 @@ def _level_axis(field: SignalStatistics, model: SignalStatistics) -> LevelAxis:
 
 
 def _axis(
-    field: SignalStatistics, model: SignalStatistics, recorded_share: float, windows: WindowColumns
+    field: SignalStatistics, model: SignalStatistics, recorded_share: float | None, windows: WindowColumns
 ) -> AxisResult:
     whole = _level_axis(field, model)
     values: dict[str, object] = {"relative_error": whole.relative_error, "coverage": recorded_share}
@@ -160,15 +180,17 @@ def _spectrum(statistics: SignalStatistics) -> SpectrumResult:
 
 
 def _windows(
-    field: ReducedSignal, axis: int, model_rms: Mapping[int, float | None], settings: Settings
+    field: ReducedSignal, axis: int, model_rms: Mapping[int, float | None], settings: Settings, *, recorded: bool
 ) -> WindowColumns:
     """Every whole window that holds a sample: what was not recorded costs nothing, however long it took.
+
+    None along an axis that was not `recorded`.
 
     The error is against the whole model run at the level, which has no window that would be simultaneous.
     """
     length = settings.window_s
     # A sensor clock that drifts makes the last window short by a sample or two: it counts.
-    whole = field.windows.index < math.floor(field.duration / length + 1e-3)
+    whole = (field.windows.index < math.floor(field.duration / length + 1e-3)) & recorded
     table, level = field.windows.where(whole), field.level[whole].tolist()
     computed = np.array([model_rms.get(one) for one in level], dtype=np.float64)
     root = rms(table.count, table.moments)[:, axis]

@@ -107,10 +107,13 @@ class LevelAxis(Part):
 
 
 class AxisResult(Part):
-    """One axis of one test point, over all windows at a level; the model's levels weigh as long as they were held."""
+    """One axis of one test point, over all windows at a level; the model's levels weigh as long as they were held.
+
+    Of an axis that the sensor does not have all of the field is None, and no window is listed.
+    """
 
     relative_error: Size | None
-    coverage: Size
+    coverage: Size | None
     field_rms: Size | None
     field_peak: Size | None
     field_crest_factor: Size | None

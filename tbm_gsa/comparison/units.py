@@ -1,6 +1,7 @@
-"""Whether a field is off by a factor of units, live and afterwards alike."""
+"""Whether a field, live and afterwards alike, or a recorded operating point is off by a factor of units."""
 
 import math
+from collections.abc import Iterator, Mapping
 from typing import Final
 
 import numpy as np
@@ -18,6 +19,29 @@ ON_AVERAGE: Final = 0.6
 """Greatest distance of the mean logarithm of the axes from that of a factor: the model itself errs by up to 1.8."""
 EACH: Final = math.log(STANDARD_GRAVITY) / 2.0
 """Greatest distance of a single axis: nearer to the factor than to 1."""
+
+LOADS: Final = {1e-3: "kN", 1e-6: "MN"}
+"""Units that stand where the message has N, and N·m, by their factor."""
+BESIDE: Final = 3.0
+"""Largest factor between what such a unit makes of the machine's own operating point and what was recorded."""
+
+
+def operating_doubts(recorded: Mapping[str, float], own: Mapping[str, float]) -> Iterator[str]:
+    """Say which loads of an operating point (kN, kN·m) are the machine's own times a factor of units.
+
+    Parameters
+    ----------
+    recorded, own : mapping of str to float
+        Alike: by what they are called.
+    """
+    for name, value in recorded.items():
+        share = value / own[name]
+        for factor, unit in LOADS.items():
+            if factor / BESIDE < share < factor * BESIDE:
+                yield (
+                    f"operating point: {name} {value:.3g} is about {share:.2g} of the machine's own {own[name]:.4g}: "
+                    f"values in {unit} where the message has N?"
+                )
 
 
 def unit_doubt(field_rms: ArrayLike, model_rms: ArrayLike) -> str:

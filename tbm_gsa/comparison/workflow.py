@@ -21,7 +21,7 @@ from tbm_gsa.comparison.results import (
     RecordedPoint,
     RecordingResult,
 )
-from tbm_gsa.comparison.units import unit_doubt
+from tbm_gsa.comparison.units import operating_doubts, unit_doubt
 from tbm_gsa.provenance import machine_file, package_versions
 from tbm_gsa.signals.intervals import CONFIDENCE
 from tbm_gsa.signals.reduction import ReducedSignal, Series, SignalReducer, one_level
@@ -152,7 +152,7 @@ def _result(
         machine=machine.name,
         machine_file=machine_file(machine),
         sources=reader.sources,
-        doubts=(*reader.doubts, *_unit_doubts(points), *_changed(changed)),
+        doubts=(*reader.doubts, *_operating_doubts(history, machine), *_unit_doubts(points), *_changed(changed)),
         operating_point=history.levels[0],
         levels=_levels(history, points),
         dwells=_dwells(history, field.begin_ns),
@@ -168,6 +168,12 @@ def _unknown_points(reader: RecordingReader, machine: Machine) -> dict[str, str]
     """Name the recorded points that the machine does not have, with that as the reason."""
     missing = [point for point in reader.sensors if point not in machine.description.test_points]
     return dict.fromkeys(missing, f"machine {machine.name} has no such test point")
+
+
+def _operating_doubts(history: OperatingHistory, machine: Machine) -> Iterator[str]:
+    level, own = history.levels[0], machine.description.operating_point
+    names = {"torque (kN·m)": "torque_kn_m", "thrust (kN)": "thrust_kn"}
+    return operating_doubts(*({name: getattr(one, key) for name, key in names.items()} for one in (level, own)))
 
 
 def _unit_doubts(points: Mapping[str, PointComparison]) -> Iterator[str]:
@@ -287,18 +293,31 @@ def _compare_each(
 ) -> tuple[dict[str, PointComparison], dict[str, str]]:
     """Comparison of each point by itself, for a dead sensor must not end that of the others; reasons of the failed."""
     compared: dict[str, PointComparison] = {}
-    failed = {**field.failed, **reader.problems}
+    unusable = dict(field.failed)
     for point, signal in field.signals.items():
         try:
             if point not in predicted:
                 raise InputError("no window at a level of operation")
-            compared[point] = compare_signals(signal, predicted[point], settings)
+            compared[point] = compare_signals(signal, predicted[point], settings, reader.sensors[point].measured)
         except InputError as error:
-            failed[point] = str(error)
+            unusable[point] = str(error)
+    # What was not used may be why too little is left.
+    failed = {
+        point: "; ".join([reason, *_came(field.health.get(point)), *reader.not_used(point)])
+        for point, reason in unusable.items()
+    }
+    failed |= reader.problems
     if not compared:
         reasons = (f"test point {point}: {reason}" for point, reason in failed.items())
         raise RecordingError(f"{reader.path}: {listed(reasons, separator='; ')}")
     return compared, failed
+
+
+def _came(health: PointHealth | None) -> Iterator[str]:
+    """How many samples came in which time: more often than that by their steps where they are stamped in bunches."""
+    if health is not None and health.duration > 0.0:
+        mean = (health.samples - 1) / health.duration
+        yield f"{health.samples} samples in {health.duration:.4g} s, {mean:.4g} Hz on average"
 
 
 def _levels(history: OperatingHistory, points: Mapping[str, PointComparison]) -> tuple[LevelResult, ...]:

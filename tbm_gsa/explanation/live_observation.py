@@ -80,4 +80,6 @@ class LiveObservation(Part):
             )
         powers = np.maximum(self.powers, reading.widths * noise)
         bands = BandObservation(powers, noise, self.seconds)
-        return Observed(reading, bands, np.array(self.floor), np.array(self.measured, dtype=np.int64))
+        floor = np.full(len(noise), np.nan)
+        floor[list(self.measured)] = np.array(self.floor)[list(self.measured)]
+        return Observed(reading, bands, floor)

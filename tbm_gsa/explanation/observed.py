@@ -47,15 +47,12 @@ class Observed:
     bands : BandObservation
         With the noise that is expected of the sensors.
     floor : ndarray, shape (k,)
-        Noise as it was found in the recording, m²/s⁴/Hz.
-    measured : ndarray of int or None
-        Statistics that were measured; None: all.
+        Noise as it was found in the recording, m²/s⁴/Hz; NaN of a statistic that was not measured.
     """
 
     reading: BandReading
     bands: BandObservation
     floor: Array
-    measured: Integers | None = None
 
     @classmethod
     def of(
@@ -67,12 +64,15 @@ class Observed:
         duration_s: float,
         coverage: Array | None = None,
     ) -> Self:
-        """From band powers (k,), the noise found in the recording and that stated, NaN where it is not."""
+        """From band powers (k,), the noise found in the recording and that stated, NaN where it is not.
+
+        Powers and noise found are NaN along axes that were not measured.
+        """
         floor = np.maximum(floor, _LEAST_NOISE)
-        noise = np.where(np.isfinite(stated), stated, np.minimum(floor, ALIKE * float(np.median(floor))))
+        noise = np.where(np.isfinite(stated), stated, np.fmin(floor, ALIKE * float(np.nanmedian(floor))))
         noise = np.maximum(noise, _LEAST_NOISE)
-        # A dead channel has no power at all: it is given that of its noise.
-        bands = BandObservation(np.maximum(powers, reading.widths * noise), noise, duration_s, coverage)
+        # A dead channel has no power at all: it is given that of its noise, as is one that there is not.
+        bands = BandObservation(np.fmax(powers, reading.widths * noise), noise, duration_s, coverage)
         return cls(reading, bands, floor)
 
     @cached_property
@@ -89,12 +89,11 @@ class Observed:
             Too few.
         """
         heard = telling(self.bands, scatter)
-        there = np.arange(len(self.channels)) if self.measured is None else self.measured
-        heard = np.intersect1d(heard, there)
         quiet = scatter.transfer.predict(prior.values * math.exp(-_QUIETER * prior.log_sigma))
         loud = quiet > LEAST_OVER_NOISE * scatter.width * self.bands.noise
-        silent = set(self.channels) - {self.channels[place] for place in heard}
-        missed = [place for place in there if self.channels[place] in silent and loud[place]]
+        loud &= np.isfinite(self.floor)  # and measured
+        speaking = {self.channels[place] for place in heard}
+        missed = [place for place in np.flatnonzero(loud) if self.channels[place] not in speaking]
         if len(heard) < FEWEST_TELLING:
             raise StudyError(
                 f"a verdict needs {FEWEST_TELLING} band powers above the sensors' noise, the recording has {len(heard)}"
@@ -104,16 +103,9 @@ class Observed:
     def weightless(self, used: Integers, scatter: LoadScatter) -> dict[str, str]:
         """Statistics that are not used, by name, and why."""
         noisy = self.bands.powers <= LEAST_OVER_NOISE * scatter.width * self.bands.noise
-        lacking = set() if self.measured is None else set(range(len(noisy))) - set(self.measured.tolist())
-        return {
-            one.name: "not measured"
-            if place in lacking
-            else "noise of the sensor"
-            if noisy[place]
-            else "leakage of stronger bands"
-            for place, one in enumerate(self.reading.statistics)
-            if place not in used
-        }
+        reasons = np.where(noisy, "noise of the sensor", "leakage of stronger bands")
+        reasons = np.where(np.isnan(self.floor), "not measured", reasons)
+        return {one.name: str(reasons[place]) for place, one in enumerate(self.reading.statistics) if place not in used}
 
 
 def observed(comparison: ComparisonResult) -> Observed:
@@ -186,12 +178,15 @@ def _limits(name: str) -> tuple[float, float]:
 
 
 def _density(spectrum: SpectrumResult) -> tuple[Array, Array]:
-    density = np.array([0.0 if value is None else value for value in spectrum.density])
+    """Frequencies and densities, NaN along an axis that was not measured."""
+    density = np.array([math.nan if value is None else value for value in spectrum.density])
     return spectrum.resolution_hz * np.arange(len(density), dtype=np.float64), density
 
 
 def _floor(spectrum: SpectrumResult, reading: BandReading) -> float:
     frequency, density = _density(spectrum)
+    if np.isnan(density).all():
+        return math.nan
     gain = power_gain(reading.rate_hz, reading.band, frequency)
     try:
         return float(spectrum_floor(frequency, density[:, None], gain, max(spectrum.segments, 1.0))[0])

@@ -82,7 +82,7 @@ class ExplanationParts:
                 likely[one.hypothesis.name] = likely.get(one.hypothesis.name, 0.0) + float(probability)
         states = {}
         for place, channel in enumerate(seen.channels):
-            if channel in states:
+            if channel in states or math.isnan(seen.floor[place]):  # an axis that was not measured has no sensor
                 continue
             gain = of.get(channel, {}).get("gain")
             low, middle, high = (None, None, None) if gain is None else map(gain_at, gain.quantiles)

@@ -145,6 +145,13 @@ class Queries:
         query = f"SELECT COUNT(*) FROM windows JOIN sources ON source = id WHERE {condition}"  # noqa: S608
         return int(self._connection.execute(query, values).fetchone()[0])
 
+    def span(self, selection: Selection) -> tuple[int, int] | None:
+        """Begins of the first and the last window of a selection, ns; None without any."""
+        condition, values = self._sound(selection)
+        query = f"SELECT MIN(start_ns), MAX(start_ns) FROM windows JOIN sources ON source = id WHERE {condition}"  # noqa: S608
+        first, last = self._connection.execute(query, values).fetchone()
+        return None if first is None else (int(first), int(last))
+
     def groups(self, columns: Sequence[str], selection: Selection | None = None) -> Iterator[WindowGroup]:
         """Windows that have these columns in common, which begin with point and axis; one group is read at a time."""
         condition, values = self._sound(selection)

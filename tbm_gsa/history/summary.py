@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from datetime import UTC, datetime
 from typing import Final, cast
 
@@ -180,6 +180,8 @@ class HistorySummary(Part):
         All of them, the oldest first.
     states : tuple of ListedState
         What each watch of rock and machine said last, the newest last.
+    note : str
+        Why nothing is chosen; empty where something is.
     """
 
     path: str
@@ -188,6 +190,7 @@ class HistorySummary(Part):
     windows: tuple[ListedWindow, ...]
     baselines: tuple[BaselineSummary, ...]
     states: tuple[ListedState, ...] = ()
+    note: str = ""
 
 
 def history_summary(history: Queries, selection: Selection, newest: int) -> HistorySummary:
@@ -201,7 +204,22 @@ def history_summary(history: Queries, selection: Selection, newest: int) -> Hist
         windows=windows,
         baselines=BaselineList.of(history).baselines,
         states=tuple(map(ListedState.of, history.states())),
+        note="" if trends else _why_nothing(history, selection),
     )
+
+
+def _why_nothing(history: Queries, selection: Selection) -> str:
+    """Say which windows there are where a selection chooses none."""
+    for what, wider in (
+        (
+            "no window begins in that time: those that are chosen otherwise",
+            replace(selection, since_ns=None, until_ns=None),
+        ),
+        ("no window is all that was asked for: those of the history", Selection()),
+    ):
+        if span := history.span(wider):
+            return f"{what} begin from {iso_time(span[0])} to {iso_time(span[1])}"
+    return "the history holds no windows"
 
 
 def iso_time(stamp_ns: int) -> str:

@@ -1,7 +1,9 @@
 """Statistics of one signal along one compared axis, with their intervals, from its windows and spectra."""
 
+import math
 from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass, replace
+from typing import Self
 
 import numpy as np
 
@@ -63,6 +65,17 @@ class SignalStatistics:
     def rms(self) -> float:
         """Root mean square, m/s²."""
         return self.values["rms"]
+
+    def undefined(self) -> Self:
+        """Return the same of an axis along which nothing was measured: NaN, which is not zero."""
+        return replace(
+            self,
+            values=dict.fromkeys(self.values, math.nan),
+            intervals=dict.fromkeys(self.intervals, (math.nan, math.nan)),
+            rms_width=math.nan,
+            lines=(),
+            spectrum=replace(self.spectrum, density=math.nan * self.spectrum.density),
+        )
 
 
 def level_shares(signal: ReducedSignal, levels: Collection[int]) -> dict[int, float]:

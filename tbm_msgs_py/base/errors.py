@@ -17,5 +17,9 @@ class RunError(RuntimeError):
     """What was started did not come to its end: what and why, in one line."""
 
 
+class NodeFailure(RunError):  # noqa: N818 - of a node, and the program's fault: no input mends it
+    """A node that was started does not do its work: what, which node, and where its log is."""
+
+
 class SimulationError(RunError):
     """A simulation that cannot go on: the message says when and why."""

@@ -62,7 +62,10 @@ def parse_yaml(
     except yaml.MarkedYAMLError as problem:
         mark = problem.problem_mark or problem.context_mark
         place = f"line {mark.line + 1}, column {mark.column + 1}: " if mark else ""
-        raise error(f"{label}: not YAML ({place}{problem.problem}), allowed: {what}") from None
+        found = problem.problem
+        if mark and any(re.match(r" *\t", line) for line in text.split("\n")[mark.line : mark.line + 1]):
+            found = "a tab, where lines begin with spaces"
+        raise error(f"{label}: not YAML ({place}{found}), allowed: {what}") from None
     except yaml.YAMLError as problem:
         raise error(f"{label}: not YAML ({' '.join(str(problem).split())}), allowed: {what}") from None
     except RecursionError:

@@ -11,6 +11,14 @@ from tbm_msgs_py.base.errors import InputError
 from tbm_msgs_py.base.texts import LONGEST_NAME, quoted, shortened
 
 ModelT = TypeVar("ModelT", bound=BaseModel)
+# Members of a choice, which are no keys: those whose names begin with _, and what pydantic calls others.
+_ALLOWED = {
+    "dict_type": "a mapping",
+    "tuple_type": "a list, as [a, b, c]",
+    "list_type": "a list, as [a, b, c]",
+    "string_type": "a text; what YAML reads as something else, such as a number, in quotes",
+}
+_OF_CHOICE = re.compile(r"_|(function-\w+|literal|constrained-\w+|nullable|list|tuple|dict)\[")
 
 
 def validated(model: type[ModelT], content: object, label: str, error: type[InputError] = InputError) -> ModelT:
@@ -27,13 +35,25 @@ def first_problem(error: ValidationError, model: type[BaseModel]) -> tuple[str, 
 
     A misspelt key is also a missing one: the misspelling comes first.
     """
-    first = min(error.errors(include_url=False), key=lambda problem: problem["type"] != "extra_forbidden")
-    # The members of a choice whose names begin with _ are no keys.
-    place = ".".join(str(part) for part in first["loc"] if not str(part).startswith("_"))
-    return shortened(place, LONGEST_NAME), _problem(first["type"], first["msg"], first["input"], first["loc"], model)
+    problems = error.errors(include_url=False)
+    first = min(problems, key=lambda problem: problem["type"] != "extra_forbidden")
+    place = _place(first["loc"])
+    problem = _problem(first["type"], first["msg"], first["input"], first["loc"], model)
+    if first["type"] == "model_type":  # in a choice, a word may stand in the place of the mapping
+        words = [one for one in problems if one["type"] == "literal_error" and _place(one["loc"]) == place]
+        problem += "".join(f", or {one['ctx']['expected']}" for one in words)
+    return shortened(place, LONGEST_NAME), problem
+
+
+def _place(location: tuple[int | str, ...]) -> str:
+    return ".".join(str(part) for part in location if not _OF_CHOICE.match(str(part)))
 
 
 def _problem(kind: str, message: str, given: object, place: tuple[int | str, ...], model: type[BaseModel]) -> str:
+    if kind in _ALLOWED:
+        return f"{quoted(given)}, allowed: {_ALLOWED[kind]}"
+    if kind == "model_type":
+        return f"{quoted(given)}, allowed: a mapping with keys of {', '.join(_keys_beside((*place, ''), model))}"
     if kind == "missing":
         return "missing, allowed: a value that is stated"
     if kind == "extra_forbidden":

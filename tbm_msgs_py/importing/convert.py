@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import heapq
+import warnings
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -17,7 +18,7 @@ from tbm_msgs_py.bags.writing import BagWriter
 from tbm_msgs_py.base.arrays import Array, Integers
 from tbm_msgs_py.base.errors import RecordingError
 from tbm_msgs_py.base.files import write_whole
-from tbm_msgs_py.base.operating_point import OperatingPoint
+from tbm_msgs_py.base.operating_point import LARGEST, OperatingPoint
 from tbm_msgs_py.base.units import NANOSECONDS
 from tbm_msgs_py.blocks import ACCELERATION, LONGEST_S
 from tbm_msgs_py.importing.description import Description, OperatingColumns, PointColumns
@@ -97,7 +98,7 @@ def import_recording(
         Called with the number of samples of every message written.
     """
     paths = [Path(path)] if isinstance(path, str | Path) else [Path(one) for one in path]
-    with library_warnings(", ".join(map(str, paths))) as texts:
+    with library_warnings([str(path) for path in paths]) as texts:
         imported = _import(Sources(paths, description), description, Path(out), progress)
     return Imported(imported.streams, [*imported.warnings, *texts])
 
@@ -108,7 +109,7 @@ def _import(sources: Sources, description: Description, out: Path, progress: Cal
         raise RecordingError(
             f"{out}: a bare file cannot say gravity, frame, axes or more of a sensor, allowed: a new folder"
         )
-    warnings = sources.check_units()
+    other_units = sources.check_units()
     streams = {name: _stream(name, entry.columns) for name, entry in description.streams.items()}
     groups = [{name: streams[name] for name in group} for group in sources.groups()]
     merged = heapq.merge(*(_messages(sources, description, group) for group in groups), key=lambda m: m.stamp_ns)
@@ -121,7 +122,7 @@ def _import(sources: Sources, description: Description, out: Path, progress: Cal
             content = mapping.TopicMapping(topics=stated).model_dump(mode="json", exclude_none=True)
             text = yaml.safe_dump(content, sort_keys=False)
             write_whole(out / mapping.FILE_NAME, text.encode())
-    return Imported(streams, warnings)
+    return Imported(streams, other_units)
 
 
 def _stream(name: str, columns: Sequence[str | None]) -> ImportedStream:
@@ -133,19 +134,49 @@ def _stream(name: str, columns: Sequence[str | None]) -> ImportedStream:
 
 def _messages(sources: Sources, description: Description, streams: dict[str, ImportedStream]) -> Iterator[_Message]:
     """Messages of the streams of one time base, in the order of time."""
-    entries = {name: description.streams[name] for name in streams}
+    entries, below = {name: description.streams[name] for name in streams}, _BelowZero()
     rows = sources.rows([column for entry in entries.values() for column in entry.columns if column])
     for stamps, values in rows:
         edges = rows.clock.gaps_before(stamps)
         messages = []
         for name, entry in entries.items():
-            messages += _batches(name, stamps, _scaled(rows, values, entry), edges)
+            scaled = _scaled(rows, values, entry)
+            if isinstance(entry, OperatingColumns):
+                below.add(rows, entry, scaled)
+            messages += _batches(name, stamps, scaled, edges)
         yield from sorted(messages, key=lambda message: message.stamp_ns)
+    below.warn()
     for stream in streams.values():
         stream.samples, stream.gaps, stream.restarts = rows.clock.rows, rows.clock.gaps, rows.clock.restarts
         if rows.clock.step_ns:
             stream.rate_hz = NANOSECONDS / rows.clock.step_ns
             stream.jitter = rows.clock.jitter_ns / rows.clock.step_ns
+
+
+class _BelowZero:
+    """Counts operating values below zero: about zero a machine stands still, else a sign is wrong."""
+
+    def __init__(self) -> None:
+        self._rows: dict[str, int] = {}
+        self._first: dict[str, str] = {}
+
+    def add(self, rows: StampedRows, entry: OperatingColumns, scaled: Array) -> None:
+        """Add rows in SI units, (n, k)."""
+        for column, values, factor, unit in zip(
+            entry.columns, scaled.T, entry.factors, entry.stated_units, strict=True
+        ):
+            below = np.flatnonzero(values < 0.0)
+            if column and len(below):
+                value = f"{values[below[0]] / factor:g} {unit}"
+                self._first.setdefault(column, f"{rows.place(int(below[0]))}, column {column}: {value}")
+                self._rows[column] = self._rows.get(column, 0) + len(below)
+
+    def warn(self) -> None:
+        """Warn of each column."""
+        for column, first in self._first.items():
+            count = self._rows[column]
+            more = f", and {count - 1} more rows below 0" if count > 1 else ", below 0"
+            warnings.warn(f"{first}{more}: no comparison is made with such an operating point", stacklevel=2)
 
 
 def _scaled(rows: StampedRows, values: Array, entry: PointColumns | OperatingColumns) -> Array:
@@ -154,16 +185,15 @@ def _scaled(rows: StampedRows, values: Array, entry: PointColumns | OperatingCol
         values[:, rows.columns.index(column)] if column else np.full(len(values), constant)
         for column, constant in zip(entry.columns, entry.constants, strict=True)
     ]
+    largest = float(np.finfo(np.float32).max) if isinstance(entry, PointColumns) else LARGEST
     with np.errstate(over="ignore"):
         scaled = np.column_stack(parts) * entry.factors
-        held = scaled.astype(np.float32) if isinstance(entry, PointColumns) else scaled
-    too_large = np.argwhere(~np.isfinite(held))
+    too_large = np.argwhere(~(np.abs(scaled) <= largest))
     if len(too_large):
         row, column = too_large[0]
-        raise rows.error(
-            row,
-            f"column {entry.columns[column]}: {parts[column][row]:g} {entry.stated_units[column]}, "
-            f"allowed: up to {np.finfo(held.dtype).max:.3g} in SI units",
+        raise RecordingError(
+            f"{rows.place(row)}, column {entry.columns[column]}: {parts[column][row]:g} {entry.stated_units[column]}, "
+            f"allowed: up to {largest:.3g} in SI units"
         )
     return np.asarray(scaled, np.float64)
 

@@ -13,6 +13,7 @@ import numpy as np
 
 from tbm_msgs_py.base.arrays import Array, Integers
 from tbm_msgs_py.base.texts import LONGEST_NAME, number_reader, quoted, shortened
+from tbm_msgs_py.importing import csv_hints
 from tbm_msgs_py.importing.layout import CsvLayout, FileLayout, TimeBase, TimeColumn
 from tbm_msgs_py.importing.measurement_file import PIECE_ROWS, MeasurementFile, Rows, nanoseconds
 from tbm_msgs_py.importing.moments import moment_ns
@@ -22,7 +23,7 @@ _WHOLE: Final = re.compile(r"[+-]?\d{1,19}", re.ASCII)
 
 
 class CsvFile(MeasurementFile):
-    """A CSV file with a line of column names.
+    """A CSV file with a line of column names, or without names: then columns are numbered from 1.
 
     Parameters
     ----------
@@ -39,29 +40,32 @@ class CsvFile(MeasurementFile):
         super().__init__(path, layout)
         self._layout = layout.csv
         self._number = number_reader(self._layout.decimal, self._layout.thousands)
+        number, what = self._layout.header, "the column names"
+        if not number:
+            number, what = self._layout.first_line, "a row"
         try:
             with path.open(encoding=self._layout.encoding, newline="") as file:
-                line = next(islice(self._lines_of(file), self._layout.header - 1, None), None)
+                line = next(islice(self._lines_of(file), number - 1, None), None)
         except (ValueError, LookupError) as error:
             raise self._undecodable(error) from error
         if line is None or not line.strip():
-            raise self.error(f"line {self._layout.header}: empty, allowed: the column names")
-        self.columns = [
-            name.strip() for name in self._cells(line.removeprefix("\ufeff"), f"line {self._layout.header}")
-        ]
+            raise self.error(f"line {number}: empty, allowed: {what}")
+        cells = self._cells(line.removeprefix("\ufeff"), f"line {number}")
+        self.columns = [name.strip() if self._layout.header else str(k) for k, name in enumerate(cells, start=1)]
 
     def row(self, index: int) -> str:
         """Name of a row for a message."""
         return f"line {self._layout.first_line + index}"
 
     def _pieces(self, columns: Sequence[str], time: TimeBase) -> Iterator[Rows]:
-        wanted = [self._index(column) for column in columns]
-        clock = self._index(time.column) if isinstance(time, TimeColumn) else None
+        names = [*columns, *([time.column] if isinstance(time, TimeColumn) else [])]
+        places = [self._index(name, names) for name in names]
+        wanted, clock = places[: len(columns)], places[-1]
         first = 0
         for lines in self._lines():
             self._check_width(lines, first)
             times = None
-            if isinstance(time, TimeColumn) and clock is not None:
+            if isinstance(time, TimeColumn):
                 times = self._times(lines, clock, time, first)
             yield Rows(self._numbers(lines, wanted, first), times)
             first += len(lines)
@@ -94,7 +98,9 @@ class CsvFile(MeasurementFile):
                 row = self.row(first + index)
                 cells = self._cells(line, row)
                 if len(cells) != expected:
-                    raise self.error(f"{row}: {len(cells)} cells, allowed: the {expected} of the header")
+                    place = "header" if self._layout.header else "first row"
+                    hint = csv_hints.of_width(cells, delimiter) if len(cells) > expected else ""
+                    raise self.error(f"{row}: {len(cells)} cells, allowed: the {expected} of the {place}{hint}")
 
     def _numbers(self, lines: list[str], wanted: Sequence[int], first: int) -> Array:
         """Columns of some lines, (n, k)."""
@@ -119,7 +125,7 @@ class CsvFile(MeasurementFile):
             cells = self._cells(line, self.row(first + index))
             numbers = [self._number(cells[column]) for column in wanted]
             if None in numbers:
-                self._refuse([line], wanted, first + index)
+                self._refuse(lines[index:], wanted, first + index)
             values[index] = numbers
         return values
 
@@ -130,9 +136,12 @@ class CsvFile(MeasurementFile):
             cells = self._cells(line, row)
             for column in wanted:
                 if self._number(cells[column]) is None:
+                    hint = csv_hints.of_number(cells[column], self._layout)
+                    if not (hint or first or index):
+                        hint = csv_hints.of_first_row(lines, column, self._layout)
                     raise self.error(
                         f"{row}, column {shortened(self.columns[column], LONGEST_NAME)}: "
-                        f"{quoted(cells[column].strip())}, allowed: a finite number, {_looks(self._layout)}"
+                        f"{quoted(cells[column].strip())}, allowed: a finite number, {_looks(self._layout)}{hint}"
                     )
         raise self.error(f"{self.row(first)} and after: not rows of numbers, allowed: finite numbers")
 
@@ -152,9 +161,10 @@ class CsvFile(MeasurementFile):
                 raise self.error(f"{row}, column {time.column}: {quoted(cell)}: {error}") from error
         return times
 
-    def _index(self, column: str) -> int:
+    def _index(self, column: str, names: Sequence[str]) -> int:
+        """Place of a column, one of the names that are asked for."""
         if column not in self.columns:
-            raise self.no_column(column, self.columns)
+            raise self.no_column(column, self.columns, csv_hints.of_columns(self.path, names, self._layout))
         if self.columns.count(column) > 1:
             raise self.error(f"column {column} occurs twice in the header, allowed: once")
         return self.columns.index(column)
@@ -167,7 +177,8 @@ class CsvFile(MeasurementFile):
             raise self.error(f"{place}: {error}, allowed: cells of a CSV file") from error
 
     def _undecodable(self, error: Exception) -> Exception:
-        return self.error(f"encoding {self._layout.encoding}: {error}, allowed: that of the file")
+        hint = csv_hints.of_encoding(self.path, self._layout)
+        return self.error(f"encoding {self._layout.encoding}: {error}, allowed: that of the file{hint}")
 
 
 def _without_end(lines: Iterable[str]) -> Iterator[str]:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import re
 from collections.abc import Mapping
 from pathlib import Path
@@ -13,11 +12,12 @@ from pydantic import Field, field_validator, model_validator
 from tbm_msgs_py import topics
 from tbm_msgs_py.base.errors import RecordingError
 from tbm_msgs_py.base.fields import FrozenModel, Name
+from tbm_msgs_py.base.operating_point import LARGEST
 from tbm_msgs_py.base.strict_yaml import read_yaml
 from tbm_msgs_py.base.texts import quoted
 from tbm_msgs_py.base.units import R_MIN, STANDARD_GRAVITY
 from tbm_msgs_py.base.validation import validated
-from tbm_msgs_py.importing.layout import FileLayout, Number, Positive
+from tbm_msgs_py.importing.layout import ColumnName, FileLayout, Number, Positive
 from tbm_msgs_py.recordings.mapping import IN_UNITS, SensorMapping
 
 UnitT = TypeVar("UnitT", bound=str)
@@ -62,7 +62,7 @@ class PointColumns(SensorMapping):
         Value in `units` of a reading of 1; a WAV file, whose readings are shares of full scale, needs it.
     """
 
-    columns: tuple[Name | None, Name | None, Name | None]
+    columns: tuple[ColumnName | None, ColumnName | None, ColumnName | None]
     full_scale: Positive | None = None
 
     @field_validator("columns")
@@ -101,7 +101,7 @@ class PointColumns(SensorMapping):
 class QuantityColumn(FrozenModel, Generic[UnitT]):
     """Column of a quantity in one of its units, or the value that it kept."""
 
-    column: Name | None = None
+    column: ColumnName | None = None
     unit: UnitT
     value: Number | None = None
 
@@ -110,8 +110,8 @@ class QuantityColumn(FrozenModel, Generic[UnitT]):
         if (self.column is None) == (self.value is None):
             given = "missing" if self.column is None else "both stated"
             raise ValueError(f"column or value: {given}, allowed: one of them")
-        if not math.isfinite((self.value or 0.0) * _UNITS[self.unit][0]):
-            raise ValueError(f"value: {self.value:g} {self.unit}, allowed: what a float64 holds in SI units")
+        if not 0.0 <= (self.value or 0.0) * _UNITS[self.unit][0] <= LARGEST:
+            raise ValueError(f"value: {self.value:g} {self.unit}, allowed: 0 to {LARGEST:g} in SI units")
         return self
 
 
@@ -235,7 +235,8 @@ def describe(path: str | Path | None, changes: Mapping[str, object] | None = Non
     if path is None:
         return validated(Description, changes or {}, label, RecordingError)
     content = read_yaml(path, f"an {label}", Description.model_fields, RecordingError)
-    return validated(Description, _joined(content, changes or {}), str(path), RecordingError)
+    beside = ", with what is stated beside it" if changes else ""
+    return validated(Description, _joined(content, changes or {}), f"{path}{beside}", RecordingError)
 
 
 def _joined(content: Mapping[str, object], changes: Mapping[str, object]) -> dict[str, object]:

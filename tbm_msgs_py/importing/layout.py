@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from datetime import datetime, tzinfo
-from typing import Annotated, Literal, TypeAlias
+from typing import Annotated, Literal, TypeAlias, get_args
 
 from pydantic import AfterValidator, BeforeValidator, Field, field_validator, model_validator
 
@@ -20,6 +20,14 @@ Positive = Annotated[float, Field(gt=0, allow_inf_nan=False, strict=True)]
 Number = Annotated[float, Field(allow_inf_nan=False, strict=True)]
 
 
+def _number_as_name(given: object) -> object:
+    """Name of a column that is a number, as those of a WAV file are, which YAML reads as one."""
+    return str(given) if type(given) is int else given
+
+
+ColumnName = Annotated[Name, BeforeValidator(_number_as_name)]
+
+
 class TimeColumn(FrozenModel):
     """Column that holds the time of each row.
 
@@ -33,7 +41,7 @@ class TimeColumn(FrozenModel):
         A time that steps back begins a new run, put this many s after the row before; None: it is an error.
     """
 
-    column: Name
+    column: ColumnName
     unit: Literal["s", "ms", "us", "ns", "datetime"]
     restart_gap: Annotated[Positive, Field(le=LAST_NS / NANOSECONDS)] | None = None
 
@@ -45,6 +53,8 @@ class TimeColumn(FrozenModel):
 
 
 TimeBase: TypeAlias = TimeColumn | Literal["file"] | None
+Thousands: TypeAlias = Literal[".", ",", " ", "'", "\u2019", "_", "\u00a0", "\u202f"]
+THOUSANDS: tuple[Thousands, ...] = get_args(Thousands)
 
 
 class CsvLayout(FrozenModel):
@@ -55,7 +65,8 @@ class CsvLayout(FrozenModel):
     delimiter, decimal, encoding : str
         Between the cells; ``.`` or ``,``; of the text.
     header, first : int
-        Line of the column names, and of the first row of numbers (default: the one after), counted from 1.
+        Line of the column names, and of the first row of numbers (default: the one after), counted from 1; a header of
+        0: there are no names, and columns are called ``1``, ``2`` ....
     thousands : str or None
         Between groups of three digits before the decimal sign; None: there is none.
     """
@@ -63,9 +74,9 @@ class CsvLayout(FrozenModel):
     delimiter: Annotated[str, Field(min_length=1, max_length=1)] = ","
     decimal: Literal[".", ","] = "."
     encoding: Name = "utf-8-sig"
-    header: Annotated[int, Field(ge=1, strict=True)] = 1
-    first: Annotated[int, Field(ge=2, strict=True)] | None = None
-    thousands: Literal[".", ",", " ", "'", "\u2019", "_", "\u00a0", "\u202f"] | None = None
+    header: Annotated[int, Field(ge=0, strict=True)] = 1
+    first: Annotated[int, Field(ge=1, strict=True)] | None = None
+    thousands: Thousands | None = None
 
     @field_validator("delimiter")
     @classmethod

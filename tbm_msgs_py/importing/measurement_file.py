@@ -135,16 +135,16 @@ class MeasurementFile(ABC):
 
     def warn(self, problem: str) -> None:
         """Say what of the file the user should look at."""
-        warnings.warn(problem, stacklevel=2)
+        warnings.warn(f"{self.path}: {problem}", stacklevel=2)
 
     def compare_rate(self, own: float, column: str) -> None:
         """Warn where the file states another rate, Hz, than the user, who is believed."""
         if self.rate is not None and abs(own / self.rate - 1.0) > _SAME_RATE:
             self.warn(f"column {column}: the file says {own:g} Hz, the description {self.rate:g}")
 
-    def no_column(self, column: str, there: Sequence[str]) -> RecordingError:
-        """Error of a column that the file does not have."""
-        return self.error(f"column {column} is not there, allowed: {listed(there)}")
+    def no_column(self, column: str, there: Sequence[str], hint: str = "") -> RecordingError:
+        """Error of a column that the file does not have, and what may be the reason."""
+        return self.error(f"column {column} is not there, allowed: {listed(there)}{hint}")
 
     @contextmanager
     def reading(self) -> Iterator[None]:
@@ -236,8 +236,11 @@ def library(name: str) -> ModuleType:
 
 
 @contextmanager
-def library_warnings(label: str) -> Iterator[list[str]]:
-    """Collect what libraries warn of, such as a file that ends too early, instead of printing it."""
+def library_warnings(paths: Sequence[str]) -> Iterator[list[str]]:
+    """Collect what is warned of, such as a file that ends too early, instead of printing it.
+
+    Libraries do not name the file: it is one of those that are read.
+    """
     texts: list[str] = []
     listener = _WarningCollector(texts)
     logging.getLogger().addHandler(listener)
@@ -246,7 +249,9 @@ def library_warnings(label: str) -> Iterator[list[str]]:
             warnings.simplefilter("always")
             yield texts
             texts += [str(warning.message) for warning in caught if not issubclass(warning.category, _IGNORED)]
-            texts[:] = [f"{label}: {' '.join(text.split())}" for text in dict.fromkeys(texts)]
+            lines = dict.fromkeys(" ".join(text.split()) for text in texts)
+            named, label = tuple(f"{' '.join(path.split())}: " for path in paths), ", ".join(paths)
+            texts[:] = [line if line.startswith(named) else f"{label}: {line}" for line in lines]
     finally:
         logging.getLogger().removeHandler(listener)
 

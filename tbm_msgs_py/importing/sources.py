@@ -82,10 +82,10 @@ class StampedRows:
             yield stamps, np.hstack([piece[1] for piece in pieces])
             self._first += len(stamps)
 
-    def error(self, row: int, problem: str) -> RecordingError:
-        """Error of a row of those that came last."""
+    def place(self, row: int) -> str:
+        """File and name of a row of those that came last."""
         file = self._parts[0][0].file
-        return file.error(f"{file.row(self._first + row)}, {problem}")
+        return f"{file.path}: {file.row(self._first + row)}"
 
     def _of_part(self, index: int) -> Iterator[tuple[Integers, Array]]:
         (source, names), clock = self._parts[index], self._clocks[index]

@@ -137,6 +137,10 @@ class TdmsFile(MeasurementFile):
             raise self.error(
                 f"channel {name}: unscaled, and no scale is stated, allowed: one that makes counts a value"
             )
+        if channel.scaler_data_types and _counts_only(stated):
+            raise self.error(
+                f"channel {name}: counts of a converter (DAQmx) without a scale, allowed: one that makes counts a value"
+            )
         try:
             channel[0:1]
         except Exception as error:
@@ -214,6 +218,18 @@ class TdmsFile(MeasurementFile):
 
 def _has_scale(properties: Properties) -> bool:
     return bool(properties.get("NI_Number_Of_Scales", 0)) or any(map(_SCALE_TYPE.fullmatch, properties))
+
+
+def _counts_only(stated: Sequence[Properties]) -> bool:
+    """Whether the scale that holds, the last one, is what the converter counted; that of DAQmx has no type."""
+    holding: Properties = next((properties for properties in stated if properties.get("NI_Number_Of_Scales")), {})
+    place = holding.get("NI_Number_Of_Scales", 0) - 1
+    for _ in range(_MOST_SCALES):
+        kind = holding.get(f"NI_Scale[{place}]_Scale_Type")
+        if kind != "AdvancedAPI":  # a name for the result of another
+            return kind is None
+        place = holding.get(f"NI_Scale[{place}]_AdvancedAPI_Input_Source", -1)
+    return True
 
 
 def _times(runs: Sequence[_Run], rows: Integers) -> Array:

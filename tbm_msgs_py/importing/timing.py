@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from datetime import UTC, datetime
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,6 +13,13 @@ from tbm_msgs_py.base.units import NANOSECONDS
 from tbm_msgs_py.importing.layout import LAST_NS
 from tbm_msgs_py.importing.measurement_file import MeasurementFile, whole_ns
 from tbm_msgs_py.recordings.faults import GAP_FACTOR
+
+_AGE_NS = 10**18  # September 2001
+_DAY_NS = 86_400 * NANOSECONDS
+
+
+def _date(time_ns: int) -> str:
+    return datetime.fromtimestamp(time_ns // NANOSECONDS, UTC).strftime("%Y-%m-%d")
 
 
 @dataclass
@@ -59,6 +67,10 @@ class RowTimes:
             stamps = self._increasing(times_ns)
         self._check(stamps)
         self._measure(stamps)
+        if not self.rows and self.start_ns and stamps[0] > _DAY_NS:
+            self.file.warn(
+                f"{self.file.row(0)}: its time is {stamps[0] / _DAY_NS:.3g} days after the start, counted from there"
+            )
         self.rows += count
         self._last = int(stamps[-1])
         return stamps + self.start_ns
@@ -72,8 +84,18 @@ class RowTimes:
         outside = (times <= -self.start_ns) | (times >= LAST_NS - self.start_ns)
         if outside.any():
             at = int(np.argmax(outside))
-            when = "not after 1970-01-01 00:00 UTC" if int(times[at]) + self.start_ns <= 0 else "after January 2038"
-            raise self.file.error(f"{self.file.row(self.rows + at)}: its time is {when}, allowed: times that ROS has")
+            time = int(times[at])
+            when = "not after 1970-01-01 00:00 UTC" if time + self.start_ns <= 0 else "after January 2038"
+            unix = (
+                f"; counted from 1970 it is {_date(time)}: start: 1970-01-01T00:00:00Z" if self._is_unix(time) else ""
+            )
+            raise self.file.error(
+                f"{self.file.row(self.rows + at)}: its time is {when}, allowed: times that ROS has{unix}"
+            )
+
+    def _is_unix(self, time_ns: int) -> bool:
+        """Whether a time after the start is one of this age by itself."""
+        return self.start_ns > 0 and _AGE_NS < time_ns < LAST_NS
 
     def _increasing(self, times: Integers) -> Integers:
         """Put runs that begin again behind the one before; times after the start."""

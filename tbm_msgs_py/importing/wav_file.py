@@ -17,23 +17,28 @@ from tbm_msgs_py.base.arrays import Array
 from tbm_msgs_py.base.texts import quoted
 from tbm_msgs_py.base.units import NANOSECONDS
 from tbm_msgs_py.importing.layout import FileLayout, TimeBase
-from tbm_msgs_py.importing.measurement_file import MeasurementFile, Rows
+from tbm_msgs_py.importing.measurement_file import PIECE_ROWS, MeasurementFile, Rows
 
 _WHOLE_NUMBERS, _FLOATS, _EXTENSIBLE = 1, 3, 0xFFFE
 _WIDTHS: Final = {_WHOLE_NUMBERS: (1, 2, 3, 4, 8), _FLOATS: (4, 8)}  # bytes of a reading
+_MOST_OF_RIFF: Final = 2**32  # bytes
 _MOST_CHUNKS: Final = 10_000
+_LARGE: Final = (b"RF64", b"BW64")  # EBU Tech 3306 and ITU-R BS.2088: sizes of 64 bits in a ds64 chunk
+# Identifiers of samples behind their first two bytes, which are a format: Microsoft's, and that of B-format.
+_SUBFORMATS: Final = (bytes.fromhex("000000001000800000aa00389b71"), bytes.fromhex("00002107d3118644c8c1ca000000"))
 _BEXT: Final = slice(320, 338)  # date and time of the first sample, by EBU Tech 3285: 2026-03-01, 08:00:00
 
 
 @dataclass(frozen=True)
 class _Format:
-    """What the ``fmt`` chunk states: tag, readings a row, rows a second, bytes of a row and a reading."""
+    """What the ``fmt`` chunk states: tag, readings a row, rows a second, bytes of row and reading, spare bits of it."""
 
     tag: int
     channels: int
     rate: int
     row: int
     width: int
+    spare: int
 
 
 @dataclass(frozen=True)
@@ -59,7 +64,7 @@ class _WavChannel:
 
 
 class WavFile(MeasurementFile):
-    """A WAV file (RIFF or RF64) of whole numbers or floats; its channels are numbered from 1."""
+    """A WAV file (RIFF, RF64 or BW64) of whole numbers or floats; its channels are numbered from 1."""
 
     kind = "a WAV"
     full_scale = True
@@ -71,9 +76,9 @@ class WavFile(MeasurementFile):
             np.memmap(path, np.uint8, "r") if path.stat().st_size else np.empty(0, np.uint8)
         )
         head = self._bytes[:12].tobytes()
-        if head[:4] not in (b"RIFF", b"RF64") or head[8:] != b"WAVE":
-            raise self.error("not a WAV file: does not begin with RIFF or RF64 and WAVE, allowed: one of those")
-        self._chunks = self._walk(head[:4] == b"RF64")
+        if head[:4] not in (b"RIFF", *_LARGE) or head[8:] != b"WAVE":
+            raise self.error("not a WAV file: does not begin with RIFF, RF64 or BW64 and WAVE, allowed: one of those")
+        self._chunks = self._walk(head[:4] in _LARGE)
         self._format = self._read_format()
         self._data = self._rows()
 
@@ -118,7 +123,9 @@ class WavFile(MeasurementFile):
                 f"its header says 0 bytes of data, and {behind} bytes follow: it was not finished, allowed: a header "
                 "that says how many there are"
             )
-        self.warn(f"{behind} bytes behind the {size} of the data are no chunk, and left out")
+        whole = len(self._bytes)
+        cause = f": {whole} bytes are more than a RIFF header can say, RF64 can" if whole > _MOST_OF_RIFF else ""
+        self.warn(f"{behind} bytes behind the {size} of the data are no chunk, and left out{cause}")
 
     def _is_chunk(self, at: int) -> bool:
         """Whether a chunk that ends in the file begins at a byte."""
@@ -139,8 +146,11 @@ class WavFile(MeasurementFile):
         if len(head) < 16:
             raise self.error(f"a fmt chunk of {len(head)} bytes, allowed: 16 or more")
         tag, channels, rate, _, row, bits = struct.unpack_from("<HHIIHH", head)
-        if tag == _EXTENSIBLE and len(head) >= 26:
-            tag = struct.unpack_from("<H", head, 24)[0]
+        valid = bits
+        if tag == _EXTENSIBLE:
+            if len(head) < 40 or head[26:] not in _SUBFORMATS:
+                raise self.error("format 65534 without the identifier of its samples' format, allowed: that of 1 or 3")
+            valid, tag = struct.unpack_from("<H", head, 18)[0] or bits, struct.unpack_from("<H", head, 24)[0]
         if tag not in _WIDTHS:
             raise self.error(f"format {tag}, allowed: 1 (whole numbers) or 3 (floats), or 65534 with one of them")
         if not 0 < rate <= NANOSECONDS:
@@ -151,7 +161,9 @@ class WavFile(MeasurementFile):
                 f"{channels} channels of {bits} bits in {row} bytes, allowed: 1, 2, 3, 4 or 8 bytes, floats 4 or 8, "
                 "for each channel"
             )
-        return _Format(tag, channels, rate, row, width)
+        if valid > bits:
+            raise self.error(f"{valid} valid bits of {bits}, allowed: as many or fewer")
+        return _Format(tag, channels, rate, row, width, 8 * width - valid)
 
     def _rows(self) -> NDArray[np.uint8]:
         """Bytes of the readings, (n, channels, width); a warning where the file ends before its data."""
@@ -160,7 +172,14 @@ class WavFile(MeasurementFile):
         rows = there // self._format.row
         if stated % self._format.row or there < stated:
             self.warn(f"{stated} bytes of data in its header, {rows} whole rows of {self._format.row} bytes are there")
-        return self._bytes[at : at + rows * self._format.row].reshape(rows, self._format.channels, self._format.width)
+        data = self._bytes[at : at + rows * self._format.row].reshape(rows, self._format.channels, self._format.width)
+        spare = self._format.spare
+        mask = ((1 << spare) - 1).to_bytes(self._format.width, "little") if spare else b""
+        if mask and (data[:PIECE_ROWS] & np.frombuffer(mask, np.uint8)).any():
+            self.warn(
+                f"the lowest {spare} bits of readings are set, which its header says are none: aligned otherwise?"
+            )
+        return data
 
     def _pieces(self, columns: Sequence[str], time: TimeBase) -> Iterator[Rows]:
         there = [str(k + 1) for k in range(self._format.channels)]

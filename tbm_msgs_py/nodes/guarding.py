@@ -3,14 +3,39 @@
 from __future__ import annotations
 
 import functools
+import time
 import traceback
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Any
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, Final
 
 from tbm_msgs_py.nodes.fault_log import FaultLog
 
 if TYPE_CHECKING:
     from tbm_msgs_py.nodes.managed import ManagedNode
+
+UNEXPECTED: Final = "unexpected error in"
+FAILING: Final = "fails every time"
+"""In the log, by which a command that waits for the node knows that it waits in vain."""
+CALLS, SECONDS = 20, 5.0  # that failed in a row, and for how long at least, until a timer is said to fail every time
+
+
+@dataclass
+class _Streak:
+    """Calls of a timer that failed, one after the other, and the time of the first."""
+
+    calls: int = 0
+    since: float = 0.0
+    said: bool = False
+
+    def add(self) -> bool:
+        """Add a call; whether now is the time to say that it fails every time."""
+        now = time.monotonic()
+        self.since = self.since if self.calls else now
+        self.calls += 1
+        due = not self.said and self.calls >= CALLS and now - self.since >= SECONDS
+        self.said |= due
+        return due
 
 
 class Guard:
@@ -40,19 +65,39 @@ class Guard:
             try:
                 return callback(*args)
             except Exception as error:  # noqa: BLE001 - of whatever kind
-                # After SIGINT publishing fails at any line: that is the shutdown, not a fault.
-                if self._node.context.ok():
-                    self._report(_name(callback), error)
+                self._report(_name(callback), error)
                 return args[-1] if args else None
 
         return guarded
 
-    def _report(self, name: str, error: Exception) -> None:
+    def timer(self, callback: Callable[[], None]) -> Callable[[], None]:
+        """Wrap the callback of a timer, which no message of others calls: one that fails every time is said to."""
+        streak = _Streak()
+
+        @functools.wraps(callback)
+        def guarded() -> None:
+            nonlocal streak
+            try:
+                callback()
+            except Exception as error:  # noqa: BLE001 - of whatever kind
+                text = self._report(_name(callback), error)
+                if text and streak.add():
+                    self._node.get_logger().fatal(f"{text}; it {FAILING}")
+            else:
+                streak = _Streak()
+
+        return guarded
+
+    def _report(self, name: str, error: Exception) -> str:
+        """Report an error, and return its text; none after SIGINT: publishing fails then, which is the shutdown."""
+        if not self._node.context.ok():
+            return ""
         self.failed += 1
-        text = " ".join(f"unexpected error in {name}: {type(error).__name__}: {error}".split())
+        text = " ".join(f"{UNEXPECTED} {name}: {type(error).__name__}: {error}".split())
         self._faults.report(name, text)
         self._faults.clear(name)  # an event: shown once
         self._node.get_logger().debug(traceback.format_exc())
+        return text
 
     def show(self) -> list[str]:
         """Return the errors since the last call."""

@@ -199,7 +199,7 @@ class ManagedNode(LifecycleNode, Generic[SettingsT]):  # type: ignore[misc]  # r
 
     def create_timer(self, period: float, callback: Callable[..., None], *args: object, **kwargs: object) -> Timer:
         """Timer as rclpy's, with a guarded callback."""
-        made = super().create_timer(period, self._guard(callback), *args, **kwargs)
+        made = super().create_timer(period, self._guard.timer(callback), *args, **kwargs)
         return self._gather(made, self.destroy_timer)
 
     def create_steady_timer(self, period: float, callback: Callable[..., None]) -> Timer:

@@ -155,6 +155,8 @@ def _sections(content: Mapping[str, object], file: str, path: str = "") -> Itera
     """Parameters with the path of the nodes that they are of: `*` is one part of a name, `**` any number of them."""
     for key, value in content.items():
         place = path + "".join(f"/{part}" for part in str(key).split("/") if part)
+        if str(key) != _PARAMETERS and str(key).replace("_", "") == _PARAMETERS.replace("_", ""):
+            raise InputError(f"{file}: {path or '/'}: {quoted(key)}, allowed: {_PARAMETERS}, with two underscores")
         if not isinstance(value, dict):
             raise InputError(f"{file}: {path or '/'}: {quoted(key)}: no mapping, allowed: nodes with {_PARAMETERS}")
         if key == _PARAMETERS:

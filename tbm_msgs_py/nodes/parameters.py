@@ -163,7 +163,7 @@ class Parameter:
     def limits(self) -> str:
         """Limits in words; empty where there are none."""
         known = math.isfinite(self.minimum) or math.isfinite(self.maximum)
-        return f" from {self.minimum:g} to {self.maximum:g}" if known else ""
+        return f" from {self.minimum:.10g} to {self.maximum:.10g}" if known else ""
 
 
 @lru_cache

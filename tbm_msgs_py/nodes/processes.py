@@ -135,6 +135,30 @@ def end_with_parent() -> None:
     threading.Thread(target=wait, daemon=True).start()
 
 
+class LogLines:
+    """Reads the lines of a log while it is written, each once.
+
+    Parameters
+    ----------
+    path : Path
+        It may not be there yet, or no more.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self._path, self._read = path, 0
+
+    def new(self) -> list[str]:
+        """Whole lines since the last call."""
+        try:
+            with self._path.open("rb") as file:
+                file.seek(self._read)
+                whole, end, _ = file.read().rpartition(b"\n")
+        except OSError:
+            return []
+        self._read += len(whole) + len(end)
+        return whole.decode(errors="replace").split("\n") if end else []
+
+
 class ChildProcess:
     """A process that calls `end_with_parent`, with a log file.
 

@@ -71,6 +71,8 @@ def acceleration_record(topic: str, sensor: SensorMapping, stream: DecodedStream
     clipped = 0
     if sensor.range is not None:
         clipped = int(np.count_nonzero((np.abs(values) >= sensor.range * (1 - 1e-6)).any(axis=1)))
+    used = {axis[-1] for axis in sensor.axes if axis is not None}  # what is not measured may well hold one value
+    held = (("xyz"[axis], first, last) for axis, first, last in stuck_axes(time, values, rate))
     return AccelerationRecord(
         topic=topic,
         point=sensor.point,
@@ -82,7 +84,7 @@ def acceleration_record(topic: str, sensor: SensorMapping, stream: DecodedStream
         clipped=clipped,
         gravity=sensor.gravity,
         frame=sensor.frame,
-        stuck=tuple(("xyz"[axis], first, last) for axis, first, last in stuck_axes(time, values, rate)),
+        stuck=tuple(one for one in held if one[0] in used),
         faults=stream.faults,
         clock=stream.clock,
     )

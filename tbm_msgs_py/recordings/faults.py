@@ -19,6 +19,16 @@ CLOCK_JUMP_NS = 10_000_000_000  # stamps that differ from the log times by more 
 FAR_NS = 86_400_000_000_000  # a stamp that leaves the log times by more, and its clock did not before, is nonsense
 PERSISTENT = 5  # messages after which another clock counts as the clock from then on
 
+_DROPPED = {
+    "undecodable": "messages that cannot be decoded",
+    "astray": "messages of another clock",
+    "unstamped": "messages whose stamp is no ROS time",
+    "unmeasured": "messages that say they measured nothing",
+    "invalid": "samples that are no finite numbers",
+    "duplicates": "samples at the time of another",
+    "late": "samples at a time that had passed",
+}
+
 
 @dataclass(frozen=True)
 class FaultCounts:
@@ -47,6 +57,10 @@ class FaultCounts:
     late: int = 0
     disordered: int = 0
     clock_steps: int = 0
+
+    def dropped(self) -> list[str]:
+        """Return what was not used, a text each: how many, and why."""
+        return [f"{count} {text}" for name, text in _DROPPED.items() if (count := getattr(self, name))]
 
     def __add__(self, other: FaultCounts) -> FaultCounts:
         return FaultCounts(*(getattr(self, field.name) + getattr(other, field.name) for field in fields(self)))

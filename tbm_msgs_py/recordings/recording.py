@@ -34,6 +34,10 @@ from tbm_msgs_py.recordings.used import BY_PROGRAM, UsedSources
 PIECE_S = 60.0
 
 
+class NoSampleError(RecordingError):
+    """No test point of a recording has a single sample; one line that says why of each."""
+
+
 @dataclass(frozen=True)
 class UsedMapping:
     """A mapping, and the file that it was read from, if it was.
@@ -115,6 +119,12 @@ class RecordingReader:
         """What was found so far, by test point."""
         return {point: topic.line.total for point, topic in self._sensors.items()}
 
+    def not_used(self, point: str) -> list[str]:
+        """Return what of the topic of a test point is not used so far, a text each: how much, and why."""
+        topic = self._sensors[point]
+        left = [f"{one.messages} messages left out, {one.what}: {one.reason}" for one in topic.channel.left_out]
+        return [*topic.line.total.dropped(), *left]
+
     @property
     def left_out(self) -> list[LeftOut]:
         """Messages of mapped topics that are not used, so far."""
@@ -141,7 +151,7 @@ class RecordingReader:
 
     @property
     def doubts(self) -> list[str]:
-        """What of the operating point and of the clocks is not as the mapping or the stamps say, a line each."""
+        """What is not as mapping, stamps or rates say: the operating point, unused messages, clocks; a line each."""
         found = [self._no_operating] if self._no_operating else []
         if self._operating is not None:
             points, record, name = self._operating.points, self.operating_point, self._operating.name
@@ -149,6 +159,7 @@ class RecordingReader:
                 found.append(f"operating point {name}: {record.doubt}")
             if points.undecodable or (record is None and points.problem):
                 found.append(f"operating point {name}: {points.undecodable} messages cannot be used: {points.problem}")
+        found += [topic.doubt for point, topic in self._sensors.items() if point in self._sampled and topic.doubt]
         return [*found, *clock_doubts(self.clocks)]
 
     @cached_property
@@ -169,7 +180,7 @@ class RecordingReader:
 
         Raises
         ------
-        RecordingError
+        NoSampleError
             At the end, when no test point had a single sample.
         """
         if not length_s >= 1e-3:
@@ -183,7 +194,7 @@ class RecordingReader:
             yield from map(self._records, splitter.due())
         yield from map(self._records, splitter.rest())
         if not self._sampled:
-            raise RecordingError(f"{self.path}: {listed(self.problems.values(), separator='; ')}")
+            raise NoSampleError(f"{self.path}: {listed(self.problems.values(), separator='; ')}")
 
     def _restart(self) -> None:
         """Forget what was read, and find the topics of the mapping."""
@@ -213,9 +224,10 @@ class RecordingReader:
         return self._channels[name]
 
     def _no_sensor(self) -> str:
-        named = [name for name in self.mapping.mapping.topics if name in self._channels]
-        if not named:
-            return f"no topic of the mapping is in the recording, {_listing(self._channels)}"
+        wanted = self.mapping.mapping.topics
+        if not any(name in self._channels for name in wanted):
+            names = f" ({listed(wanted)})" if wanted else ""
+            return f"no topic of the mapping is in the recording{names}, {_listing(self._channels)}"
         return listed(self._missing.values(), separator="; ")
 
     def _add(self, batch: MessageBatch) -> None:

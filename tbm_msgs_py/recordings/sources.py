@@ -15,6 +15,8 @@ from tbm_msgs_py.recordings.mapping import SensorMapping
 from tbm_msgs_py.recordings.operating import OperatingPoints
 from tbm_msgs_py.recordings.timeline import Timeline
 
+_FEW = 0.01  # share of the messages, or samples, of a topic
+
 
 class SensorTopic:
     """One topic of one sensor, while it is read.
@@ -46,7 +48,21 @@ class SensorTopic:
         self.name, self.sensor = name, sensor
         self.channel = ChosenChannel(name, channels, ACCELERATION_TYPES)
         self.line, self.clock = Timeline(), ClockTrack()
-        self._frame = sensor.frame_id
+        self._frame, self._messages = sensor.frame_id, sum(channels.values())
+        self._samples = 0
+
+    @property
+    def doubt(self) -> str:
+        """That much of the topic is not used, which rate and coverage do not show; empty where it is little."""
+        found = self.line.total
+        messages = found.undecodable + found.astray + found.unstamped + found.unmeasured
+        samples = found.invalid + found.duplicates + found.late
+        if messages <= _FEW * self._messages and samples <= _FEW * self._samples:
+            return ""
+        return (
+            f"test point {self.sensor.point}: of {self._messages} messages of {self.name} {', '.join(found.dropped())} "
+            "are not used: rate and coverage are those of the rest"
+        )
 
     def problem(self, unread: str) -> str:
         """Why there are no samples, if there are none; what of the recording is not read may be the reason."""
@@ -57,6 +73,7 @@ class SensorTopic:
         if not self.channel.takes(topic, len(messages)):
             return
         samples = self._of_one_frame(decode_samples(topic.type, messages, self.channel.used.store))
+        self._samples += len(samples.times_ns)
         self.line.add(samples)
         self.clock.add(samples.stamps_ns, samples.log_ns)
 

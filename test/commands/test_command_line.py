@@ -181,10 +181,11 @@ def _parameters(group, path=""):
 def test_every_command_takes_a_machine_alike():
     found = {name: parameter for name, parameter in _parameters(typer.main.get_command(app)) if "history" not in name}
     assert set(found) == NEED_ONE
-    alike = {(*one.opts, one.param_type_name, one.default, one.help, one.metavar) for one in found.values()}
-    assert alike == {
-        ("--machine", "option", DEFAULT_MACHINE, "Name of `machine list`, or path of a machine file.", "<name|file>")
-    }
+    alike = {(*one.opts, one.param_type_name, one.default, one.metavar) for one in found.values()}
+    assert alike == {("--machine", "option", DEFAULT_MACHINE, "<name|file>")}
+    helps = {name: one.help for name, one in found.items()}
+    assert helps.pop("run").endswith("; default: that of --params, else dz101.")
+    assert set(helps.values()) == {"Name of `machine list`, or path of a machine file."}
 
 
 def test_the_earlier_spelling_of_a_machine_still_works(command):

@@ -48,6 +48,7 @@ BAD = [
     (DynamicsNode, {"sensor.rate": 3000}, "allowed: what divides"),
     (DynamicsNode, {"sensor.range": 1.0, "sensor.quantisation": 2.0}, "must not exceed the range"),
     (LoadNode, {"block_rate": 100.0}, "block_rate"),
+    (LoadNode, {"seed": -1}, "whole number from 0 to 2147483647"),
     (LoadNode, {"block_rate": 3000.0}, "whole number of ns"),
     (LoadNode, {"machine": "nowhere"}, "nowhere"),
     (LoadNode, {"use_sim_time": 3}, "use_sim_time"),
@@ -133,6 +134,10 @@ UNKNOWN = {
     "a key of another node": ("tbm: {load_node: {ros__parameters: {window: 1.0}}}", "'window': unknown parameter"),
     "another node's key": ("/**/bag_player: {ros__parameters: {lop: true}}", "'lop': unknown parameter"),
     "a key above": ("load_node: {seed: 1}", "/load_node: 'seed': no mapping, allowed: nodes with ros__parameters"),
+    "one underscore": (
+        "load_node: {ros_parameters: {seed: 1}}",
+        "/load_node: 'ros_parameters', allowed: ros__parameters",
+    ),
     "a key twice": ("/**: {ros__parameters: {seed: 1, seed: 2}}", "key 'seed' is given twice"),
 }
 

@@ -52,6 +52,18 @@ def test_in_a_pipe_there_is_a_line_a_minute_and_at_alarms(capsys):
     assert times == [0.0, 60.0, 70.0, 75.0, 100.0]
 
 
+def test_in_a_pipe_the_last_line_is_of_the_end(capsys):
+    with StatusLine(Path("logs"), 40.0, lambda: 0.0) as line:
+        line.finish(POINTS, 1.0)  # broken off before it had begun
+        for seconds in (2.0, 39.8):
+            line.update(POINTS, seconds)
+        for _ in range(2):
+            line.finish(ALARM, 40.0)
+    lines = capsys.readouterr().err.splitlines()
+    assert [text.partition(" s:")[0] for text in lines] == ["2 of 40", "40 of 40"]
+    assert "alarm at shield" in lines[-1]
+
+
 def test_on_a_terminal_one_line_is_kept_up_to_date(monkeypatch):
     output = io.StringIO()
     monkeypatch.setattr(status_line, "notes", Console(file=output, force_terminal=True, width=200))

@@ -182,7 +182,11 @@ HEADER = "time_s,speed_r_min,torque_kn_m,thrust_kn"
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        ("", "line 1: no column 'time_s'"),
+        ("", "line 1: no column 'time_s', allowed: names in the first line, commas between them, and decimal points"),
+        (
+            HEADER.replace(",", ";") + "\n0;5,5;2000;9000\n",
+            "line 1: no column 'time_s', allowed: names in the first line",
+        ),
         ("time_s,speed_r_min,thrust_kn\n0,5,9000\n", "line 1: no column 'torque_kn_m', there are time_s"),
         (HEADER + "\n", "no row"),
         (HEADER + "\n0,5,2000,9000\n1,5,,9000\n", "line 3, column torque_kn_m: empty, allowed is a finite number"),
@@ -210,6 +214,12 @@ def test_what_else_can_be_wrong(tmp_path):
     file.write_bytes(b"\xff\xfe\x00")
     with pytest.raises(MachineError, match="no UTF-8 text"):
         read_schedule(file)
+    file.write_text(HEADER + "\n0,5,2000,9000\n", "utf-8")
+    file.write_text(HEADER + "\n0,5,2000,9000\n1,5,2000,1e30\n", "utf-8")
+    with pytest.raises(
+        MachineError, match=r"cycle\.csv: line 3: operating point: a value that is not finite or absurd"
+    ):
+        list(read_schedule(file).rows())
     file.write_text(HEADER + "\n0,5,2000,9000\n", "utf-8")
     with pytest.raises(MachineError, match="columns: pressure: allowed are time, speed, torque, thrust"):
         read_schedule(file, {"pressure": "p"})

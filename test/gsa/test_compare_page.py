@@ -26,7 +26,12 @@ app.command()(compare)
 @pytest.fixture(scope="module")
 def bag(tmp_path_factory):
     points = {"cutterhead": noise(6.0, 5.0), "shield": noise(6.0), "belt": noise(2.0)}
-    return write_bag(tmp_path_factory.mktemp("bag") / "bag", points)
+    path = write_bag(tmp_path_factory.mktemp("bag") / "bag", points)
+    sensors = {point: {"units": "m/s2", "gravity": "removed", "frame": "fixed", "point": point} for point in points}
+    sensors["shield"]["axes"] = [None, "y", "z"]
+    mapping = {"topics": {f"/tbm/field/{point}/block": sensor for point, sensor in sensors.items()}}
+    (path / "mapping.yaml").write_text(json.dumps(mapping))
+    return path
 
 
 @pytest.fixture(scope="module")
@@ -66,6 +71,13 @@ def test_the_page_holds_everything_itself(text):
     assert all(link.startswith("data:image/svg+xml;base64,") for link in page.links)
     assert not re.search(r"https?://|url\(|@import", text)
     assert len(text) < 3_000_000
+
+
+def test_an_axis_that_was_not_measured_is_a_dash(text):
+    rows = [re.sub("<[^>]*>", " ", row).split() for row in text.split("<tr>")]
+    axial, each, _bands = (row for row in rows if row[:2] in (["shield", "43"], ["shield", "axial,"]))
+    assert (axial[3:6], each[3:9]) == (["–"] * 3, ["–"] * 6)
+    assert ["shield", "/tbm/field/shield/block", "2000.000", "100.000", "%"] in [row[:5] for row in rows]
 
 
 def test_the_page_says_what_the_document_says(result, text):
@@ -137,7 +149,7 @@ def test_the_command_prints_the_table(bag, result):
 
 
 def test_a_window_of_the_command(bag):
-    windows = json.loads(run(bag, "--json", "--window", "1.5").stdout)["points"]["shield"]["x"]["windows"]
+    windows = json.loads(run(bag, "--json", "--window", "1.5").stdout)["points"]["shield"]["z"]["windows"]
     assert windows["start"] == [0.0, 1.5, 3.0, 4.5]
 
 

@@ -11,10 +11,12 @@ from tbm_dynamics.machine.loading import machine_text
 from tbm_gsa.app.cli.bag.info import info
 from tbm_gsa.app.cli.compare import print_tables
 from tbm_gsa.app.report.compare_page import compare_page
+from tbm_gsa.comparison.results import ComparisonResult
 from tbm_gsa.comparison.units import unit_doubt
 from tbm_gsa.comparison.workflow import compare_recording
+from tbm_gsa.history import recording_entries
 from tbm_msgs_py import ACCELERATION, OperatingPoint, open_recording
-from tbm_msgs_py.bags.definitions import serialised_operating_point
+from tbm_msgs_py.bags.definitions import BLOCK_TYPE, serialised_block, serialised_operating_point
 from tbm_msgs_py.bags.metadata import SYNTHETIC, is_synthetic
 from tbm_msgs_py.bags.writing import BagWriter
 
@@ -101,6 +103,84 @@ def test_what_a_mapping_names_is_used_or_named(tmp_path, capsys):
     assert "Test point gripper was not compared: topic /tbm/field/gripper/block: no finite sample" in page
 
 
+def test_an_axis_that_is_not_measured_is_null_and_no_zero(tmp_path, capsys):
+    """And of a topic of which too little is left the result says what was not used, and why."""
+    thin = noise(3.0)
+    thin[::1000] = np.nan
+    path = write_bag(
+        tmp_path / "bag", {"shield": noise(3.0), "girder": thin, "gripper": noise(3.0), "walkway": noise(3.0)}
+    )
+    mapping = mapping_of(
+        tmp_path / "m.yaml", **{p: f"/tbm/field/{p}/block" for p in ("shield", "girder", "gripper", "walkway")}
+    )
+    lacking = {"shield": "[x, ~, z]", "gripper": "[~, y, z]", "walkway": "[x, ~, z], rotation: [30, 20, 10]"}
+    text = mapping.read_text()
+    for point, axes in lacking.items():
+        text = text.replace(f"point: {point}", f"point: {point}, axes: {axes}")
+    mapping.write_text(text)
+    compared = compare_recording(path, mapping=mapping, **SHORT)
+    result = compared.result
+    assert (
+        result.skipped["girder"] == "no stretch of 1 s without a gap at 2000 Hz; "
+        "5994 samples in 2.999 s, 1998 Hz on average; 6 samples that are no finite numbers"
+    )
+    assert result.skipped["walkway"].startswith("the sensor measures none of the machine's axes by itself")
+    for point, lacks in (("shield", "y"), ("gripper", "x")):
+        for axis, found in result.points[point].items():
+            spectrum = result.spectra[point][axis].field.density
+            level = result.levels[0].points[point][axis]
+            field = [
+                value
+                for name, value in found.model_dump().items()
+                if name.startswith("field_") and name != "field_lines"
+            ]
+            told = [
+                found.coverage,
+                found.relative_error,
+                level.field_rms,
+                level.relative_error,
+                spectrum[20],
+                *field[:6],
+            ]
+            assert [value is None for value in told] == [axis == lacks] * len(told)
+            assert (len(found.windows.start), len(found.field_lines)) == ((0, 0) if axis == lacks else (1, 5))
+            assert found.model_rms > 0.0
+    history = list(recording_entries(result, compared.starts_ns))
+    assert {(entry.point, entry.axis) for entry in history} == {
+        ("shield", "x"),
+        ("shield", "z"),
+        ("gripper", "y"),
+        ("gripper", "z"),
+    }
+    print_tables(result)
+    assert " – " in next(line for line in capsys.readouterr().out.splitlines() if line.startswith("gripper"))
+    assert ComparisonResult.model_validate_json(result.model_dump_json()) == result
+
+
+@pytest.mark.parametrize("every", [10, 1000])
+def test_messages_that_are_no_use_are_lost_and_doubted(tmp_path, capsys, every):
+    """Of all but each so many the stamp is no time of ROS: what is left looks whole, at another rate."""
+    with BagWriter(tmp_path / "bag") as writer:
+        for k, row in enumerate(noise(0.2)):
+            log = START_NS + k * 10_000_000
+            data = bytearray(serialised_block(ACCELERATION, log, [0.0], row[None]))
+            if (k + 1) % every:
+                data[8:12] = (2 * 10**9).to_bytes(4, "little")  # nanoseconds
+            writer.write("/tbm/field/shield/block", BLOCK_TYPE, log, bytes(data))
+        writer.write_operating_point(START_NS, HIGH)
+    info(tmp_path / "bag", scan=True, mapping=None, json=True)
+    said, unused = json.loads(capsys.readouterr().out), 400 - 400 // every
+    assert said["lost"] == unused
+    if every > 400:
+        assert "is no ROS time" in said["problems"]["shield"]
+        return
+    result = compare_recording(tmp_path / "bag", **SHORT).result
+    assert result.recording.lost == unused
+    doubt = result.doubts[0]  # then that of units
+    assert doubt.startswith("test point shield: of 400 messages of /tbm/field/shield/block 360 messages whose stamp is")
+    assert said["doubts"] == [doubt]
+
+
 def test_any_way_to_a_recording_gives_the_same(tmp_path, monkeypatch):
     """Relative, absolute, by a link, from inside: mapping beside it, machine file and all."""
     (tmp_path / "site").mkdir()
@@ -137,6 +217,28 @@ def test_units_off_by_a_factor_are_said(tmp_path):
         if factor != 1.0
     ]
     assert json.loads(result.model_dump_json())["doubts"] == list(result.doubts)
+
+
+@pytest.mark.parametrize(
+    ("point", "said"),
+    [
+        (
+            OperatingPoint(0.586, 3040.0, 1.2e7),
+            ["torque (kN·m) 3.04 is about 0.001 of the machine's own 3040: values in kN"],
+        ),
+        (
+            OperatingPoint(0.586, 3.04e6, 8.0),
+            ["thrust (kN) 0.008 is about 6.7e-07 of the machine's own 1.2e+04: values in MN"],
+        ),
+        (OperatingPoint(0.586, 0.3e6, 0.1e7), []),
+    ],
+)
+def test_loads_in_another_unit_are_doubted(tmp_path, point, said):
+    result = compare_recording(
+        write_bag(tmp_path / "bag", {"shield": noise(1.5)}, operating=[(0.0, point)]), **SHORT
+    ).result
+    doubts = [doubt for doubt in result.doubts if doubt.startswith("operating point: ")]
+    assert [doubt.partition(": ")[2].partition(" where")[0] for doubt in doubts] == said
 
 
 def test_units_are_told_from_what_measures():

@@ -34,6 +34,7 @@ from tbm_gsa.explanation.hypotheses import gain_at, with_gain
 from tbm_gsa.explanation.joint import sampled
 from tbm_gsa.explanation.judgement import judge
 from tbm_gsa.explanation.observed import Observed, observed
+from tbm_gsa.explanation.parts import ExplanationParts
 from tbm_gsa.explanation.ranges import explaining_inputs
 from tbm_gsa.explanation.result import Joint, JointInput, read_explanation
 from tbm_gsa.explanation.workflow import explain
@@ -123,6 +124,20 @@ def judged(curves, values, floor=QUIET, stated=UNSTATED):
 
 ROCK = np.array([2.0, 0.6, 1.0, 1.0, 0.6, 1.5])
 CHANNEL = np.array([one.point == "girder" and one.axis == "y" for one in READING.statistics])
+
+
+def test_an_axis_that_is_not_measured_is_no_dead_channel(curves):
+    """Neither judged nor listed, where a channel of no power is found dead."""
+    values = powers(curves.nominal, ROCK)
+    dead = judged(curves, np.where(CHANNEL, 0.0, values))
+    found = judged(curves, np.where(CHANNEL, np.nan, values), np.where(CHANNEL, np.nan, QUIET))
+    assert (dead.verdict, found.verdict) == ("sensor", "rock")
+    assert not np.isin(np.flatnonzero(CHANNEL), found.used).any()
+    assert "girder_y" not in ExplanationParts(found, None, None, SECONDS).sensors()
+    reasons = found.observed.weightless(found.used, curves.nominal)
+    assert {reason for name, reason in reasons.items() if name.endswith("girder_y")} == {
+        "not measured"
+    }
 
 
 def test_the_rock_is_found_and_the_machine_left_alone(curves):

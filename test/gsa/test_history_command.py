@@ -341,6 +341,25 @@ def test_bad_input_is_one_line(run, file, tmp_path, monkeypatch, arguments, said
     assert not list(Path().glob("*.html"))
 
 
+@pytest.mark.parametrize(
+    ("chosen", "note"),
+    [
+        (
+            ["--since", "2100-01-01", "--point", "shield"],
+            "no window begins in that time: those that are chosen otherwise",
+        ),
+        (["--source", "offline"], "no window is all that was asked for: those of the history"),
+        (["--source", "live"], ""),
+    ],
+)
+def test_a_selection_of_nothing_says_what_there_is(run, file, chosen, note):
+    code, out, err = run("history", "--history", file, *chosen)
+    document = json.loads(run("history", "--history", file, *chosen, "--json")[1])
+    assert (code, err) == (0, "")
+    assert document["note"] == (note and f"{note} begin from 2023-11-14T22:13:20.000Z to 2023-11-14T22:14:18.000Z")
+    assert document["note"] in out
+
+
 def test_a_long_list_of_known_names_is_cut(run, file):
     with History(file) as history:
         rows = [HistoryEntry(f"point {n:02}", "x", START_NS, 1, 1.0, 1.0, 0.5, 1.0) for n in range(98)]

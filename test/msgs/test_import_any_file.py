@@ -77,8 +77,8 @@ CELLS = st.text("0123456789.,-+eE'\" \t_\0aNxT:Z\ufeff\uff11\r\n", max_size=12)
         {"delimiter": st.sampled_from(",;\t "), "decimal": st.sampled_from(".,")},
         optional={
             "thousands": st.sampled_from([".", ",", " ", "'"]),
-            "header": st.integers(1, 3),
-            "first": st.integers(2, 4),
+            "header": st.integers(0, 3),
+            "first": st.integers(1, 4),
             "encoding": st.sampled_from(["utf-8", "latin-1", "utf-16", "ascii", "cp037"]),
         },
     ),
@@ -101,15 +101,16 @@ def any_csv(ends, path, rows, layout, ends_of_lines, clock, flips, length):
     sizes=st.tuples(*[st.sampled_from([None, 0, 1, 2**31, 2**32 - 1])] * 2),
     data=st.binary(max_size=40),
     behind=st.binary(max_size=20),
-    head=st.sampled_from([b"RIFF", b"RF64"]),
+    head=st.sampled_from([b"RIFF", b"RF64", b"BW64"]),
     clock=CLOCKS,
     flips=FLIPS,
     length=st.sampled_from([1.0, 1.0, 0.6]),
 )
 def any_wav(ends, path, tag, channels, rate, bits, sizes, data, behind, head, clock, flips, length):
     row = channels * bits // 8 % 2**16
-    fmt = struct.pack("<HHIIHH", tag, channels, rate, 0, row, bits).ljust(18 if tag == 1 else 26, b"\1")
-    chunks = [(b"ds64", bytes(28), None)] * (head == b"RF64") + [(b"fmt ", fmt, sizes[0]), (b"data", data, sizes[1])]
+    identifier = bytes.fromhex("1600100004000000") + bytes.fromhex("0100000000001000800000aa00389b71")
+    fmt = struct.pack("<HHIIHH", tag, channels, rate, 0, row, bits) + (identifier if tag == 0xFFFE else b"\0\0")
+    chunks = [(b"ds64", bytes(28), None)] * (head != b"RIFF") + [(b"fmt ", fmt, sizes[0]), (b"data", data, sizes[1])]
     content = b"".join(
         name + struct.pack("<I", len(inner) if size is None else size) + inner for name, inner, size in chunks
     )

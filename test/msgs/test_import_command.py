@@ -106,11 +106,22 @@ def crash(answer, path, description, out):
     os.kill(os.getpid(), signal.SIGKILL)
 
 
-@pytest.mark.parametrize("name", ["bag", "bag.mcap"])
-def test_a_crash_of_a_library_is_one_line_and_leaves_nothing(tmp_path, monkeypatch, name):
-    monkeypatch.setattr(apart, "_import", crash)
+def go_on(answer, path, description, out):
+    """Stands for a library that finds no end."""
+    BagWriter(out).open()
+    apart.CPU_S = 0.0
+    apart.import_recording = lambda *_: list(iter(int, 1))
+    import_apart_as_it_is(answer, path, description, out)
+
+
+@pytest.mark.parametrize(
+    ("name", "instead", "said"),
+    [("bag", crash, "crashed, allowed"), ("bag.mcap", go_on, "gave nothing in 120 s of CPU time")],
+)
+def test_a_library_that_fails_is_one_line_and_leaves_nothing(tmp_path, monkeypatch, name, instead, said):
+    monkeypatch.setattr(apart, "_import", instead)
     described = describe(None, {"points": {"girder": POINT}, "rate": 50, "start": START})
-    with pytest.raises(RecordingError, match="the library that reads it crashed"):
+    with pytest.raises(RecordingError, match=f"the library that reads it {said}"):
         apart.import_apart(tmp_path / "a.mat", described, tmp_path / name)
     assert list(tmp_path.iterdir()) == []
 

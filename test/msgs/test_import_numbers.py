@@ -1,6 +1,7 @@
 """Import: a cell, a data set or a channel is a plain number in the stated format, or it is refused by its name."""
 
 import struct
+import uuid
 
 import numpy as np
 import pytest
@@ -72,6 +73,8 @@ def test_thousands_signs_are_read_where_they_are_stated(tmp_path, cell, layout, 
         ({"rate": True}, "rate: True"),
         ({"rate": "1000"}, "rate: '1000'"),
         ({"rate": 2e9}, "rate: 2000000000.0"),
+        ({"operating_point": OPERATING | {"thrust": {"value": -5.0, "unit": "kN"}}}, "value: -5 kN, allowed: 0 to"),
+        ({"operating_point": OPERATING | {"speed": {"value": 1e30, "unit": "r/min"}}}, "value: 1e.30 r/min, allowed"),
         ({"points": {"shield": POINT | {"full_scale": "5"}}}, "full_scale: '5'"),
     ],
 )
@@ -85,9 +88,22 @@ def test_a_value_too_large_for_its_message_is_refused(tmp_path):
     path.write_text("ax,ay,az,rpm,torque,thrust\n1,2,3,4,5,1e308\n")
     point = POINT | {"units": "g", "full_scale": 1e300}
     assert "line 2, column ax: " in refused(path, description(points={"shield": point}), tmp_path / "bag")
-    huge = OPERATING | {"thrust": {"column": "thrust", "unit": "MN"}}
-    message = refused(path, description(points={}, operating_point=huge), tmp_path / "bag")
-    assert "line 2, column thrust: 1e+308 MN" in message
+    for text, unit in (("1e308", "MN"), ("1e13", "kN")):  # beyond any number, and beyond any machine
+        path.write_text(f"ax,ay,az,rpm,torque,thrust\n1,2,3,4,5,6\n1,2,3,4,5,{text}\n")
+        huge = OPERATING | {"thrust": {"column": "thrust", "unit": unit}}
+        message = refused(path, description(points={}, operating_point=huge), tmp_path / "bag")
+        assert f"a.csv: line 3, column thrust: {float(text):g} {unit}, allowed: up to 1e+15 in SI units" in message
+
+
+def test_an_operating_value_below_zero_is_named(tmp_path):
+    path = tmp_path / "a.csv"
+    path.write_text("ax,ay,az,rpm,torque,thrust\n1,2,3,4,5,6\n1,2,3,4,-1,-2.5\n1,2,3,4,5,-1\n")
+    imported = import_recording(path, description(operating_point=OPERATING), tmp_path / "bag")
+    standstill = "no comparison is made with such an operating point"
+    assert imported.warnings == [
+        f"{path}: line 3, column torque: -1 kN.m, below 0: {standstill}",
+        f"{path}: line 3, column thrust: -2.5 kN, and 1 more rows below 0: {standstill}",
+    ]
 
 
 MATLAB = {
@@ -194,6 +210,58 @@ def test_a_tdms_scale_is_applied_or_the_file_is_refused(tmp_path, segments, expe
         assert expected in refused(tmp_path / "a.tdms", of("g/x"), tmp_path / "bag")
 
 
+def daqmx(properties):
+    """Bytes of a TDMS file of three 16-bit counts 1, 2, 3 as DAQmx writes them, by NI's description of the format."""
+
+    def text(of):
+        return struct.pack("<I", len(of)) + of.encode()
+
+    def stated(name, value):
+        kinds = {
+            str: (0x20, text),
+            int: (3, lambda v: struct.pack("<i", v)),
+            float: (10, lambda v: struct.pack("<d", v)),
+        }
+        kind, write = kinds[type(value)]
+        return text(name) + struct.pack("<I", kind) + write(value)
+
+    index = struct.pack("<IIIQI", 0x1269, 0xFFFFFFFF, 1, 3, 1) + struct.pack("<5I", 3, 0, 0, 0, 0)
+    index += struct.pack("<II", 1, 2)  # one card, two bytes a sample
+    empty = struct.pack("<II", 0xFFFFFFFF, 0)
+    own = struct.pack("<I", len(properties)) + b"".join(stated(*one) for one in properties.items())
+    metadata = struct.pack("<I", 3) + text("/") + empty + text("/'g'") + empty + text("/'g'/'x'") + index + own
+    data = struct.pack("<3h", 1, 2, 3)
+    contents = 2 | 4 | 8 | 128  # metadata, new objects, raw data, of DAQmx
+    return b"TDSm" + struct.pack("<IIQQ", contents, 4713, len(metadata) + len(data), len(metadata)) + metadata + data
+
+
+TIMES_TWO = {
+    "NI_Scale[1]_Scale_Type": "Linear",
+    "NI_Scale[1]_Linear_Slope": 2.0,
+    "NI_Scale[1]_Linear_Y_Intercept": 0.0,
+    "NI_Scale[1]_Linear_Input_Source": 0,
+}
+A_NAME = {"NI_Scale[1]_Scale_Type": "AdvancedAPI", "NI_Scale[1]_AdvancedAPI_Input_Source": 0}
+
+
+@pytest.mark.parametrize(
+    ("properties", "expected"),
+    [
+        ({"NI_Number_Of_Scales": 2, "NI_Scaling_Status": "unscaled", **TIMES_TWO}, [2, 4, 6]),
+        ({"NI_Number_Of_Scales": 1, "NI_Scaling_Status": "unscaled"}, "counts of a converter (DAQmx) without a scale"),
+        ({"NI_Number_Of_Scales": 2, **A_NAME}, "counts of a converter (DAQmx) without a scale"),
+        ({}, "counts of a converter (DAQmx) without a scale"),
+    ],
+)
+def test_counts_of_daqmx_are_scaled_or_refused(tmp_path, properties, expected):
+    pytest.importorskip("nptdms")
+    (tmp_path / "a.tdms").write_bytes(daqmx(properties))
+    if isinstance(expected, list):
+        assert taken(tmp_path / "a.tdms", of("g/x")) == expected
+    else:
+        assert expected in refused(tmp_path / "a.tdms", of("g/x"), tmp_path / "bag")
+
+
 @pytest.mark.parametrize(
     ("values", "message"),
     [
@@ -263,13 +331,26 @@ def test_mdf_conversions_groups_and_marks(tmp_path):
             assert expected in refused(tmp_path / column / "a.mf4", of(column), tmp_path / column / "bag")
 
 
-def wav(data=b"\1\0\2\0", tag=1, rate=RATE, channels=1, bits=16, size=None, head=b"RIFF", more=b""):
+def subformat(name, valid_bits=16):
+    """End of an extensible format: the identifier of what samples are, as the standards write it."""
+    return struct.pack("<HHI", 22, valid_bits, 4) + uuid.UUID(name).bytes_le
+
+
+PCM_NAME = "00000001-0000-0010-8000-00aa00389b71"
+PCM = subformat(PCM_NAME)
+B_FORMAT_FLOAT = subformat("00000003-0721-11d3-8644-c8c1ca000000", 64)
+OTHER = subformat("00000001-0000-0010-8000-00aa00389b72")
+
+
+def wav(data=b"\1\0\2\0", tag=1, rate=RATE, channels=1, bits=16, size=None, head=b"RIFF", more=b"", wide_format=None):
     """Bytes of a WAV file, field by field."""
     row = channels * bits // 8
     fmt = struct.pack("<HHIIHH", tag, channels, rate, rate * row % 2**32, row, bits)
-    wide = b"ds64" + struct.pack("<IQQQI", 28, 0, len(data), 0, 0) if head == b"RF64" else b""
+    fmt += wide_format or b""
+    wide = b"ds64" + struct.pack("<IQQQI", 28, 0, len(data), 0, 0) if head in (b"RF64", b"BW64") else b""
     size = (0xFFFFFFFF if wide else len(data)) if size is None else size
-    content = b"WAVE" + wide + b"fmt " + struct.pack("<I", 16) + fmt + b"data" + struct.pack("<I", size) + data + more
+    format_chunk = b"fmt " + struct.pack("<I", len(fmt)) + fmt
+    content = b"WAVE" + wide + format_chunk + b"data" + struct.pack("<I", size) + data + more
     return head + struct.pack("<I", len(content)) + content
 
 
@@ -278,6 +359,17 @@ def wav(data=b"\1\0\2\0", tag=1, rate=RATE, channels=1, bits=16, size=None, head
     [
         (wav(), (2, "")),
         (wav(head=b"RF64"), (2, "")),
+        (wav(head=b"BW64"), (2, "")),
+        (wav(tag=65534, wide_format=PCM), (2, "")),
+        (
+            wav(tag=65534, wide_format=B_FORMAT_FLOAT, bits=64, data=struct.pack("<dd", 1 / 32768, 2 / 32768)),
+            (2, ""),
+        ),
+        (wav(tag=65534, wide_format=subformat(PCM_NAME, 15)), (2, "the lowest 1 bits of readings are set")),
+        (wav(tag=65534, wide_format=subformat(PCM_NAME, 17)), "17 valid bits of 16"),
+        (wav(tag=65534, wide_format=OTHER), "format 65534 without the identifier"),
+        (wav(tag=65534, wide_format=PCM[:8]), "format 65534 without the identifier"),
+        (wav(tag=65534), "format 65534 without the identifier"),
         (wav(more=b"LIST" + struct.pack("<I", 4) + b"note"), (2, "")),
         (wav(size=0xFFFFFFFF), (2, "4294967295 bytes of data in its header, 2 whole rows of 2 bytes are there")),
         (wav(data=b"\1\0\2"), (1, "1 whole rows of 2 bytes are there")),
@@ -307,6 +399,19 @@ def test_a_wav_header_is_believed_or_the_file_is_refused(tmp_path, content, expe
     imported = import_recording(path, stated, tmp_path / "bag")
     assert read_acceleration(tmp_path / "bag", TOPIC).values[:, 0].tolist() == [1, 2][:samples]
     assert [warning in text for text in imported.warnings] == [True] * bool(warning)
+
+
+def test_a_wav_beyond_what_its_header_can_say_is_named(tmp_path):
+    path = tmp_path / "a.wav"
+    path.write_bytes(wav())
+    with path.open("r+b") as file:
+        file.truncate(2**32 + 1000)
+    point = POINT | {"columns": ["1", None, None], "full_scale": 1}
+    imported = import_recording(path, description(points={"shield": point}), tmp_path / "bag")
+    assert (
+        "bytes behind the 4 of the data are no chunk, and left out: 4294968296 bytes are more than a RIFF"
+        in (imported.warnings[0])
+    )
 
 
 def test_empty_lines_end_a_csv_wherever_its_pieces_end(tmp_path, monkeypatch):

@@ -114,6 +114,17 @@ def test_suffix_and_missing_file(tmp_path):
         ),
         ({"operating_point": {"speed": {"column": "rpm", "unit": "rpm"}}}, "operating_point.speed.unit: 'rpm'"),
         ({"csv": {"decimal": ","}}, "delimiter and decimal: both ','"),
+        (
+            {"rate": None, "time": "flie"},
+            "time: 'flie', allowed: a mapping with keys of column, unit, restart_gap, or 'f",
+        ),
+        ({"rate": None, "time": {"column": "", "unit": "s"}}, "description: time.column: '', allowed: at least 1"),
+        ({"csv": ";"}, "csv: ';', allowed: a mapping with keys of delimiter, decimal, encoding, header, first"),
+        (
+            {"points": {"shield": POINT | {"columns": "ax"}}},
+            "points.shield.columns: 'ax', allowed: a list, as [a, b, c]",
+        ),
+        ({"timezone": 600}, "timezone: 600, allowed: a text; what YAML reads as something else, such as a number, in"),
     ],
 )
 def test_wrong_description_is_one_line(changes, message):

@@ -2,6 +2,7 @@
 
 import struct
 import time
+import zoneinfo
 from datetime import UTC, datetime, timedelta
 from zoneinfo import ZoneInfo
 
@@ -14,7 +15,7 @@ from import_files import POINT, START_NS, TOPIC, description, refused, without
 
 from tbm_msgs_py import RecordingError, read_acceleration
 from tbm_msgs_py.importing import describe, import_recording
-from tbm_msgs_py.importing.moments import moment_ns
+from tbm_msgs_py.importing.moments import moment_ns, zone_of
 
 BERLIN = ZoneInfo("Europe/Berlin")
 DATES = {"points": {"shield": POINT}, "time": {"column": "t", "unit": "datetime"}}
@@ -268,3 +269,34 @@ def test_the_start_of_a_broadcast_wav_needs_its_zone(tmp_path, far_away, text, z
     else:
         import_recording(tmp_path / "a.wav", describe(None, stated), tmp_path / "bag")
         assert read_acceleration(tmp_path / "bag", TOPIC).start_ns == expected
+
+
+def test_unix_times_after_another_start_are_called_that(tmp_path):
+    (tmp_path / "a.csv").write_text("t,ax,ay,az\n1772348400,1,2,3\n1772348401,4,5,6\n")
+    stated = {"points": {"shield": POINT}, "time": {"column": "t", "unit": "s"}}
+    said = refused(tmp_path / "a.csv", without("rate", **stated), tmp_path / "bag")
+    assert said.endswith("counted from 1970 it is 2026-03-01: start: 1970-01-01T00:00:00Z")
+    since_1970 = without("rate", **stated, start="1970-01-01T00:00:00Z")
+    assert import_recording(tmp_path / "a.csv", since_1970, tmp_path / "bag").warnings == []
+    assert read_acceleration(tmp_path / "bag", TOPIC).start_ns == START_NS
+
+
+def test_rows_that_begin_days_after_the_start_are_said(tmp_path):
+    """As days of MATLAB's calendar do that are taken for seconds."""
+    (tmp_path / "a.csv").write_text("t,ax,ay,az\n739676.5,1,2,3\n739676.6,4,5,6\n")
+    stated = without("rate", points={"shield": POINT}, time={"column": "t", "unit": "s"})
+    imported = import_recording(tmp_path / "a.csv", stated, tmp_path / "bag")
+    assert imported.warnings == [
+        f"{tmp_path / 'a.csv'}: line 2: its time is 8.56 days after the start, counted from there"
+    ]
+
+
+def test_zones_are_known_where_the_system_has_none():
+    """As in a slim container: by the package of zones, which is a dependency."""
+    zoneinfo.reset_tzpath(to=[])
+    ZoneInfo.clear_cache()
+    try:
+        assert moment_ns("01.03.2026 08:00:00", zone_of("Europe/Berlin")) == START_NS
+    finally:
+        zoneinfo.reset_tzpath()
+        ZoneInfo.clear_cache()

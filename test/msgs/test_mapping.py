@@ -83,6 +83,7 @@ def test_block_goes_before_single_samples():
         ("range: 3.0", "offset: [0, .nan, 1]", "offset"),
         ("range: 3.0", "colour: red", "colour"),
         ("topics:", "topics: [", "YAML"),
+        ("    units: g", "\tunits: g", "a tab, where lines begin with spaces"),
     ],
 )
 def test_bad_mapping_is_one_line_with_the_key(tmp_path, old, new, named):

@@ -73,6 +73,9 @@ def test_stuck_and_dead_axes(tmp_path):
         ("z", 1.0, 3.0),
     ]
     assert len(record.time) == 5000
+    sensor = SensorMapping(point="shield", units="m/s2", gravity="removed", frame="fixed", axes=("-z", None, "x"))
+    lacking = read_acceleration(tmp_path / "bag", TOPIC, TopicMapping(topics={TOPIC: sensor}))
+    assert {axis for axis, *_ in lacking.stuck} == {"z"}  # y is none that the mapping says is measured
 
 
 @given(st.integers(0, 400), st.integers(1, 400), st.integers(0, 400))
@@ -198,3 +201,15 @@ def test_no_message_of_the_clock_that_counts_is_astray(clocks):
     changes = [int(kept[i + 1]) for i in np.flatnonzero(np.diff(np.array(clocks)[kept]))]
     assert set(changes) <= set(steps)
     assert len(kept) > 0
+
+
+def test_samples_that_share_a_stamp_are_a_doubt(tmp_path):
+    """Of a driver that stamps a packet of ten and not each sample: what is left is whole at a tenth of the rate."""
+    with BagWriter(tmp_path / "bag") as writer:
+        for k in range(500):
+            log = START_NS + k * 1_000_000
+            write_accel(writer, "/tbm/field/shield/accel", log // 10_000_000 * 10_000_000, (k, 0, 0), log_ns=log)
+    health = check_recording(tmp_path / "bag")
+    assert health.points["shield"].rate_hz == pytest.approx(100.0)
+    (doubt,) = health.reader.doubts
+    assert "of 500 messages of /tbm/field/shield/accel 450 samples at the time of another are not used" in doubt

@@ -354,13 +354,17 @@ def test_stamps_of_another_time_are_called_that(host_node, peer):
 
 
 def test_frames_marks_and_stamps_that_are_none_are_said(host_node, peer, tmp_path):
-    """Two sensors on one topic, a driver that measures nothing, stamps that are no time; a point of another machine."""
+    """Two sensors on one topic, a driver that measures nothing, stamps that are no time; points of another machine."""
     mapping = tmp_path / "mapping.yaml"
     points = {"/two": "girder", "/mark": "shield", "/stamp": "gripper", "/belt": "belt"}
     sensor = "units: m/s2, gravity: removed, frame: fixed"
     mapping.write_text("topics:\n" + "".join(f"  {topic}: {{point: {p}, {sensor}}}\n" for topic, p in points.items()))
     node = host_node(AnalysisNode, mapping=mapping, history="none")
     publishers = {topic: peer.node.create_publisher(Imu, topic, qos.LIVE) for topic in points}
+    others = [
+        peer.node.create_publisher(AccelStamped, f"/tbm/field/{name}", qos.LIVE)
+        for name in ("tail/accel", "girder/accel")
+    ]
     peer.wait_for(lambda: all(publisher.get_subscription_count() for publisher in publishers.values()))
 
     def publish():
@@ -379,7 +383,16 @@ def test_frames_marks_and_stamps_that_are_none_are_said(host_node, peer, tmp_pat
         "comparison gripper": "and 1000000000 ns is no ROS time",
         "analysis_node": "test point 'belt' is none of the machine's",
     }
+    beside = [
+        "/tbm/field/tail/accel: tail is no test point of the machine, allowed: ",
+        "girder/accel: not in the mapping",
+    ]
     peer.wait_for(lambda: all(text in peer.text(f"tbm: {name}") for name, text in said.items()), step=publish)
+    node.wait_for(lambda: all(text in peer.text("tbm: analysis_node") for text in beside))
+    assert [node.output.count(text) for text in beside] == [1, 1]
+    for other in others:
+        peer.node.destroy_publisher(other)
+    node.wait_for(lambda: not any(text in peer.text("tbm: analysis_node") for text in beside))
 
 
 def test_a_standstill_is_no_alarm_and_blocks_go_before_samples(host_node, peer):

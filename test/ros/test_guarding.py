@@ -10,6 +10,7 @@ from rcl_interfaces.srv import SetParameters  # noqa: E402
 from std_msgs.msg import Int32  # noqa: E402
 from std_srvs.srv import Trigger  # noqa: E402
 
+from tbm_msgs_py.nodes import guarding  # noqa: E402
 from tbm_msgs_py.nodes.managed import ManagedNode  # noqa: E402
 from tbm_msgs_py.nodes.parameters import NodeSettings  # noqa: E402
 
@@ -93,6 +94,29 @@ def test_no_clock_and_no_parameter_of_others_ends_a_node(host_node, peer):
     clock.tick(10.0)
     node.wait_for(lambda: node.node.get_clock().now().nanoseconds == 5 * 10**9)
     assert peer.state(NODE) == "active"
+    node.forgive()
+
+
+def test_a_timer_that_fails_every_time_is_said_once(host_node, monkeypatch):
+    monkeypatch.setattr(guarding, "CALLS", 3)
+    monkeypatch.setattr(guarding, "SECONDS", 0.0)
+    node = host_node(Fragile)
+    calls = []
+
+    def tick():
+        calls.append(None)
+        if len(calls) % 3:  # not every time, at first
+            raise KeyError("tick")
+
+    timer = node.node.create_steady_timer(0.001, tick)
+    node.wait_for(lambda: len(calls) > 9)
+    assert "fails every time" not in node.output
+    node.node.destroy_timer(timer)
+    before = node.node.failed_callbacks
+    node.node.create_steady_timer(0.001, lambda: {}["tick"])
+    node.wait_for(lambda: node.node.failed_callbacks > before + 9)
+    fatal = [line for line in node.output.splitlines() if line.startswith("[FATAL]")]
+    assert fatal == ["[FATAL] unexpected error in <lambda>: KeyError: 'tick'; it fails every time"]
     node.forgive()
 
 

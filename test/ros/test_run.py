@@ -39,8 +39,10 @@ def test_run_takes_a_file_and_options(command, tmp_path):
     document = json.loads(out)
     assert document["first_block_seconds"] > 0.0
     lines = err.splitlines()
-    assert {f"{name}: active" for name in MACHINE_NODES} <= set(lines)
-    assert any("points, 0 compared; no alarm; logs in tbm_run/logs" in line for line in lines), err
+    ready = [lines.index(f"{name}: active") for name in MACHINE_NODES]
+    statuses = [k for k, line in enumerate(lines) if "points, 0 compared; no alarm; logs in tbm_run/logs" in line]
+    assert max(ready) < min(statuses), err
+    assert float(lines[statuses[-1]].partition(" of 2 s:")[0]) >= 2.0
     points = load_machine("open380").description.test_points
     assert set(document["topics"]) == {
         "/tbm/loads/block",

@@ -25,7 +25,7 @@ from tbm_gsa.app.cli.output import (
     results,
     staged_progress,
 )
-from tbm_gsa.app.cli.shipped import RECORDING_ARGUMENT, recording_path
+from tbm_gsa.app.cli.shipped import MAPPING_OPTION, RECORDING_ARGUMENT, recording_path
 from tbm_gsa.comparison.results import ComparisonResult
 from tbm_gsa.comparison.workflow import RecordingComparison, compare_recording
 from tbm_gsa.history import (
@@ -46,19 +46,22 @@ from tbm_msgs_py.recordings.recording_health import COUNTS
 def compare(
     bag: Annotated[Path, RECORDING_ARGUMENT],
     machine: MachineOption = DEFAULT_MACHINE,
-    mapping: Annotated[
-        Path | None, typer.Option(help="Mapping of topics to test points; default: mapping.yaml in or beside the bag.")
-    ] = None,
+    mapping: Annotated[Path | None, MAPPING_OPTION] = None,
     html: Annotated[Path | None, typer.Option(help="Write a page with figures to this file.", dir_okay=False)] = None,
-    model_duration: Annotated[float, typer.Option(help="Length of the model run (s).")] = 60.0,
-    window: Annotated[float, typer.Option(help="Length of a window (s).")] = 2.0,
+    model_duration: Annotated[
+        float, typer.Option(help="Length of the model run at each level of operation (s), 1 to 3600.")
+    ] = 60.0,
+    window: Annotated[float, typer.Option(help="Length of a window (s), 0.01 to 86400.")] = 2.0,
     begin: Annotated[float, typer.Option(min=0.0, help="Begin of the stretch that is compared (s).")] = 0.0,
     end: Annotated[float | None, typer.Option(help="End of it (s); default: that of the recording.")] = None,
     seed: Annotated[int, SEED_OPTION] = 0,
     history: Annotated[Path | None, typer.Option(help=HISTORY_HELP, dir_okay=False)] = None,
     keep: Annotated[
         bool | None,
-        typer.Option("--keep/--no-keep", help="Put the windows into the history; default: unless synthetic."),
+        typer.Option(
+            "--keep/--no-keep",
+            help="Put the windows into the history; default: yes, unless the recording is synthetic.",
+        ),
     ] = None,
     json: Annotated[bool, JSON_OPTION] = False,
 ) -> None:
@@ -153,7 +156,8 @@ def _axial_table(result: ComparisonResult) -> Table:
         reach = "–" if interval is None else f"{interval[0]:.0%}–{interval[1]:.0%}"
         levels = (_level(row.predicted_g), _level(row.measured_g))
         error = "–" if row.relative_error is None else f"{row.relative_error:.0%}"
-        cells = (str(row.node), *levels, error, reach, f"{axis.coverage:.3%}")
+        share = "–" if axis.coverage is None else f"{axis.coverage:.3%}"
+        cells = (str(row.node), *levels, error, reach, share)
         add_row(table, row.point, *cells)
     return table
 

@@ -29,7 +29,7 @@ from tbm_gsa.app.cli.output import (
 )
 from tbm_gsa.app.cli.processes import NodeCommand, NodeProcesses, settle_ros_environment
 from tbm_gsa.app.cli.shipped import STORY, shipped_bag
-from tbm_gsa.app.cli.supervision import ACTIVE_STATUSES, watch
+from tbm_gsa.app.cli.supervision import ACTIVE_STATUSES, Supervision, watch
 from tbm_gsa.app.cli.workers import anonymous_main, shown_progress
 from tbm_gsa.explanation.stretches import StretchFinding
 from tbm_gsa.provenance import machine_file
@@ -142,10 +142,11 @@ def demo(
     names = split_names("--outputs", [] if outputs is None else [outputs])
     checked_outputs(names, described.description.test_points, _STUDY_S)  # refused before anything starts
     start = time.monotonic()
-    with watch(described.description.test_points) as watching, NodeProcesses(out / "logs") as nodes:
+    with watch(described.description.test_points) as watching, NodeProcesses(out / "logs") as processes:
+        nodes = Supervision(processes, watching.state.diagnostics)
         for command in node_commands(recording, machine, seed, out, samples, test, names):
             nodes.start(command)
-        _wait_until_active(watching, nodes)
+        _wait_until_active(watching, nodes, out / "logs")
         nodes.start(player_command(recording))
         notes.print(
             f"playing {recording.path} ({length:.0f} s) to three nodes; logs in {out / 'logs'}", highlight=False
@@ -196,14 +197,14 @@ def player_command(recording: Recording) -> NodeCommand:
     return NodeCommand("bag_player", {"bag": str(recording.path), **play})
 
 
-def _wait_until_active(watching: Watch, nodes: NodeProcesses) -> None:
+def _wait_until_active(watching: Watch, nodes: Supervision, logs: Path) -> None:
     """Wait until every node reports: on a computer that still compiles the recording would be over before."""
     _wait_while(watching, nodes, lambda: not watching.state.diagnostics.keys() >= ACTIVE_STATUSES, _START_S)
     if missing := sorted(ACTIVE_STATUSES - watching.state.diagnostics.keys()):
-        raise RunError(f"{missing[0]}: nothing on /diagnostics for {_START_S:g} s; see the logs")
+        raise RunError(f"{missing[0]}: nothing on /diagnostics for {_START_S:g} s; see the logs in {logs}")
 
 
-def _play(watching: Watch, nodes: NodeProcesses, length: float) -> None:
+def _play(watching: Watch, nodes: Supervision, length: float) -> None:
     """Follow the playback to its end, saying once when the comparison starts a study."""
     announced = False
     progress = watching.state.blocks
@@ -211,14 +212,15 @@ def _play(watching: Watch, nodes: NodeProcesses, length: float) -> None:
         task = bar.add_task("", total=length)
         while nodes.running("bag_player"):
             watching.spin(_LOOK_S)
-            nodes.check(ending="bag_player")
-            bar.update(task, completed=min(count.stream_time for count in progress.values()))
+            played = min(count.stream_time for count in progress.values())
+            nodes.check(played, ending="bag_player")
+            bar.update(task, completed=played)
             if not announced and watching.state.gsa.get("state") == "running":
                 notes.print(f"sensitivity analysis {watching.state.gsa_message}", highlight=False)
                 announced = True
 
 
-def _finish_study(watching: Watch, nodes: NodeProcesses) -> None:
+def _finish_study(watching: Watch, nodes: Supervision) -> None:
     """Wait for the study; one that the comparison did not start is asked for."""
     state = watching.state
     if state.gsa.get("state", "idle") == "idle":
@@ -229,8 +231,9 @@ def _finish_study(watching: Watch, nodes: NodeProcesses) -> None:
         task = bar.add_task("", total=int(state.gsa.get("total", 0)))
         while state.gsa.get("state") == "running":
             watching.spin(_LOOK_S)
-            nodes.check(ending="bag_player")
-            bar.update(task, completed=int(state.gsa["done"]))
+            done = int(state.gsa["done"])
+            nodes.check(done, ending="bag_player")
+            bar.update(task, completed=done)
     if state.gsa.get("state") != "finished":
         raise RunError(f"sensitivity analysis: {state.gsa_message}")
     _wait_while(watching, nodes, lambda: not state.result, _ASKED_S)
@@ -238,7 +241,7 @@ def _finish_study(watching: Watch, nodes: NodeProcesses) -> None:
         raise RunError("sensitivity analysis: finished, but no result came")
 
 
-def _wait_while(watching: Watch, nodes: NodeProcesses, condition: Callable[[], bool], seconds: float) -> None:
+def _wait_while(watching: Watch, nodes: Supervision, condition: Callable[[], bool], seconds: float) -> None:
     until = time.monotonic() + seconds
     while condition() and time.monotonic() < until:
         watching.spin(_LOOK_S)
@@ -309,14 +312,14 @@ def print_tables(found: DemoResult, *, synthetic: bool) -> None:
     title = "Axial acceleration, RMS" + (" (synthetic recording)" if synthetic else "")
     table = narrow_table(title, "test point", ">node", ">predicted (g)", ">measured (g)", ">relative error")
     for point, row in found.points.items():
-        error = f"{100.0 * row.relative_error:.0f} %"
-        add_row(table, point, row.node, f"{row.predicted_g:.3g}", f"{row.measured_g:.3g}", error)
+        figures = _figure(row.predicted_g, ".3g"), _figure(row.measured_g, ".3g"), _figure(row.relative_error, ".0%")
+        add_row(table, point, row.node, *figures)
     results.print(table)
     title = f"\nStrongest {_STRONGEST} inputs of each output, first Sobol index"
     table = narrow_table(title, "=output", "surrogate", ">R² test", ">R² cv", "inputs")
     for name, output in found.outputs.items():
         ranked = list(output.strongest.items())[:_STRONGEST]
-        quality = (f"{r2:.3f}" if math.isfinite(r2) else "–" for r2 in (output.r2_test, output.r2_cv))
+        quality = (_figure(r2, ".3f") for r2 in (output.r2_test, output.r2_cv))
         shown = ranked_inputs(ranked) if output.determined else NOT_DETERMINED
         add_row(table, name, output.surrogate, *quality, shown)
     results.print(table)
@@ -327,3 +330,7 @@ def print_tables(found: DemoResult, *, synthetic: bool) -> None:
     lost = sum(count.lost for count in found.blocks.values())
     results.print(f"{found.seconds:.0f} s, {lost} blocks lost", highlight=False)
     results.print(f"report: {found.report}", highlight=False)
+
+
+def _figure(value: float, form: str) -> str:
+    return format(value, form) if math.isfinite(value) else "–"

@@ -100,7 +100,10 @@ def exchange(sender: NodeCommand, topic: str, patience: float, clock: Callable[[
     """
     from tbm_gsa.app.nodes.exchange import receive_block  # noqa: PLC0415 - a check, not a dependency of this command
 
-    with tempfile.TemporaryDirectory(prefix="tbm_monitor.") as folder, NodeProcesses(Path(folder)) as processes:
+    with (
+        tempfile.TemporaryDirectory(prefix="tbm_monitor.") as folder,
+        NodeProcesses(Path(folder), kept=False) as processes,
+    ):
         processes.start(sender)
         found = receive_block(topic, patience, processes.check, clock)
     if found.seconds is not None:

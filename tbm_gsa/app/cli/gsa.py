@@ -17,6 +17,7 @@ from tbm_gsa.app.cli.gsa_planning import (
     Duration,
     HighHz,
     Inputs,
+    Outputs,
     Samples,
     TestSamples,
     planned_study,
@@ -25,7 +26,6 @@ from tbm_gsa.app.cli.gsa_shards import merge, shard
 from tbm_gsa.app.cli.output import (
     DEFAULT_MACHINE,
     JSON_OPTION,
-    OUTPUTS_OPTION,
     SEED_OPTION,
     MachineOption,
     add_row,
@@ -50,7 +50,8 @@ app = typer.Typer(add_completion=False, no_args_is_help=True)
 
 Folder = Annotated[Path, typer.Option("--out", help="Folder of the study: store, result.json, report.html.")]
 Methods = Annotated[
-    list[str] | None, typer.Option("--method", help="Surrogate to choose from: svr, krg, rbf or prs; may be repeated.")
+    list[str] | None,
+    typer.Option("--method", help="Surrogate to choose from: svr, krg, rbf or prs; may be repeated; default: all."),
 ]
 AllowFailures = Annotated[
     bool,
@@ -69,7 +70,7 @@ def run(
     machine: MachineOption = DEFAULT_MACHINE,
     duration: Duration = 3.0,
     inputs: Inputs = None,
-    outputs: Annotated[str | None, OUTPUTS_OPTION] = None,
+    outputs: Outputs = None,
     high_hz: HighHz = None,
     method: Methods = None,
     allow_failures: AllowFailures = False,

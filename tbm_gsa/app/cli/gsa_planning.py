@@ -9,7 +9,7 @@ import typer
 
 from tbm_dynamics import load_machine
 from tbm_dynamics.indicators import INDICATORS
-from tbm_gsa.app.cli.output import split_names
+from tbm_gsa.app.cli.output import OUTPUTS_HELP, split_names
 from tbm_gsa.sensitivity.study.definition import Definition, read_definition
 from tbm_gsa.sensitivity.study.design import KINDS
 from tbm_gsa.sensitivity.study.evaluate import MachineEvaluation
@@ -28,9 +28,12 @@ Inputs = Annotated[
         "--inputs", help="YAML file with inputs, distributions, groups, outputs; default: the paper's Table 4."
     ),
 ]
+Outputs = Annotated[
+    str | None, typer.Option("--outputs", help=f"{OUTPUTS_HELP}those of --inputs, else the eight indicators.")
+]
 HighHz = Annotated[
     float | None,
-    typer.Option("--high-hz", help="Upper limit of the band of accelerations (Hz); default: a comparison's, 1000."),
+    typer.Option("--high-hz", help="Upper limit of the band of accelerations (Hz); default: 1000, as of a comparison."),
 ]
 
 

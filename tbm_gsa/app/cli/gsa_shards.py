@@ -8,11 +8,10 @@ from typing import Annotated
 
 import typer
 
-from tbm_gsa.app.cli.gsa_planning import Design, Duration, HighHz, Inputs, Samples, TestSamples, planned_study
+from tbm_gsa.app.cli.gsa_planning import Design, Duration, HighHz, Inputs, Outputs, Samples, TestSamples, planned_study
 from tbm_gsa.app.cli.output import (
     DEFAULT_MACHINE,
     JSON_OPTION,
-    OUTPUTS_OPTION,
     SEED_OPTION,
     MachineOption,
     notes,
@@ -49,7 +48,7 @@ def shard(
     machine: MachineOption = DEFAULT_MACHINE,
     duration: Duration = 3.0,
     inputs: Inputs = None,
-    outputs: Annotated[str | None, OUTPUTS_OPTION] = None,
+    outputs: Outputs = None,
     high_hz: HighHz = None,
     workers: Workers = 2,
     seed: Annotated[int, SEED_OPTION] = 0,

@@ -265,6 +265,8 @@ def _print(found: HistorySummary) -> None:
         numbers = (row.windows, row.last[:10], error, _percent(row.error_latest))
         add_row(table, row.point, row.axis, f"{row.source} {row.machine}", *numbers)
     results.print(table)
+    if found.note:
+        results.print(found.note, highlight=False)
     for one in found.baselines:
         results.print()
         results.print(_baseline_table(one))

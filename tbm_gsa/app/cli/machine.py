@@ -139,7 +139,7 @@ def check(machine: MachineOption = DEFAULT_MACHINE, json: Annotated[bool, JSON_O
 def loads(
     machine: MachineOption = DEFAULT_MACHINE,
     model: Annotated[LoadModel, LOADS_OPTION] = "spectral",
-    duration: Annotated[float, typer.Option(max=3600.0, help="Length of the run (s).")] = 600.0,
+    duration: Annotated[float, typer.Option(max=3600.0, help="Length of the run (s), 20 or more.")] = 600.0,
     seed: Annotated[int, SEED_OPTION] = 0,
     out: Annotated[
         Path | None, typer.Option(help="Draw time and frequency into this .png or .svg file.", dir_okay=False)

@@ -57,9 +57,12 @@ def observe(
             help="Places of one sensor more, as --points; default: all test points, on the node and 1 m to the left."
         ),
     ] = None,
-    duration: Annotated[float, typer.Option(max=LONGEST_S, help="Length of a recording (s).")] = 60.0,
+    duration: Annotated[float, typer.Option(max=LONGEST_S, help="Length of a recording (s), 4 or more.")] = 60.0,
     noise_density: Annotated[
-        float, typer.Option(min=0.0, max=10.0, help="Noise of the sensors, one-sided (m/s²/√Hz).")
+        float,
+        typer.Option(
+            min=0.0, max=10.0, help="Noise of the sensors, one-sided (m/s²/√Hz).", show_default="0.00098, 100 µg/√Hz"
+        ),
     ] = 100e-6 * STANDARD_GRAVITY,
     model_error: Annotated[
         float,

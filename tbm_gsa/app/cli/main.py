@@ -17,7 +17,7 @@ import tbm_gsa
 from tbm_gsa.app.cli.commands import CommandLine
 from tbm_gsa.app.cli.output import notes, results
 from tbm_gsa.app.cli.start import INTERRUPTED
-from tbm_msgs_py.base.errors import InputError, RunError
+from tbm_msgs_py.base.errors import InputError, NodeFailure, RunError
 from tbm_msgs_py.base.texts import shortened
 from tbm_msgs_py.nodes.processes import handle_signals, leave
 
@@ -113,7 +113,7 @@ def _run() -> int:
         return 0
     except (_UsageError, OSError, sqlite3.Error, InputError, RunError, MemoryError) as error:
         _print_line(_line(error))
-        return BAD_INPUT
+        return 1 if isinstance(error, NodeFailure) else BAD_INPUT
     except Exception as error:  # noqa: BLE001 - never a traceback
         _print_line(f"fault of the program: {type(error).__name__}: {error}")
         return 1

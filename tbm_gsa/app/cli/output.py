@@ -71,20 +71,17 @@ COLUMN_OPTION = typer.Option(
 WHERE_OPTION = typer.Option(
     "--schedule-where", help="Only its rows with a text in a column, such as cycle=7; can be repeated."
 )
-MachineOption = Annotated[
-    str,
-    typer.Option("--machine", metavar="<name|file>", help="Name of `machine list`, or path of a machine file."),
-]
+MACHINE_HELP = "Name of `machine list`, or path of a machine file"
+MachineOption = Annotated[str, typer.Option("--machine", metavar="<name|file>", help=f"{MACHINE_HELP}.")]
 DEFAULT_MACHINE = "dz101"
 LONGEST_S = 1e9
 """Of a time that an option may state, s: thirty years."""
 LARGEST_MB = 1e9
 """Of an amount that an option may state, MB."""
-OUTPUTS_OPTION = typer.Option(
-    "--outputs",
-    help="Names, separated by commas: indicators, or rms_POINT_AXIS, peak_…, kurtosis_…, rms_LOW-HIGH_hz_…; "
-    "default: the eight indicators.",
+OUTPUTS_HELP = (
+    "Names, separated by commas: indicators, or rms_POINT_AXIS, peak_…, kurtosis_…, rms_LOW-HIGH_hz_…; default: "
 )
+OUTPUTS_OPTION = typer.Option("--outputs", help=f"{OUTPUTS_HELP}the eight indicators.")
 
 
 def named(context: typer.Context, parameter: str) -> bool:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import re
 import time
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -13,15 +14,19 @@ from typing import Self
 
 from tbm_gsa.app.cli.output import notes
 from tbm_gsa.app.nodes.start import child_command
-from tbm_msgs_py.base.errors import InputError, RunError
+from tbm_msgs_py.base.errors import InputError, NodeFailure, RunError
 from tbm_msgs_py.base.texts import quoted
+from tbm_msgs_py.nodes.guarding import FAILING
 from tbm_msgs_py.nodes.log_folder import settle_log_folder
-from tbm_msgs_py.nodes.processes import ChildProcess, signals_ignored
+from tbm_msgs_py.nodes.processes import ChildProcess, LogLines, signals_ignored
 from tbm_msgs_py.nodes.transport import DISCOVERY_RANGE, avoid_shared_memory
 
 _GRACE_S = 2.2  # a command has 3 s to end, its nodes included
 _LAST_DOMAIN = 232
 _RANGES = ("LOCALHOST", "SUBNET", "SYSTEM_DEFAULT")
+_LOG_HEAD = re.compile(r"\[\w+\] \[[\d.]+\] \[[\w.]+\]: ")  # level, time and node of a line
+_OF_PARAMETER = re.compile(r"parameters? (\S+):")
+_FAULT = 1  # exit code of a node that failed, where a bad argument or parameter has 2
 
 
 def settle_ros_environment() -> None:
@@ -79,6 +84,36 @@ class NodeCommand:
         return child_command(self.module or self.name, *(["--ros-args", *given] if given else []))
 
 
+class _Node:
+    """A node that was started, and its log, which messages name if it stays."""
+
+    def __init__(self, command: NodeCommand, log: Path, kept: bool) -> None:
+        self._command, self._place = command, f"; its log: {log}" if kept else ""
+        self._lines = LogLines(log)
+        self.log = log
+        self.process = ChildProcess(command.arguments(), log)
+
+    def running(self) -> bool:
+        """Whether it is still there; see `NodeProcesses.running`."""
+        code = self.process.poll()
+        fatal = (line for line in self._lines.new() if line.startswith("[FATAL]") and FAILING in line)
+        failing, name = next(fatal, ""), self._command.name
+        if code == _FAULT:
+            raise NodeFailure(f"{name} ended with exit code {code}: {self._reason()}{self._place}")
+        if code:
+            raise RunError(f"{name} ended with exit code {code}: {self._reason()}")
+        if failing:
+            raise NodeFailure(f"{name}: {_LOG_HEAD.sub('', failing)}{self._place}")
+        return code is None
+
+    def _reason(self) -> str:
+        """Last line of its log; the parameter file before the name of a parameter that stands in it."""
+        line = _LOG_HEAD.sub("", self.process.last_line())
+        named = _OF_PARAMETER.match(line)
+        ours = named is None or named[1] in self._command.parameters
+        return line if ours or self._command.file is None else f"{self._command.file}: {line}"
+
+
 class NodeProcesses:
     """Runs node processes inside a `with` block and ends exactly those.
 
@@ -86,11 +121,13 @@ class NodeProcesses:
     ----------
     log_folder : Path
         Gets one log file a node.
+    kept : bool
+        Whether they stay, so that messages name them.
     """
 
-    def __init__(self, log_folder: Path) -> None:
-        self._folder = log_folder
-        self._running: dict[str, ChildProcess] = {}
+    def __init__(self, log_folder: Path, *, kept: bool = True) -> None:
+        self._folder, self._kept = log_folder, kept
+        self._running: dict[str, _Node] = {}
 
     def __enter__(self) -> Self:
         self._folder.mkdir(parents=True, exist_ok=True)
@@ -103,7 +140,11 @@ class NodeProcesses:
 
     def start(self, command: NodeCommand) -> None:
         """Start a node; its output goes to its log file."""
-        self._running[command.name] = ChildProcess(command.arguments(), self._folder / f"{command.name}.log")
+        self._running[command.name] = _Node(command, self._folder / f"{command.name}.log", self._kept)
+
+    def log(self, name: str) -> Path:
+        """Log file of a node."""
+        return self._running[name].log
 
     def running(self, name: str) -> bool:
         """Whether a node is still there.
@@ -112,11 +153,10 @@ class NodeProcesses:
         ------
         RunError
             It ended with an error; the message is its last line.
+        NodeFailure
+            It failed, or goes on and does no work.
         """
-        code = self._running[name].poll()
-        if code:
-            raise RunError(f"{name} ended with exit code {code}: {self._running[name].last_line()}")
-        return code is None
+        return self._running[name].running()
 
     def check(self, ending: str = "") -> None:
         """Raise `RunError` if a node has ended, be it without an error; `ending` may have."""
@@ -127,8 +167,8 @@ class NodeProcesses:
     def stop(self) -> None:
         """End every node, after a grace period with SIGKILL; a signal meanwhile changes nothing."""
         with signals_ignored():
-            for process in self._running.values():
-                process.request_end()
+            for node in self._running.values():
+                node.process.request_end()
             deadline = time.monotonic() + _GRACE_S
-            for process in self._running.values():
-                process.end(deadline - time.monotonic())
+            for node in self._running.values():
+                node.process.end(deadline - time.monotonic())

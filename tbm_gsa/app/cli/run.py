@@ -19,9 +19,9 @@ from tbm_gsa.app.cli.output import (
     COLUMN_OPTION,
     DEFAULT_MACHINE,
     JSON_OPTION,
+    MACHINE_HELP,
     SCHEDULE_OPTION,
     WHERE_OPTION,
-    MachineOption,
     add_row,
     named,
     narrow_table,
@@ -47,6 +47,13 @@ _FIRST_BLOCK_S = 300.0
 """Longest wait for the first block; on a cold cache the kernel is compiled in it."""
 _LOOK_S = 0.2
 _NODES = ("load_node", "dynamics_node", "analysis_node")
+_OWN = "default: the machine's own, or what --params states"
+_MACHINE_OPTION = typer.Option(
+    "--machine",
+    metavar="<name|file>",
+    help=f"{MACHINE_HELP}; default: that of --params, else {DEFAULT_MACHINE}.",
+    show_default=False,
+)
 _LOADS_OPTION = typer.Option(
     "--loads", help="spectral or cutter; default: that of --params, else spectral.", show_choices=False
 )
@@ -97,12 +104,12 @@ def run(
     duration: Annotated[
         float | None, typer.Option(min=0.1, max=1e9, help="Stream time (s); without it until Ctrl-C.")
     ] = None,
-    machine: MachineOption = DEFAULT_MACHINE,
+    machine: Annotated[str, _MACHINE_OPTION] = DEFAULT_MACHINE,
     seed: Annotated[int | None, _SEED_OPTION] = None,
     loads: Annotated[LoadModel | None, _LOADS_OPTION] = None,
-    speed: Annotated[float | None, typer.Option(min=0.01, help="Speed of the cutterhead (r/min).")] = None,
-    torque: Annotated[float | None, typer.Option(min=0.1, help="Its mean torque (kN·m).")] = None,
-    thrust: Annotated[float | None, typer.Option(min=0.1, help="Mean thrust (kN).")] = None,
+    speed: Annotated[float | None, typer.Option(min=0.01, help=f"Speed of the cutterhead (r/min); {_OWN}.")] = None,
+    torque: Annotated[float | None, typer.Option(min=0.1, help=f"Its mean torque (kN·m); {_OWN}.")] = None,
+    thrust: Annotated[float | None, typer.Option(min=0.1, help=f"Mean thrust (kN); {_OWN}.")] = None,
     schedule: Annotated[Path | None, SCHEDULE_OPTION] = None,
     schedule_column: Annotated[list[str] | None, COLUMN_OPTION] = None,
     schedule_where: Annotated[list[str] | None, WHERE_OPTION] = None,
@@ -252,16 +259,17 @@ def _follow(
 ) -> None:
     """Watch until every stream has the duration and all nodes have reported after it, or until stopped."""
     counts, diagnostics = watching.state.blocks.values(), watching.state.diagnostics
-    asked = False
+    asked, reached = False, 0.0
     while not stopping() and not (asked and diagnostics.keys() >= ACTIVE_STATUSES):
-        nodes.check()
         watching.spin(_LOOK_S)
         reached = min(count.stream_time for count in counts)
+        nodes.check(reached)  # first what is new of the nodes, then how it goes
         if not asked and diagnostics.keys() >= ACTIVE_STATUSES:
             line.update(diagnostics, reached)
         if duration is not None and reached >= duration and not asked:
             diagnostics.clear()  # of before the end
             asked = True
+    line.finish(diagnostics, reached if duration is None else min(reached, duration))
 
 
 def _print_table(found: RunResult) -> None:

@@ -18,6 +18,10 @@ RECORDING_ARGUMENT = typer.Argument(
     help=f"Recording: a rosbag2 folder, an .mcap file, or {RECORDING} or {STORY}, the shipped synthetic ones."
 )
 
+MAPPING_OPTION = typer.Option(
+    help="Mapping of topics to test points; default: mapping.yaml in or beside the bag, else the contract's topics."
+)
+
 
 def shipped_bag(name: str = RECORDING) -> Path:
     """Folder of a recording that comes with the project.

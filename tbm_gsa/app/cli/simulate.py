@@ -80,7 +80,7 @@ class SimulationResult(Part):
 
 
 def simulate(
-    duration: Annotated[float, typer.Option(max=3600.0, help="Simulated time (s).")] = 3.0,
+    duration: Annotated[float, typer.Option(max=3600.0, help="Simulated time (s), 0.0001 or more.")] = 3.0,
     machine: MachineOption = DEFAULT_MACHINE,
     seed: Annotated[int, SEED_OPTION] = 0,
     loads: Annotated[LoadModel, LOADS_OPTION] = "spectral",

@@ -44,6 +44,7 @@ class StatusLine:
         self._logs, self._duration, self._clock = logs, duration, clock
         self._live = Live(console=notes, transient=True, auto_refresh=False) if notes.is_terminal else None
         self._printed = -math.inf
+        self._shown = math.inf  # stream time of the last line; without one there is none at the end, either
         self._alarms: list[str] = []
 
     def __enter__(self) -> Self:
@@ -69,8 +70,14 @@ class StatusLine:
         if self._live:
             self._live.update(Text(self._text(points, alarms, stream_time), no_wrap=True), refresh=True)
         elif self._clock() - self._printed >= (PERIOD_S if alarms == self._alarms else ALARM_S):
-            self._printed, self._alarms = self._clock(), alarms
+            self._printed, self._shown, self._alarms = self._clock(), stream_time, alarms
             notes.print(self._text(points, alarms, stream_time), highlight=False)
+
+    def finish(self, diagnostics: Diagnostics, stream_time: float) -> None:
+        """Print how things were at the end, where the last line is older; on a terminal the results take its place."""
+        if not self._live and stream_time > self._shown:
+            self._printed = -math.inf
+            self.update(diagnostics, stream_time)
 
     def _text(self, points: Mapping[str, Mapping[str, str]], alarms: list[str], stream_time: float) -> str:
         of = "" if self._duration is None else f" of {self._duration:g}"

@@ -12,6 +12,7 @@ from tbm_gsa.app.nodes.frame_choice import FrameChoice
 from tbm_gsa.app.nodes.live_comparison import LiveComparison
 from tbm_msgs_py import topics
 from tbm_msgs_py.base.errors import InputError
+from tbm_msgs_py.base.texts import listed
 from tbm_msgs_py.nodes import messages, qos
 from tbm_msgs_py.nodes.following import TopicFollower
 from tbm_msgs_py.nodes.managed import ManagedNode
@@ -27,6 +28,7 @@ if TYPE_CHECKING:
     _Sample: TypeAlias = AccelStamped | Vector3Stamped | Imu
 
 LOOK_S = 0.2  # between looks at who publishes
+BESIDE_S = 1.0  # between looks at what else is published
 _BLOCK = "sensor_msgs/msg/PointCloud2"
 _SAMPLE: dict[str, Callable[[Any], Vector3]] = {
     "geometry_msgs/msg/AccelStamped": lambda message: message.accel.linear,
@@ -73,6 +75,8 @@ class FieldTopics:
         self._look()
         # Who publishes does not depend on the clock, which may stand.
         node.create_steady_timer(LOOK_S, self._look)
+        self._beside: set[str] = set()
+        node.create_steady_timer(BESIDE_S, self._look_beside)
 
     def close(self) -> None:
         """Release the subscriptions made since the node was configured."""
@@ -88,6 +92,20 @@ class FieldTopics:
                 self._leave(name, point)
             else:
                 self._follower.follow(name, offer)
+
+    def _look_beside(self) -> None:
+        """Report field topics that nothing follows: of a test point that is none of the machine's, or not mapped."""
+        namespace, found = self._node.get_namespace(), dict[str, str]()
+        followed = {topics.absolute(name, namespace) for name in self._sensors}
+        for name, _ in self._node.get_topic_names_and_types():
+            if name not in followed and _contract_offer(name, namespace) and self._node.count_publishers(name):
+                point, points = name.split("/")[-2], self._comparison.points
+                there = f"allowed: {listed(points)}"
+                why = "not in the mapping" if point in points else f"{point} is no test point of the machine, {there}"
+                found[name] = f"{name}: {why}; not compared"
+        for name in self._beside ^ found.keys():
+            self._node.faults.update(name, found.get(name, ""))
+        self._beside = set(found)
 
     def _offer(self, name: str) -> TopicContract | None:
         publishers = self._node.get_publishers_info_by_topic(name)

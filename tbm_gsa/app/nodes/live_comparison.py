@@ -60,6 +60,8 @@ class LiveComparison:
 
     Attributes
     ----------
+    points : tuple of str
+        Test points of the machine.
     latest : dict of str to WindowResult
         By test point.
     rotating : frozenset of str
@@ -75,7 +77,7 @@ class LiveComparison:
         self.rotating = frozenset(sensor.point for sensor in sensors if sensor.frame == "rotating")
         self._measured = {sensor.point: np.array(sensor.measured) for sensor in sensors}
         self.health = StreamHealth(warn)
-        self._points = points
+        self.points = tuple(points)
         # What the machine does, and what the model does after it.
         self._operation = {name: LiveOperation() for name in (topics.OPERATING_POINT, topics.LOADS_OPERATING_POINT)}
         self.set_window(window)
@@ -121,7 +123,7 @@ class LiveComparison:
         known = [
             self._without_error_unless_steady(self._without_unmeasured(result))
             for result in results
-            if result.point in self._points
+            if result.point in self.points
         ]
         self.latest |= {result.point: result for result in known}
         return known
@@ -151,7 +153,7 @@ class LiveComparison:
     def pop_spans(self) -> dict[str, list[SpanSpectrum]]:
         """Remove and return the spectra of the field's spans that are over, by test point of the machine."""
         found = self._windows.pop_spans()
-        return {point: spans for point, spans in found.items() if point in self._points}
+        return {point: spans for point, spans in found.items() if point in self.points}
 
     def steady_point(self, begin_ns: int, end_ns: int) -> Array | None:
         """Mean speed, torque and thrust (3,) in SI units of a time of steady boring; None of any other.

@@ -57,17 +57,25 @@ class BlockCount:
 
 @dataclass
 class RunningRms:
-    """Windows of one quantity of a point that have a number; sums only, for weeks of them."""
+    """Windows of one quantity of a point that have a number; sums only, for weeks of them.
 
-    count: int = 0
+    Each axis by itself: a sensor may not have all of them.
+    """
+
+    counts: np.ndarray = field(default_factory=lambda: np.zeros(3, np.int64))
     squares: np.ndarray = field(default_factory=lambda: np.zeros(3))
+
+    @property
+    def count(self) -> int:
+        """Windows with a number along any axis."""
+        return int(self.counts.max())
 
     def add(self, message: Vector3Stamped) -> None:
         """Add a window."""
         value = np.array([message.vector.x, message.vector.y, message.vector.z])
-        if np.isfinite(value).all():
-            self.count += 1
-            self.squares += np.square(value)
+        known = np.isfinite(value)
+        self.counts += known
+        self.squares += np.square(np.where(known, value, 0.0))
 
 
 @dataclass
@@ -82,9 +90,9 @@ class WatchState:
     diagnostics: dict[str, tuple[int, str, dict[str, str]]] = field(default_factory=dict)
 
     def rms(self, point: str, quantity: str) -> np.ndarray:
-        """RMS over the windows of a point (3,), m/s²; NaN without one."""
+        """RMS over the windows of a point (3,), m/s²; NaN along an axis without one."""
         total = self.windows[point][quantity]
-        return np.sqrt(total.squares / total.count) if total.count else np.full(3, np.nan)
+        return np.sqrt(total.squares / np.where(total.counts > 0, total.counts, np.nan))
 
 
 class Watch:

@@ -17,7 +17,10 @@ def compare_page(compared: RecordingComparison) -> str:
     """Page of a comparison that holds its figures and style."""
     result = compared.result
     first, axes = next(iter(result.points.items()))
-    coverage = {name: point["x"].coverage for name, point in result.points.items()}
+    coverage = {
+        name: next(axis.coverage for axis in point.values() if axis.coverage is not None)  # of all alike
+        for name, point in result.points.items()
+    }
     context = {
         "title": "Recording against model",
         "subtitle": f"{result.recording.path}, machine {result.machine}, test points {', '.join(result.points)}",
@@ -35,7 +38,7 @@ def compare_page(compared: RecordingComparison) -> str:
         "left_out": [dwell for dwell in result.dwells if dwell.level is None],
         "fault_names": _fault_names(result),
         "band_names": [name.replace("-", " to ").replace("_hz", " Hz") for name in axes["x"].field_band_rms],
-        "window_count": max(len(point["x"].windows.start) for point in result.points.values()),
+        "window_count": max(len(axis.windows.start) for point in result.points.values() for axis in point.values()),
         "provenance": _provenance(result),
         "series": embed_figure(
             compare_figures.time_series(*compared.excerpts[first]),

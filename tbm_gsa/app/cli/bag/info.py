@@ -12,7 +12,7 @@ import typer
 from rich.text import Text
 
 from tbm_gsa.app.cli.output import JSON_OPTION, add_row, narrow_table, print_json, progress_bar, results
-from tbm_gsa.app.cli.shipped import RECORDING_ARGUMENT, recording_path
+from tbm_gsa.app.cli.shipped import MAPPING_OPTION, RECORDING_ARGUMENT, recording_path
 from tbm_gsa.reading import Maybe, Part
 from tbm_msgs_py.bags.bag import Bag, BagInfo
 from tbm_msgs_py.bags.definitions import JOINT_STATE_TYPE, definition_hash
@@ -126,9 +126,7 @@ class ScannedBag(BagContents):
 def info(
     bag: Annotated[Path, RECORDING_ARGUMENT],
     scan: Annotated[bool, typer.Option("--scan", help="Read it through for damage and faults of the sensors.")] = False,
-    mapping: Annotated[
-        Path | None, typer.Option(help="Mapping of topics to test points; default: mapping.yaml in or beside the bag.")
-    ] = None,
+    mapping: Annotated[Path | None, MAPPING_OPTION] = None,
     json: Annotated[bool, JSON_OPTION] = False,
 ) -> None:
     """List the topics of a recording, its length, and what is missing."""
@@ -173,7 +171,8 @@ def _scanned(contents: BagContents, bag: Path, mapping: Path | None) -> ScannedB
         return ScannedBag(**dict(contents), points={}, problems={"": str(error)}, sources=None, left_out=())
     reader = health.reader
     return ScannedBag(
-        **(dict(contents) | {"doubts": (*contents.doubts, *reader.doubts)}),
+        # Messages that are there and cannot be used are lost, too.
+        **(dict(contents) | {"doubts": (*contents.doubts, *reader.doubts), "lost": max(contents.lost, reader.lost)}),
         points={point: SensorHealth.of(one) for point, one in health.points.items()},
         problems=health.problems,
         sources=reader.sources,

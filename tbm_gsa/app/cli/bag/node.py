@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-import re
+import shutil
 import tempfile
 import time
 from collections.abc import Callable
+from contextlib import ExitStack
 from dataclasses import replace
 from pathlib import Path
 from typing import TypeVar
@@ -13,13 +14,13 @@ from typing import TypeVar
 from tbm_gsa.app.cli.output import notes
 from tbm_gsa.app.cli.processes import NodeCommand, NodeProcesses, settle_ros_environment
 from tbm_gsa.reading import Part, read_document
-from tbm_msgs_py.base.errors import RunError
-from tbm_msgs_py.nodes.processes import record_signals
+from tbm_msgs_py.base.errors import NodeFailure
+from tbm_msgs_py.nodes.guarding import FAILING, UNEXPECTED
+from tbm_msgs_py.nodes.processes import LogLines, record_signals
 
 _LOOK_S = 0.1
 _Summary = TypeVar("_Summary", bound=Part)
-_LOG_HEAD = re.compile(r"\[\w+\] \[[\d.]+\] \[[\w.]+\]: ")  # level, time and node of a line
-_FAULTS = ("[ERROR]", "[FATAL]")  # printed once, by the error that ends the command
+_FAULTS = ("[ERROR]", "[FATAL]")  # printed once, by the error that ends the command; others do not end it
 
 
 def run_to_end(command: NodeCommand, form: type[_Summary]) -> _Summary | None:
@@ -35,16 +36,20 @@ def run_to_end(command: NodeCommand, form: type[_Summary]) -> _Summary | None:
     ------
     RunError
         It ended with an error; the message is its last line.
+    NodeFailure
+        It failed, or does no work; its log stays.
     """
     settle_ros_environment()
     stopping = record_signals()
-    with tempfile.TemporaryDirectory(prefix="tbm_monitor.") as name:
-        folder = Path(name)
+    with ExitStack() as stack:
+        folder = Path(tempfile.mkdtemp(prefix="tbm_monitor."))
+        stack.callback(shutil.rmtree, folder, ignore_errors=True)
         summary, log = folder / "summary.json", folder / f"{command.name}.log"
         try:
             _follow(replace(command, parameters={**command.parameters, "summary": str(summary)}), log, stopping)
-        except RunError as error:
-            raise RunError(_LOG_HEAD.sub("", str(error))) from error
+        except NodeFailure:
+            stack.pop_all()
+            raise
         if summary.exists():
             return read_document(summary, form, "the summary of a node")
     notes.print("stopped before it had begun", highlight=False)
@@ -52,21 +57,18 @@ def run_to_end(command: NodeCommand, form: type[_Summary]) -> _Summary | None:
 
 
 def _follow(command: NodeCommand, log: Path, stopping: Callable[[], bool]) -> None:
-    printed = 0
+    lines = LogLines(log)
     with NodeProcesses(log.parent) as nodes:
         nodes.start(command)
         while nodes.running(command.name) and not stopping():
-            printed = _print_log(log, printed)
+            _print_log(lines)
             time.sleep(_LOOK_S)
     nodes.running(command.name)  # raises when its end, too, went wrong
-    _print_log(log, printed)
+    _print_log(lines)
 
 
-def _print_log(log: Path, printed: int) -> int:
-    """Pass on the whole lines of a log after the first `printed` characters; the number of characters read."""
-    text = log.read_text(encoding="utf-8", errors="replace")
-    end = text.rfind("\n") + 1
-    for line in text[printed:end].splitlines():
-        if not line.startswith(_FAULTS):
+def _print_log(lines: LogLines) -> None:
+    """Pass on the new lines of a log, but for those of the error that ends the command."""
+    for line in lines.new():
+        if not line.startswith(_FAULTS) or (UNEXPECTED in line and FAILING not in line):
             notes.print(line, highlight=False)
-    return max(printed, end)
