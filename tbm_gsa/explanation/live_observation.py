@@ -79,7 +79,7 @@ class LiveObservation(Part):
                 f"measured: {', '.join(reading.sensors)}"
             )
         powers = np.maximum(self.powers, reading.widths * noise)
-        bands = BandObservation(powers, noise, self.seconds)
+        bands = BandObservation(powers, noise, self.seconds, np.array(self.live.coverage))
         floor = np.full(len(noise), np.nan)
         floor[list(self.measured)] = np.array(self.floor)[list(self.measured)]
         return Observed(reading, bands, floor)

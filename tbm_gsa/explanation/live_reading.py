@@ -41,11 +41,14 @@ class LiveReading:
         Statistics that the sensors measure.
     noise : tuple of float, k
         Density of the noise of each statistic's sensor, m²/s⁴/Hz.
+    coverage : tuple of float, k
+        Share of a span that each statistic's sensor has segments of: it may lose packets.
     """
 
     reading: BandReading
     used: tuple[int, ...]
     noise: tuple[float, ...]
+    coverage: tuple[float, ...]
 
     @classmethod
     def of(cls, spectra: Spectra, sensors: Sensors) -> Self:
@@ -70,7 +73,8 @@ class LiveReading:
             raise InputError("no axis of a sensor that measures in a band: nothing to watch")
         powers, floor, stated = _powers(reading, spectra), _floor(reading, spectra), _stated(reading, spectra, sensors)
         noise = Observed.of(reading, powers, floor, stated, first.length_ns / NANOSECONDS).bands.noise
-        return cls(reading, used, tuple(noise.tolist()))
+        coverage = tuple(min(1.0, spectra[one.point].coverage) for one in reading.statistics)
+        return cls(reading, used, tuple(noise.tolist()), coverage)
 
     def covers(self, spectra: Spectra, sensors: Sensors) -> bool:
         """Whether a span is read alike: of no other points, sensors, slower rates or bands."""
@@ -83,7 +87,7 @@ class LiveReading:
         )
 
     def log_powers(self, spectra: Spectra) -> Array:
-        """Logarithms of the used band powers of a span, NaN of points that were not there for nearly all of it.
+        """Logarithms of the used band powers of a span, NaN of points that were not there for enough of it.
 
         A channel that is dead has the power of its sensor's noise.
         """
@@ -114,7 +118,7 @@ def _powers(reading: BandReading, spectra: Spectra) -> Array:
     for point, sensor in reading.sensors.items():
         one = spectra.get(point)
         for columns in compared_axes(sensor.frame).values():
-            if one is None or not one.whole:
+            if one is None or not one.enough:
                 found.append(np.full(len(reading.bands), np.nan))
             else:
                 found.append(reading.band_powers(one.step_hz, one.density[:, list(columns)].sum(axis=1)))
@@ -127,7 +131,7 @@ def _floor(reading: BandReading, spectra: Spectra) -> Array:
     for point, sensor in reading.sensors.items():
         one, axes = spectra.get(point), compared_axes(sensor.frame).values()
         floor = np.full(3, np.nan)
-        if one is not None and one.whole:
+        if one is not None and one.enough:
             frequency = one.step_hz * np.arange(len(one.density), dtype=np.float64)
             gain = power_gain(one.rate_hz, one.band, frequency)
             floor = spectrum_floor(frequency, one.density, gain, one.total.segments)

@@ -70,12 +70,15 @@ class RockModel:
         One-sided density of the noise of each statistic's sensor, m²/s⁴/Hz.
     duration_s : float
         Time that the band powers are of.
+    coverage : ndarray, shape (k,), or None
+        Share of it that each statistic's sensor has; None: all.
     """
 
     scatter: LoadScatter
     prior: LoadFactors
     noise: Array
     duration_s: float
+    coverage: Array | None = None
 
     @property
     def error(self) -> Array:
@@ -141,7 +144,9 @@ class RockModel:
         return self._law(np.log(self.prior.values))
 
     def _law(self, theta: Array) -> _Law:
-        chance, shift = of_logarithms(self.scatter.covariance(np.exp(theta), self.noise, self.duration_s))
+        chance, shift = of_logarithms(
+            self.scatter.covariance(np.exp(theta), self.noise, self.duration_s, self.coverage)
+        )
         _, _, shares = self._at(theta)
         wrong = np.square(self.error) @ np.square(shares) + _LEAST_VARIANCE
         return _Law(chance, shift, wrong)

@@ -19,8 +19,8 @@ from tbm_msgs_py.base.units import NANOSECONDS
 
 SEGMENT_S: Final = 1.0 / Settings.resolution_hz
 """Length of a segment, from which the rate is learnt too."""
-LEAST_SEGMENTS: Final = 0.9
-"""Share of the segments of a span, below which it says less than it seems to."""
+LEAST_COVERAGE: Final = 0.25
+"""Share of the segments of a span, below which it says too little: each lost packet breaks two or three of them."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,10 +44,14 @@ class SpanSpectrum:
     total: SpectrumSum
 
     @property
-    def whole(self) -> bool:
-        """Whether the signal was there for nearly all of the span."""
-        most = 2 * int(self.length_ns / NANOSECONDS / SEGMENT_S) - 1
-        return self.total.segments >= LEAST_SEGMENTS * most
+    def coverage(self) -> float:
+        """Share of the segments of the span that there are."""
+        return self.total.segments / (2 * int(self.length_ns / NANOSECONDS / SEGMENT_S) - 1)
+
+    @property
+    def enough(self) -> bool:
+        """Whether the signal was there for enough of the span."""
+        return self.coverage >= LEAST_COVERAGE
 
     @property
     def step_hz(self) -> float:

@@ -135,9 +135,7 @@ def test_an_axis_that_is_not_measured_is_no_dead_channel(curves):
     assert not np.isin(np.flatnonzero(CHANNEL), found.used).any()
     assert "girder_y" not in ExplanationParts(found, None, None, SECONDS).sensors()
     reasons = found.observed.weightless(found.used, curves.nominal)
-    assert {reason for name, reason in reasons.items() if name.endswith("girder_y")} == {
-        "not measured"
-    }
+    assert {reason for name, reason in reasons.items() if name.endswith("girder_y")} == {"not measured"}
 
 
 def test_the_rock_is_found_and_the_machine_left_alone(curves):

@@ -44,7 +44,7 @@ def minutes(machine, seed, count):
     for point, spans in comparison.pop_spans().items():
         for one in spans:
             found.setdefault(one.start_ns, {})[point] = one
-    return [spectra for spectra in found.values() if all(one.whole for one in spectra.values())]
+    return [spectra for spectra in found.values() if all(one.enough for one in spectra.values())]
 
 
 @pytest.mark.verify

@@ -222,7 +222,8 @@ class LevelWatch:
             return None
         places = np.array(live.used)
         told = curves.only(places)
-        model = RockModel(told.nominal, prior, np.array(live.noise)[places], SPAN_S)
+        noise, coverage = (np.array(values)[places] for values in (live.noise, live.coverage))
+        model = RockModel(told.nominal, prior, noise, SPAN_S, coverage)
         watch = MachineWatch(model, CauseGrid.of(told), self._options.commissioning, self._options.length)
         for start_ns, row in self.stored.spans:
             state = watch.add(start_ns, row)

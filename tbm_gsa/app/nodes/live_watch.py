@@ -149,11 +149,11 @@ class LiveWatch:
     def add(self, found: Mapping[str, Iterable[SpanSpectrum]], now_ns: int | None) -> None:
         """Add spans of test points; `now_ns` as `live_now` returns it."""
         for spectra in self._gatherer.add(found):
-            self._add({point: one for point, one in spectra.items() if one.whole}, now_ns)
+            self._add({point: one for point, one in spectra.items() if one.enough}, now_ns)
 
     def _add(self, spectra: dict[str, SpanSpectrum], now_ns: int | None) -> None:
         if not spectra:
-            self.note = "no test point was measured for nearly all of the last minute"
+            self.note = "no test point was measured for enough of the last minute"
             return
         first = next(iter(spectra.values()))
         start, end = first.start_ns, first.start_ns + first.length_ns
