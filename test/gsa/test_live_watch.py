@@ -189,6 +189,16 @@ def test_a_locked_history_is_waited_for_before_one_learns_anew(machine, kept, si
 
 
 @pytest.mark.parametrize(
+    ("late", "kind"), [(-50, "live"), (0, "live"), (110, "live"), (200, "replay"), (-100, "replay"), (None, "replay")]
+)
+def test_live_minutes_are_kept_apart_from_a_replay(kept, site, late, kind):
+    minute = Minutes()
+    for _ in range(2):  # the second ends then
+        site.watch.add(minute(), None if late is None else START + 2 * MINUTE + late * 10**9)
+    assert site.watch.current.stored.source.kind == kind
+
+
+@pytest.mark.parametrize(
     ("came", "over"),
     [
         ([("a", 0), ("b", 0), ("a", 1), ("b", 1)], [(0, "ab"), (1, "ab")]),

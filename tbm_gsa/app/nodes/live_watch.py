@@ -162,7 +162,9 @@ class LiveWatch:
             self.note = "the operating point is not known, or did not stay for the last minute"
             return
         try:
-            level = self._level(point, spectra, kind_of(end + first.length_ns, now_ns))
+            # A span may come as late as another one takes.
+            kinds = {kind_of(end, now_ns), kind_of(end + first.length_ns, now_ns)}
+            level = self._level(point, spectra, "live" if "live" in kinds else "replay")
         except InputError as error:
             self.note = str(error)
             return
