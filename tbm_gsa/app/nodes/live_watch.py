@@ -35,7 +35,8 @@ _PATIENCE: Final = 5
 class SpanGatherer:
     """Puts the spans of all test points together.
 
-    A span is over when the points of the last one have come, or a point has come to the next.
+    A span is over when the points of the last one have come, or a point has come to the next. One that comes later is
+    of no use, unless the clock of its point was set back: then all begin anew.
     """
 
     def __init__(self) -> None:
@@ -44,17 +45,19 @@ class SpanGatherer:
     def _restart(self) -> None:
         self._open: dict[int, dict[str, SpanSpectrum]] = {}
         self._expected: set[str] = set()
+        self._reached: dict[str, int] = {}
         self._last = -1
 
     def add(self, found: Mapping[str, Iterable[SpanSpectrum]]) -> list[dict[str, SpanSpectrum]]:
         """Spans that are over, in the order of time."""
         for point, spans in found.items():
             for one in spans:
-                if one.start_ns < self._last:  # the clock has been set back
+                if one.start_ns < self._reached.get(point, -1):
                     self._restart()
+                self._reached[point] = one.start_ns
                 if one.start_ns == self._last:
-                    self._expected.add(point)  # too late: the next time it is waited for
-                else:
+                    self._expected.add(point)  # the next time it is waited for
+                elif one.start_ns > self._last:
                     self._open.setdefault(one.start_ns, {})[point] = one
         over = []
         newest = max(self._open, default=0)
