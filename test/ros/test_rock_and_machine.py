@@ -39,9 +39,9 @@ class Boring:
         plc.publish(messages.operating_point_message(START, OperatingPoint(0.7, 4e6, 9e6)))
         self._points = {point: peer.publisher(PointCloud2, f"/tbm/field/{point}/block", qos.BLOCK) for point in POINTS}
 
-    def __call__(self, minutes, shield=1.0):
+    def __call__(self, minutes, shield=1.0, points=POINTS):
         for _ in range(minutes * 60 // BLOCK_S):
-            for point, publisher in self._points.items():
+            for point, publisher in ((point, self._points[point]) for point in points):
                 gain = shield if point == "shield" else 1.0
                 values = gain * self._random.standard_normal((len(OFFSETS), 3))
                 stamp = START + self._block * BLOCK_S * 10**9
@@ -95,6 +95,8 @@ def test_rock_machine_and_alarm_are_published(host_node, peer, tmp_path, monkeyp
     assert peer.value("tbm: machine", "since") == since
     assert abs(int(np.datetime64(since[:-1], "ns")) - START - (LEARNT + 2) * MINUTE) <= 2 * MINUTE
     assert not again.says("sensor: gain")  # it was raised before
+    boring(5, shield=3.0, points=["shield"])
+    again.wait_for(lambda: peer.text("tbm: rock").endswith("; not measured in the last minute: girder"))
 
 
 def test_the_rule_of_the_alarm_and_the_baseline_are_chosen(host_node, peer):
