@@ -44,6 +44,7 @@ BAD = [
     (AnalysisNode, {"history": "/dev/null/h.sqlite"}, "/dev/null/h.sqlite"),
     (AnalysisNode, {"baseline": "never_made"}, "no baseline never_made"),
     (AnalysisNode, {"baseline": "any", "history": "none"}, "baseline any: no history to find it in"),
+    (AnalysisNode, {"watch.baseline": "' '"}, "watch.baseline: ' ', allowed: a name of 1 to 255 printable characters"),
     (DynamicsNode, {"block_rate": 3000}, "allowed: what divides"),
     (DynamicsNode, {"sensor.rate": 3000}, "allowed: what divides"),
     (DynamicsNode, {"sensor.range": 1.0, "sensor.quantisation": 2.0}, "must not exceed the range"),

@@ -12,8 +12,9 @@ from watched_spans import MINUTE, READING, SENSORS, START, AtOnce, Minutes, curv
 from tbm_dynamics import load_machine
 from tbm_gsa.app.nodes import alarm_explanation, history_writer, level_watch
 from tbm_gsa.app.nodes.history_writer import HistoryWriter
-from tbm_gsa.app.nodes.live_watch import LiveWatch, SpanGatherer
+from tbm_gsa.app.nodes.live_watch import LiveWatch
 from tbm_gsa.app.nodes.settings import WatchSettings
+from tbm_gsa.app.nodes.span_gatherer import SpanGatherer
 from tbm_gsa.app.nodes.watch_store import WatchStore
 from tbm_gsa.explanation import training
 from tbm_gsa.explanation.live_observation import FILE_NAME
@@ -189,21 +190,50 @@ def test_a_locked_history_is_waited_for_before_one_learns_anew(machine, kept, si
 
 
 @pytest.mark.parametrize(
+    ("late", "kind"), [(-50, "live"), (0, "live"), (110, "live"), (200, "replay"), (-100, "replay"), (None, "replay")]
+)
+def test_live_minutes_are_kept_apart_from_a_replay(kept, site, late, kind):
+    minute = Minutes()
+    for _ in range(2):  # the second ends then
+        site.watch.add(minute(), None if late is None else START + 2 * MINUTE + late * 10**9)
+    assert site.watch.current.stored.source.kind == kind
+
+
+def each(points, *numbers):
+    return [(point, number) for number in numbers for point in points]
+
+
+@pytest.mark.parametrize(
     ("came", "over"),
     [
-        ([("a", 0), ("b", 0), ("a", 1), ("b", 1)], [(0, "ab"), (1, "ab")]),
-        ([("a", 0), ("a", 1), ("a", 2)], [(0, "a"), (1, "a"), (2, "a")]),  # b is silent
-        ([("a", 0), ("a", 1), ("b", 1), ("a", 2), ("b", 2)], [(0, "a"), (1, "a"), (2, "ab")]),  # b comes later
-        ([("a", 5), ("b", 5), ("a", 6), ("b", 6), ("a", 1), ("b", 1), ("a", 2)], [(5, "ab"), (6, "ab"), (1, "ab")]),
+        (each("ab", 0, 1), [(0, "ab"), (1, "ab")]),
+        (each("a", 0, 1, 2), [(0, "a"), (1, "a"), (2, "a")]),
+        # b is silent from 2 on, and comes again
+        (
+            [*each("ab", 0, 1), *each("a", 2, 3, 4), *each("ab", 5, 6)],
+            [(0, "ab"), (1, "ab"), *((now, "a") for now in range(2, 6)), (6, "ab")],
+        ),
+        # b comes later
+        ([*each("a", 0, 1), ("b", 1), *each("ab", 2)], [(0, "a"), (1, "a"), (2, "ab")]),
+        # beside three clocks that are right one is two minutes ahead, one is behind, one a year ahead
+        (
+            [
+                pair
+                for now in range(6)
+                for pair in [*each("abc", now), ("d", now + 2), ("e", now - 2), ("f", now + 525_600)]
+            ],
+            [(0, "abc"), (1, "abc"), *((now, "abcd") for now in range(2, 6))],
+        ),
+        # the clock is set back
+        ([*each("ab", 5, 6), *each("ab", 1, 2)], [(5, "ab"), (6, "ab"), (1, "ab"), (2, "ab")]),
     ],
 )
 def test_minutes_of_all_points_come_together(came, over):
-    minute, gatherer, found = Minutes(), SpanGatherer(), []
-    spectrum = minute()["shield"][0]
+    gatherer, found, spectrum = SpanGatherer(), [], Minutes()()["shield"][0]
     for point, number in came:
-        one = replace(spectrum, start_ns=number * MINUTE)
-        found += gatherer.add({point: [one]})
-    assert [(next(iter(one.values())).start_ns // MINUTE, "".join(sorted(one))) for one in found] == over
+        found += gatherer.add({point: [replace(spectrum, start_ns=START + number * MINUTE)]})
+    gathered = [((next(iter(one.values())).start_ns - START) // MINUTE, "".join(sorted(one))) for one in found]
+    assert gathered == over
 
 
 def test_an_alarm_is_explained_from_what_was_measured_since(machine, kept, site, tmp_path, monkeypatch, capsys):

@@ -319,6 +319,10 @@ def test_alarms_are_set_against_a_baseline_of_the_history(host_node, peer, tmp_p
     feed(2, until=lambda: node.says("level changed against sound by more than 0.3 for 2 windows"))
     assert peer.text("tbm: comparison shield") != "compared"
 
+    assert not node.says("not used")
+    assert peer.set_parameters(NODE, alarm="sequential") == []
+    assert node.says("baseline sound: of the alarm threshold, and the alarm is sequential: not used")
+    assert peer.set_parameters(NODE, alarm="threshold") == []
     (refused,) = peer.set_parameters(NODE, baseline="other")
     assert "no baseline other, there: sound" in refused
     with sqlite3.connect(file) as connection:  # the worst that can happen to the baseline while the node runs

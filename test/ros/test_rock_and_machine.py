@@ -14,8 +14,9 @@ rclpy = pytest.importorskip("rclpy")
 from diagnostic_msgs.msg import DiagnosticArray  # noqa: E402
 from sensor_msgs.msg import JointState, PointCloud2  # noqa: E402
 
-from tbm_gsa.app.nodes import level_watch  # noqa: E402
+from tbm_gsa.app.nodes import gsa_process, level_watch  # noqa: E402
 from tbm_gsa.app.nodes.analysis_node import AnalysisNode  # noqa: E402
+from tbm_gsa.explanation.live_observation import LiveObservation  # noqa: E402
 from tbm_msgs_py import ACCELERATION, OperatingPoint  # noqa: E402
 from tbm_msgs_py.nodes import messages, qos  # noqa: E402
 
@@ -38,9 +39,9 @@ class Boring:
         plc.publish(messages.operating_point_message(START, OperatingPoint(0.7, 4e6, 9e6)))
         self._points = {point: peer.publisher(PointCloud2, f"/tbm/field/{point}/block", qos.BLOCK) for point in POINTS}
 
-    def __call__(self, minutes, shield=1.0):
+    def __call__(self, minutes, shield=1.0, points=POINTS):
         for _ in range(minutes * 60 // BLOCK_S):
-            for point, publisher in self._points.items():
+            for point, publisher in ((point, self._points[point]) for point in points):
                 gain = shield if point == "shield" else 1.0
                 values = gain * self._random.standard_normal((len(OFFSETS), 3))
                 stamp = START + self._block * BLOCK_S * 10**9
@@ -53,10 +54,16 @@ def lines(message):
     return {status.name: {pair.key: pair.value for pair in status.values} for status in message.status}
 
 
+def processes(module, *_):
+    """An explanation that is there at once, and a study that goes on."""
+    return ["sh", "-c", "echo sensor: so it is >&2" if module.endswith("alarm_explanation") else "cat"]
+
+
 def test_rock_machine_and_alarm_are_published(host_node, peer, tmp_path, monkeypatch):
     monkeypatch.setattr(level_watch, "kept_curves", lambda _, reading: curves(reading))
+    monkeypatch.setattr(gsa_process, "child_command", processes)
     machine = peer.listen(DiagnosticArray, "/tbm/analysis/machine", qos.GSA)
-    given = {"history": tmp_path / "h.sqlite", "window": 60.0, "watch.commissioning": 0.5, "gsa.on_threshold": False}
+    given = {"history": tmp_path / "h.sqlite", "window": 60.0, "watch.commissioning": 0.5, "gsa.folder": tmp_path}
     node = host_node(AnalysisNode, **given)
     node.wait_for(lambda: peer.text("tbm: machine") == "no minute of steady boring yet")
     boring = Boring(peer)
@@ -66,6 +73,10 @@ def test_rock_machine_and_alarm_are_published(host_node, peer, tmp_path, monkeyp
     node.wait_for(lambda: "sensor: gain at shield x, y, z, factor" in peer.text("tbm: machine"))
     text = peer.text("tbm: machine")
     assert "look at the sensor, its mounting, cable and range; rock: " in text
+    node.wait_for(lambda: node.says("explanation: sensor: so it is"))
+    node.wait_for(lambda: peer.value("tbm: sensitivity analysis", "step") == "study")
+    (observed,) = tmp_path.glob("gsa_*/observed.json")
+    assert 60.0 <= LiveObservation.model_validate_json(observed.read_text()).seconds <= 240.0
     assert node.says(f"[WARNING] 6.68 r/min, 4e+03 kN·m, 9e+03 kN: {text.partition(', factor')[0]}")
     found = lines(machine[-1])
     assert (found["tbm: machine"]["name"], found["tbm: machine"]["alarm"]) == ("sensor", "1")
@@ -84,6 +95,8 @@ def test_rock_machine_and_alarm_are_published(host_node, peer, tmp_path, monkeyp
     assert peer.value("tbm: machine", "since") == since
     assert abs(int(np.datetime64(since[:-1], "ns")) - START - (LEARNT + 2) * MINUTE) <= 2 * MINUTE
     assert not again.says("sensor: gain")  # it was raised before
+    boring(5, shield=3.0, points=["shield"])
+    again.wait_for(lambda: peer.text("tbm: rock").endswith("; not measured in the last minute: girder"))
 
 
 def test_the_rule_of_the_alarm_and_the_baseline_are_chosen(host_node, peer):

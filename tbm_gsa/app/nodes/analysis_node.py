@@ -16,8 +16,9 @@ from tbm_gsa.app.nodes.error_alarm import ErrorAlarm
 from tbm_gsa.app.nodes.field_topics import FieldTopics
 from tbm_gsa.app.nodes.gsa_process import GsaProcess, GsaStatus
 from tbm_gsa.app.nodes.history_writer import HistoryWriter, live_now
+from tbm_gsa.app.nodes.level_watch import LevelWatch
 from tbm_gsa.app.nodes.live_comparison import LiveComparison, field_sensors
-from tbm_gsa.app.nodes.live_watch import LiveWatch, WatchUpdate
+from tbm_gsa.app.nodes.live_watch import LiveWatch
 from tbm_gsa.app.nodes.settings import AnalysisSettings
 from tbm_gsa.app.nodes.statuses import (
     comparison_status,
@@ -32,6 +33,7 @@ from tbm_gsa.app.nodes.watch_store import WatchStore
 from tbm_gsa.comparison import WindowResult
 from tbm_gsa.comparison.streams import Side
 from tbm_gsa.explanation.live_observation import LiveObservation
+from tbm_gsa.explanation.machine_watch import WatchState
 from tbm_gsa.history import WindowSource
 from tbm_gsa.provenance import machine_sha256
 from tbm_gsa.sensitivity.study.outputs import checked_outputs
@@ -106,6 +108,10 @@ class AnalysisNode(ManagedNode[AnalysisSettings]):
     def _new_alarm(self) -> ErrorAlarm:
         given = self.settings
         usual = self._baselines[given.baseline]
+        if given.baseline and given.alarm != "threshold":
+            self.get_logger().warning(
+                f"baseline {given.baseline}: of the alarm threshold, and the alarm is {given.alarm}: not used"
+            )
         return ErrorAlarm(given.threshold, given.threshold_windows, given.alarm_axes, given.baseline, usual)
 
     def _create_publishers(self) -> None:
@@ -174,20 +180,18 @@ class AnalysisNode(ManagedNode[AnalysisSettings]):
         """Publish what the watch says when that has changed."""
         updates = self._watch.poll()
         for update in updates:
-            if update.raised is not None:
-                self._on_alarm(update)
+            if update.raised is not None and self.settings.alarm == "sequential":
+                self._on_alarm(update.level, update.state, update.raised.since_ns)
         if updates or self._watch.doing != self._doing:
             self._doing, says = self._watch.doing, self._watch_statuses()
             self._publish_statuses(topics.ROCK, says.rock())
             self._publish_statuses(topics.MACHINE, says.machine_state())
 
-    def _on_alarm(self, update: WatchUpdate) -> None:
-        reason = f"{update.level.level}: {alarm_text(update.state)}"
-        if self.settings.alarm != "sequential" or update.raised is None:
-            return
+    def _on_alarm(self, level: LevelWatch, state: WatchState, since_ns: int) -> None:
+        reason = f"{level.level}: {alarm_text(state)}"
         self.get_logger().warning(reason)
         if self._gsa.options.on_threshold:
-            self._start_gsa(reason, self._gsa.options.pause, update.level.observation(update.raised.since_ns))
+            self._start_gsa(reason, self._gsa.options.pause, level.observation(since_ns))
 
     def _watch_statuses(self) -> WatchStatuses:
         return WatchStatuses.of(self.status_name, self.settings.machine, self._watch)

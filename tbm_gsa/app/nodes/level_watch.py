@@ -130,6 +130,11 @@ class LevelWatch:
         return None if self.state is None else self.state.alarm
 
     @property
+    def lacking(self) -> list[str]:
+        """Test points of the reading that were not measured in the latest span."""
+        return [point for point in self.stored.live.reading.sensors if self._spectra and point not in self._spectra]
+
+    @property
     def wants_training(self) -> bool:
         """Whether its curves are not on the disk."""
         return not (self._opening or self._watch or self._training or self.problem)

@@ -15,6 +15,7 @@ from tbm_dynamics import Machine
 from tbm_gsa.app.nodes.history_writer import kind_of
 from tbm_gsa.app.nodes.level_watch import SPAN_S, LevelWatch, WatchOptions
 from tbm_gsa.app.nodes.settings import WatchSettings
+from tbm_gsa.app.nodes.span_gatherer import SpanGatherer
 from tbm_gsa.app.nodes.watch_store import StoredWatch, WatchStore
 from tbm_gsa.comparison.levels import alike
 from tbm_gsa.explanation.live_reading import LiveReading
@@ -30,41 +31,6 @@ MOST_LEVELS: Final = 16
 """That are held at a time; the one that was left longest ago goes, and is resumed from the history."""
 _PATIENCE: Final = 5
 """Spans for which a history that cannot be read now is tried again, before a watch begins without it."""
-
-
-class SpanGatherer:
-    """Puts the spans of all test points together.
-
-    A span is over when the points of the last one have come, or a point has come to the next.
-    """
-
-    def __init__(self) -> None:
-        self._restart()
-
-    def _restart(self) -> None:
-        self._open: dict[int, dict[str, SpanSpectrum]] = {}
-        self._expected: set[str] = set()
-        self._last = -1
-
-    def add(self, found: Mapping[str, Iterable[SpanSpectrum]]) -> list[dict[str, SpanSpectrum]]:
-        """Spans that are over, in the order of time."""
-        for point, spans in found.items():
-            for one in spans:
-                if one.start_ns < self._last:  # the clock has been set back
-                    self._restart()
-                if one.start_ns == self._last:
-                    self._expected.add(point)  # too late: the next time it is waited for
-                else:
-                    self._open.setdefault(one.start_ns, {})[point] = one
-        over = []
-        newest = max(self._open, default=0)
-        for start in sorted(self._open):
-            there = self._open[start].keys()
-            if start == newest and not (self._expected and self._expected <= there):
-                break
-            self._last, self._expected = start, set(there)
-            over.append(self._open.pop(start))
-        return over
 
 
 @dataclass(frozen=True, eq=False)
@@ -162,7 +128,9 @@ class LiveWatch:
             self.note = "the operating point is not known, or did not stay for the last minute"
             return
         try:
-            level = self._level(point, spectra, kind_of(end + first.length_ns, now_ns))
+            # A span may come as late as another one takes.
+            kinds = {kind_of(end, now_ns), kind_of(end + first.length_ns, now_ns)}
+            level = self._level(point, spectra, "live" if "live" in kinds else "replay")
         except InputError as error:
             self.note = str(error)
             return

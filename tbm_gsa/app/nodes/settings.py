@@ -9,6 +9,7 @@ from pydantic import AfterValidator, Field
 
 from tbm_msgs_py import topics
 from tbm_msgs_py.base.fields import FrozenModel
+from tbm_msgs_py.base.texts import LONGEST_NAME, quoted
 from tbm_msgs_py.nodes.parameters import (
     MachineSettings,
     Names,
@@ -23,6 +24,15 @@ OFF = "none"
 """History file of a node that keeps none."""
 _Axes = Annotated[tuple[Literal["x", "y", "z"], ...], Field(min_length=1), AfterValidator(each_once)]
 _MOST_WORKERS = max(2, os.cpu_count() or 1)
+
+
+def _named(name: str) -> str:
+    if not (name.strip() and name.isprintable() and len(name) <= LONGEST_NAME):
+        raise ValueError(f"{quoted(name)}, allowed: a name of 1 to {LONGEST_NAME} printable characters")
+    return name
+
+
+_Name = Annotated[str, AfterValidator(_named)]
 
 
 class GsaSettings(FrozenModel):
@@ -44,7 +54,7 @@ class GsaSettings(FrozenModel):
 class WatchSettings(FrozenModel):
     """The watch for a change of the machine: the sequential alarm, and what stands behind it."""
 
-    baseline: str = live_parameter(
+    baseline: _Name = live_parameter(
         "commissioning",
         "name of the commissioning that the machine is held against; learnt where there is none of that name yet",
     )

@@ -34,6 +34,8 @@ class WatchStatuses:
     level : str
         Of operation, in words; empty before there is one.
     state : SpanState or None
+    lacking : tuple of str
+        Test points that were not measured in the latest minute.
     """
 
     name: Callable[[str], str]
@@ -41,6 +43,7 @@ class WatchStatuses:
     doing: str
     level: str
     state: SpanState | None
+    lacking: tuple[str, ...] = ()
 
     @classmethod
     def of(cls, name: Callable[[str], str], machine: str, watch: LiveWatch) -> WatchStatuses:
@@ -48,7 +51,7 @@ class WatchStatuses:
         level = watch.current
         if level is None:
             return cls(name, machine, watch.doing, "", None)
-        return cls(name, machine, watch.doing, level.level, level.state)
+        return cls(name, machine, watch.doing, level.level, level.state, tuple(level.lacking))
 
     def rock(self) -> list[DiagnosticStatus]:
         """State of the rock, then of each group of loads."""
@@ -75,7 +78,8 @@ class WatchStatuses:
         return self._status("machine", "ok", self.doing or "as at the commissioning", values)
 
     def _status(self, task: str, level: messages.Level, text: str, values: messages.StatusValues) -> DiagnosticStatus:
-        return messages.status(self.name(task), level, text, {"level": self.level, **values}, self.machine)
+        lacking = f"; not measured in the last minute: {', '.join(self.lacking)}" if self.lacking else ""
+        return messages.status(self.name(task), level, text + lacking, {"level": self.level, **values}, self.machine)
 
     def _lines(self, part: StatePart) -> Iterator[DiagnosticStatus]:
         for line in self._entries(part):
