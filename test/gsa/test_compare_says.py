@@ -228,7 +228,7 @@ def test_units_off_by_a_factor_are_said(tmp_path):
         ),
         (
             OperatingPoint(0.586, 3.04e6, 8.0),
-            ["thrust (kN) 0.008 is about 6.7e-07 of the machine's own 1.2e+04: values in MN"],
+            ["thrust (kN) 0.008 is about 6.7e-07 of the machine's own 12000: values in MN"],
         ),
         (OperatingPoint(0.586, 0.3e6, 0.1e7), []),
     ],

@@ -28,6 +28,7 @@ from tbm_gsa.app.nodes.statuses import (
 from tbm_gsa.app.nodes.stream_health import Condition
 from tbm_gsa.comparison import WindowResult
 from tbm_gsa.comparison.streams import Side
+from tbm_gsa.comparison.units import operating_doubts
 from tbm_gsa.history import WindowSource
 from tbm_gsa.provenance import machine_sha256
 from tbm_gsa.sensitivity.study.outputs import checked_outputs
@@ -146,6 +147,9 @@ class AnalysisNode(ManagedNode[AnalysisSettings]):
             return
         values, now = (point.speed, point.torque, point.thrust), self.get_clock().now().nanoseconds
         self.faults.update(topic, self._comparison.add_operating_point(topic, stamp, values, now))
+        own = self._machine.operating_point
+        loads = ({"torque (kN·m)": one.torque / 1e3, "thrust (kN)": one.thrust / 1e3} for one in (point, own))
+        self.faults.update(f"units of {topic}", "; ".join(operating_doubts(*loads)))
 
     def _on_samples(
         self, signal: Side, sensor: SensorMapping, stamp: int, offsets: np.ndarray, values: np.ndarray
