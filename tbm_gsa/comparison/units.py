@@ -39,7 +39,7 @@ def operating_doubts(recorded: Mapping[str, float], own: Mapping[str, float]) ->
         for factor, unit in LOADS.items():
             if factor / BESIDE < share < factor * BESIDE:
                 yield (
-                    f"operating point: {name} {value:.3g} is about {share:.2g} of the machine's own {own[name]:.4g}: "
+                    f"operating point: {name} {value:.3g} is about {share:.2g} of the machine's own {own[name]:.6g}: "
                     f"values in {unit} where the message has N?"
                 )
 

@@ -212,10 +212,10 @@ def _why_nothing(history: Queries, selection: Selection) -> str:
     """Say which windows there are where a selection chooses none."""
     for what, wider in (
         (
-            "no window begins in that time: those that are chosen otherwise",
+            "no window begins in that time: those of any time",
             replace(selection, since_ns=None, until_ns=None),
         ),
-        ("no window is all that was asked for: those of the history", Selection()),
+        ("no window meets all that was asked for: those of the history", Selection()),
     ):
         if span := history.span(wider):
             return f"{what} begin from {iso_time(span[0])} to {iso_time(span[1])}"

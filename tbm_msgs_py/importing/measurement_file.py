@@ -206,6 +206,10 @@ class MeasurementFile(ABC):
         if found.ndim == 1 and found.dtype.kind in "SUO" and len(found):
             text = found[0].decode("latin-1") if isinstance(found[0], bytes) else str(found[0])
             raise self.error(f"{self.row(first)}, column {name}: {quoted(text)}, allowed: a number")
+        if found.dtype.kind == "M":
+            raise self.error(
+                f"column {name}: dates, allowed: numbers; of time s, ms, us or ns after the start, or a rate"
+            )
         if found.ndim != 1 or found.dtype.kind not in "iuf":
             kind = f"{found.ndim} dimensions of {found.dtype}"
             raise self.error(f"column {name}: {kind}, allowed: real numbers, one a row")

@@ -159,7 +159,7 @@ class RecordingReader:
                 found.append(f"operating point {name}: {record.doubt}")
             if points.undecodable or (record is None and points.problem):
                 found.append(f"operating point {name}: {points.undecodable} messages cannot be used: {points.problem}")
-        found += [topic.doubt for point, topic in self._sensors.items() if point in self._sampled and topic.doubt]
+        found += [doubt for point, topic in self._sensors.items() if point in self._sampled for doubt in topic.doubts]
         return [*found, *clock_doubts(self.clocks)]
 
     @cached_property

@@ -16,6 +16,8 @@ from tbm_msgs_py.recordings.operating import OperatingPoints
 from tbm_msgs_py.recordings.timeline import Timeline
 
 _FEW = 0.01  # share of the messages, or samples, of a topic
+_BLOCKS = 5  # in a batch, for their median to say something
+_OVERLAP = 1.5  # length of blocks by the time between their stamps; of blocks in a row it is below 1
 
 
 class SensorTopic:
@@ -49,20 +51,26 @@ class SensorTopic:
         self.channel = ChosenChannel(name, channels, ACCELERATION_TYPES)
         self.line, self.clock = Timeline(), ClockTrack()
         self._frame, self._messages = sensor.frame_id, sum(channels.values())
-        self._samples = 0
+        self._samples, self._overlap = 0, 0.0
 
     @property
-    def doubt(self) -> str:
-        """That much of the topic is not used, which rate and coverage do not show; empty where it is little."""
-        found = self.line.total
+    def doubts(self) -> list[str]:
+        """What rate and coverage do not show: that much of the topic is not used, or that its blocks overlap."""
+        found, place = self.line.total, f"test point {self.sensor.point}:"
         messages = found.undecodable + found.astray + found.unstamped + found.unmeasured
         samples = found.invalid + found.duplicates + found.late
-        if messages <= _FEW * self._messages and samples <= _FEW * self._samples:
-            return ""
-        return (
-            f"test point {self.sensor.point}: of {self._messages} messages of {self.name} {', '.join(found.dropped())} "
-            "are not used: rate and coverage are those of the rest"
-        )
+        lines = []
+        if messages > _FEW * self._messages or samples > _FEW * self._samples:
+            lines.append(
+                f"{place} of {self._messages} messages of {self.name} {', '.join(found.dropped())} are not used: rate "
+                "and coverage are those of the rest"
+            )
+        if self._overlap > _OVERLAP:
+            lines.append(
+                f"{place} blocks of {self.name} last {self._overlap:.3g} times as long as their stamps are apart: t in "
+                "another unit than s, or several sensors?"
+            )
+        return lines
 
     def problem(self, unread: str) -> str:
         """Why there are no samples, if there are none; what of the recording is not read may be the reason."""
@@ -74,6 +82,7 @@ class SensorTopic:
             return
         samples = self._of_one_frame(decode_samples(topic.type, messages, self.channel.used.store))
         self._samples += len(samples.times_ns)
+        self._overlap = max(self._overlap, _overlap(samples))
         self.line.add(samples)
         self.clock.add(samples.stamps_ns, samples.log_ns)
 
@@ -95,6 +104,17 @@ class SensorTopic:
                 self.line.problem or f"no message of frame_id {self._frame!r}, allowed: one that is there"
             )
         return samples.of_frame(self._frame)
+
+
+def _overlap(samples: DecodedSamples) -> float:
+    """Length of blocks by the time between their stamps; 0 where there are too few, or messages of one sample."""
+    counts = samples.counts
+    if len(counts) < _BLOCKS or counts.min() < 2:
+        return 0.0
+    last = np.cumsum(counts) - 1
+    length = samples.times_ns[last] - samples.times_ns[last - counts + 1]
+    apart = float(np.median(np.abs(np.diff(samples.stamps_ns))))
+    return float(np.median(length)) / apart if apart else 0.0
 
 
 class OperatingTopic:

@@ -346,9 +346,9 @@ def test_bad_input_is_one_line(run, file, tmp_path, monkeypatch, arguments, said
     [
         (
             ["--since", "2100-01-01", "--point", "shield"],
-            "no window begins in that time: those that are chosen otherwise",
+            "no window begins in that time: those of any time",
         ),
-        (["--source", "offline"], "no window is all that was asked for: those of the history"),
+        (["--source", "offline"], "no window meets all that was asked for: those of the history"),
         (["--source", "live"], ""),
     ],
 )

@@ -268,7 +268,7 @@ def test_counts_of_daqmx_are_scaled_or_refused(tmp_path, properties, expected):
         (np.array(["5", "6"]), "sample 1, column g/x: '5'"),
         (np.array([True, False]), "bool"),
         (np.array([1j]), "complex"),
-        (np.array(["2026-01-01"], "M8[us]"), "datetime64"),
+        (np.array(["2026-01-01"], "M8[us]"), "column g/x: dates, allowed: numbers"),
         (np.zeros(0), "no sample"),
     ],
 )

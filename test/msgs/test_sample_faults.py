@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from sample_bag import START_NS
 
-from tbm_msgs_py import BagWriter, SensorMapping, TopicMapping, read_acceleration, read_recording
+from tbm_msgs_py import ACCELERATION, BagWriter, SensorMapping, TopicMapping, read_acceleration, read_recording
 from tbm_msgs_py.recordings.faults import clock_of, other_clocks, stuck_axes
 from tbm_msgs_py.recordings.recording_health import check_recording
 
@@ -213,3 +213,14 @@ def test_samples_that_share_a_stamp_are_a_doubt(tmp_path):
     assert health.points["shield"].rate_hz == pytest.approx(100.0)
     (doubt,) = health.reader.doubts
     assert "of 500 messages of /tbm/field/shield/accel 450 samples at the time of another are not used" in doubt
+
+
+@pytest.mark.parametrize(("unit", "said"), [(1e-3, False), (1.0, True)])
+def test_blocks_whose_times_are_no_seconds_are_a_doubt(tmp_path, unit, said):
+    with BagWriter(tmp_path / "bag") as writer:
+        for k in range(20):
+            values = np.random.default_rng(k).normal(size=(100, 3))
+            stamp = START_NS + k * 200_000_000
+            writer.write_block("/tbm/field/shield/block", stamp, ACCELERATION, np.arange(100) * unit, values)
+    doubts = check_recording(tmp_path / "bag").reader.doubts
+    assert ["last 495 times as long as their stamps are apart: t in" in doubt for doubt in doubts[-1:]] == [True] * said

@@ -447,3 +447,8 @@ def test_a_standstill_is_no_alarm_and_blocks_go_before_samples(host_node, peer):
     level["field"] = 0.1 * FIELD
     over = "measured and computed differ by more than 0.6 for 2 windows"
     feed(8, until=lambda: node.says(over))
+    plc.publish(messages.operating_point_message(latest["stamp"], OperatingPoint(0.6, 3e3, 1e7)))
+    doubt = (
+        "operating point: torque (kN·m) 3 is about 0.00099 of the machine's own 3040: values in kN where the message"
+    )
+    feed(until=lambda: doubt in peer.text("tbm: analysis_node"))

@@ -32,8 +32,9 @@ from tbm_gsa.app.nodes.watch_statuses import WatchStatuses, alarm_text
 from tbm_gsa.app.nodes.watch_store import WatchStore
 from tbm_gsa.comparison import WindowResult
 from tbm_gsa.comparison.streams import Side
+from tbm_gsa.comparison.units import operating_doubts
 from tbm_gsa.explanation.live_observation import LiveObservation
-from tbm_gsa.explanation.machine_watch import WatchState
+from tbm_gsa.explanation.machine_watch import SpanState
 from tbm_gsa.history import WindowSource
 from tbm_gsa.provenance import machine_sha256
 from tbm_gsa.sensitivity.study.outputs import checked_outputs
@@ -163,6 +164,9 @@ class AnalysisNode(ManagedNode[AnalysisSettings]):
             return
         values, now = (point.speed, point.torque, point.thrust), self.get_clock().now().nanoseconds
         self.faults.update(topic, self._comparison.add_operating_point(topic, stamp, values, now))
+        own = self._machine.operating_point
+        loads = ({"torque (kN·m)": one.torque / 1e3, "thrust (kN)": one.thrust / 1e3} for one in (point, own))
+        self.faults.update(f"units of {topic}", "; ".join(operating_doubts(*loads)))
 
     def _on_samples(
         self, signal: Side, sensor: SensorMapping, stamp: int, offsets: np.ndarray, values: np.ndarray
@@ -187,7 +191,7 @@ class AnalysisNode(ManagedNode[AnalysisSettings]):
             self._publish_statuses(topics.ROCK, says.rock())
             self._publish_statuses(topics.MACHINE, says.machine_state())
 
-    def _on_alarm(self, level: LevelWatch, state: WatchState, since_ns: int) -> None:
+    def _on_alarm(self, level: LevelWatch, state: SpanState, since_ns: int) -> None:
         reason = f"{level.level}: {alarm_text(state)}"
         self.get_logger().warning(reason)
         if self._gsa.options.on_threshold:
