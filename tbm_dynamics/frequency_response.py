@@ -1,5 +1,7 @@
 """Frequency response of the linear system: couplings closed at their mean stiffness, in the basis of a run.
 
+What couplings have beyond those of most drives is in a run a force; here it joins all parts of the basis to one.
+
 The stiffness of the couplings varies with the teeth, k̄ + Re Σ_n 2 K_n exp(i ν_n t). A harmonic deflection δ exp(iωt) is
 so answered by forces −K_n δ exp(i(ω + ν_n)t) at other frequencies as well: to the first order in the variation, the
 machine's answer to them is the modulation of its answer to the loads.
@@ -8,11 +10,13 @@ machine's answer to them is the modulation of its answer to the loads.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
+import scipy.linalg
 
-from tbm_dynamics.integration.basis import ModalPart, split_basis
-from tbm_dynamics.integration.linear import INPUTS
+from tbm_dynamics.integration.basis import SplitBasis, split_basis
+from tbm_dynamics.integration.linear import INPUTS, LinearSystem
 from tbm_dynamics.structure.system import System
 
 _BLOCK = 1024  # frequencies at a time, so that the terms of the poles stay small
@@ -35,7 +39,7 @@ class StiffnessHarmonic:
 
 
 class FrequencyResponse:
-    """Harmonic motion of a system, as a sum over the poles of the symmetric parts of its basis.
+    """Harmonic motion of a system, as a sum over the poles of the symmetric parts of its basis, or of all parts joined.
 
     Parameters
     ----------
@@ -53,7 +57,13 @@ class FrequencyResponse:
         basis = split_basis(system)
         self._system, self._shared = system, basis.shared
         self.rows, self._patterns = len(observe), 2 * basis.shared.shape[1]
-        self._parts = [_poles(part, observe) for part in basis.symmetric]
+        couplings = system.couplings
+        beyond = np.array([couplings.stiffness, couplings.damping]) - couplings.alike
+        self._parts = (
+            [_joined(system, basis, observe, *beyond)]
+            if beyond.any()
+            else [_poles(part.linear, observe @ part.shapes, part.inputs, part.couplings) for part in basis.symmetric]
+        )
 
     def receptance(self, frequency: np.ndarray) -> np.ndarray:
         """Displacement along the rows per unit of the six loads and of the motor torque, complex, (f, o, 7).
@@ -104,6 +114,61 @@ class FrequencyResponse:
         return found
 
 
+class _Piece(NamedTuple):
+    """A part among all unknowns: its motion (n, m) per coordinate, and how inputs and couplings act on it.
+
+    `driven` (7, i) are its inputs from all of them, `pushed` (2p, k) the forces of its couplings from those of all
+    drives, `bent` (2p, k) the deflections of all drives from those of its couplings.
+    """
+
+    shapes: np.ndarray
+    linear: LinearSystem
+    driven: np.ndarray
+    pushed: np.ndarray
+    bent: np.ndarray
+
+
+def _pieces(system: System, basis: SplitBasis) -> list[_Piece]:
+    """All parts of a basis, the individual one for every drive."""
+    shared, own, every = basis.shared, basis.individual, np.eye(INPUTS)
+    patterns, drives = np.kron(np.eye(2), shared), np.eye(len(shared))
+    found = [
+        _Piece(part.shapes, part.linear, every[:, part.inputs], *[patterns[:, part.couplings]] * 2)
+        for part in basis.symmetric
+    ]
+    beyond = drives - shared @ shared.T
+    for i, torque in enumerate(basis.own_torque):
+        shapes = np.zeros((system.size, own.shapes.shape[1]))
+        shapes[system.drives.dofs[i]] = system.drives.turns[i].T @ own.shapes
+        pushed, bent = (np.kron(np.eye(2), columns[:, [i]]) for columns in (beyond, drives))
+        found.append(_Piece(shapes, own.linear, torque * every[:, own.inputs], pushed, bent))
+    return found
+
+
+def _joined(
+    system: System, basis: SplitBasis, observe: np.ndarray, stiffness: np.ndarray, damping: np.ndarray
+) -> _Poles:
+    """All parts as one, whose couplings have a stiffness and a damping (2p,) beyond those of the basis."""
+    pieces = _pieces(system, basis)
+    pushes = [np.split(piece.linear.E, [piece.driven.shape[1]], axis=1) for piece in pieces]
+    inputs = np.vstack([push[0] @ piece.driven.T for push, piece in zip(pushes, pieces, strict=True)])
+    forces = np.vstack([push[1] @ piece.pushed.T for push, piece in zip(pushes, pieces, strict=True)])
+    motions = [np.kron(np.eye(2), piece.bent) @ piece.linear.observe for piece in pieces]
+    deflection, rate = np.split(np.hstack(motions), 2)
+    H = scipy.linalg.block_diag(*(piece.linear.H for piece in pieces))
+    H += forces @ (stiffness[:, None] * deflection + damping[:, None] * rate)
+    # The displacements of all parts before their velocities, as in each of them.
+    order = np.argsort(np.concatenate([np.repeat([0, 1], piece.shapes.shape[1]) for piece in pieces]), kind="stable")
+    patterns = np.kron(np.eye(2), basis.shared)
+    linear = LinearSystem(
+        H=H[np.ix_(order, order)],
+        E=np.hstack([inputs, forces @ patterns])[order],
+        observe=np.vstack([patterns.T @ deflection, patterns.T @ rate])[:, order],
+    )
+    seen = observe @ np.hstack([piece.shapes for piece in pieces])
+    return _poles(linear, seen, np.arange(INPUTS), np.arange(patterns.shape[1]))
+
+
 @dataclass(frozen=True)
 class _Poles:
     """A part by its poles (s,): what is seen (o, s) and bent (k, s), what loads (s, i) and couplings (s, k) drive."""
@@ -126,9 +191,9 @@ class _Poles:
         return np.concatenate([*blocks, residues[:0]]).reshape(len(frequency), len(left), right.shape[1])
 
 
-def _poles(part: ModalPart, observe: np.ndarray) -> _Poles:
-    poles, vectors = np.linalg.eig(part.linear.H)
-    driven, pushed = np.split(np.linalg.solve(vectors, part.linear.E), [len(part.inputs)], axis=1)
-    seen = (observe @ part.shapes) @ vectors[: part.shapes.shape[1]]
-    bent = part.linear.observe[: len(part.couplings)] @ vectors
-    return _Poles(poles, part.inputs, part.couplings, seen, bent, driven, pushed)
+def _poles(linear: LinearSystem, seen: np.ndarray, inputs: np.ndarray, couplings: np.ndarray) -> _Poles:
+    """Poles of a first-order system; `seen` (o, m) is what is wanted of its displacements."""
+    poles, vectors = np.linalg.eig(linear.H)
+    driven, pushed = np.split(np.linalg.solve(vectors, linear.E), [len(inputs)], axis=1)
+    bent = linear.observe[: len(couplings)] @ vectors
+    return _Poles(poles, inputs, couplings, seen @ vectors[: seen.shape[1]], bent, driven, pushed)

@@ -16,7 +16,16 @@ from tbm_dynamics.loads.description import COMPONENTS, LOAD_GROUPS
 FREQUENCIES = np.array([0.9, 1.4, 6.3, 13.0, 33.0, 105.0, 130.3, 204.5])
 
 
-@pytest.mark.parametrize("machine", [load_machine("dz101"), built(small())], ids=["dz101", "small"])
+def unlike():
+    """Four drives: soft teeth, a motor that is off, one uncoupled."""
+    data = small()
+    data["driveshaft"]["count"] = 4
+    data["drives"] = {2: {"tooth_stiffness": 0.3}, 3: {"off": True}, 4: {"off": "uncoupled", "misalignment": 0.5}}
+    data["test_points"] = {"cutterhead": 1, "ring": 8, "pinion": 17, "rotor": 58}
+    return built(data)
+
+
+@pytest.mark.parametrize("machine", [load_machine("dz101"), built(small()), unlike()], ids=["dz101", "small", "unlike"])
 def test_the_reduced_system_answers_as_the_full_one(machine):
     system = machine.assemble()
     dofs = [
