@@ -40,7 +40,7 @@ from tbm_msgs_py.recordings.mapping import default_mapping_file
 from tbm_msgs_py.recordings.recording import Recording, read_recording
 
 if TYPE_CHECKING:
-    from tbm_gsa.app.nodes.watch import Watch, WatchState
+    from tbm_gsa.app.nodes.watch import SystemState, Watch
 
 _LOOK_S = 0.2
 _ASKED_S = 10.0
@@ -236,7 +236,7 @@ def _wait_while(watching: Watch, nodes: NodeProcesses, condition: Callable[[], b
 
 
 def demo_result(
-    machine: Machine, state: WatchState, *, seed: int, recording: PlayedRecording, seconds: float
+    machine: Machine, state: SystemState, *, seed: int, recording: PlayedRecording, seconds: float
 ) -> DemoResult:
     """Gather what the watch has received."""
     points = {}
