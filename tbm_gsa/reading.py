@@ -19,8 +19,8 @@ from pydantic import (
     model_validator,
 )
 
+from tbm_msgs_py.base import fields
 from tbm_msgs_py.base.errors import InputError
-from tbm_msgs_py.base.fields import Name
 from tbm_msgs_py.base.files import read_text
 from tbm_msgs_py.base.texts import LONGEST_LINE, LONGEST_NAME, shortened
 from tbm_msgs_py.base.validation import first_problem
@@ -34,6 +34,7 @@ LARGEST_NUMBER: Final = 1e30
 Number = Annotated[float, Field(ge=-LARGEST_NUMBER, le=LARGEST_NUMBER)]
 Size = Annotated[float, Field(ge=0.0, le=LARGEST_NUMBER)]
 Seed = Annotated[int, Field(ge=0, lt=2**31)]
+Name = fields.Name
 TextLine = Annotated[str, Field(max_length=LONGEST_LINE)]
 PathText = Annotated[str, Field(max_length=4096)]
 

@@ -14,8 +14,8 @@ from typing import Annotated, Final, Literal
 from pydantic import Field, SerializerFunctionWrapHandler, model_serializer, model_validator
 
 from tbm_dynamics import Machine
-from tbm_gsa.reading import LARGEST_NUMBER, Interval, MachineFile, Number, Part, PathText, Seed, Size, TextLine
-from tbm_msgs_py.base.fields import Name, Vector3
+from tbm_gsa.reading import LARGEST_NUMBER, Interval, MachineFile, Name, Number, Part, PathText, Seed, Size, TextLine
+from tbm_msgs_py.base.fields import Vector3
 from tbm_msgs_py.recordings.channels import LeftOut
 from tbm_msgs_py.recordings.faults import seconds_by_axis
 from tbm_msgs_py.recordings.used import UsedSources

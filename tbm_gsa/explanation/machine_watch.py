@@ -77,7 +77,7 @@ class MachineAlarm:
 
 
 @dataclass(frozen=True)
-class SpanState:
+class WatchState:
     """The state after a span.
 
     Attributes
@@ -123,7 +123,7 @@ class MachineWatch:
         self._watching: _Watching | None = None
         self._loads = [LoadState(name, 1.0, 1.0, 1.0, 0.0) for name in LOAD_GROUPS]
 
-    def add(self, start_ns: int, log_powers: Array) -> SpanState:
+    def add(self, start_ns: int, log_powers: Array) -> WatchState:
         """Add a span; logarithms (k,) of its band powers, NaN of one that was not measured."""
         if self._watching is None:
             self._first.append(log_powers)
@@ -131,12 +131,12 @@ class MachineWatch:
             if len(self._first) >= self._wanted:
                 self._watching = _Watching(self._model, self._grid, commission(self._model, self._first), self._length)
             self._loads = [_load(name, fit, place, None) for place, name in enumerate(LOAD_GROUPS)]
-            return SpanState(len(self._first), tuple(self._loads), (), None)
+            return WatchState(len(self._first), tuple(self._loads), (), None)
         watching = self._watching
         fit = watching.add(start_ns, log_powers)
         found = [_load(name, fit, place, watching.baseline) for place, name in enumerate(LOAD_GROUPS)]
         self._loads = [_since(now, before, start_ns) for now, before in zip(found, self._loads, strict=True)]
-        return SpanState(watching.baseline.spans, tuple(self._loads), watching.inputs, watching.alarm)
+        return WatchState(watching.baseline.spans, tuple(self._loads), watching.inputs, watching.alarm)
 
     @property
     def alarm(self) -> MachineAlarm | None:

@@ -7,8 +7,8 @@ from typing import Annotated, Literal
 
 from pydantic import Field
 
-from tbm_gsa.reading import MachineFile, Maybe, Part, TextLine
-from tbm_msgs_py.base.fields import Name, Vector3
+from tbm_gsa.reading import MachineFile, Maybe, Name, Part, TextLine
+from tbm_msgs_py.base.fields import Vector3
 
 
 class Smallest(Part):

@@ -15,6 +15,7 @@ from tbm_gsa.reading import (
     Interval,
     MachineFile,
     Maybe,
+    Name,
     Number,
     Part,
     RecordingFile,
@@ -24,7 +25,6 @@ from tbm_gsa.reading import (
     read_document,
 )
 from tbm_gsa.sensitivity.study.distributions import distribution_from
-from tbm_msgs_py.base.fields import Name
 from tbm_msgs_py.base.units import STANDARD_GRAVITY
 
 RESULT_NAME: Final = "explanation.json"

@@ -140,7 +140,7 @@ class ManagedNode(LifecycleNode, Generic[SettingsT]):  # type: ignore[misc]  # r
         task: str,
         level: messages.Level,
         text: str,
-        values: messages.StatusValues | None = None,
+        values: messages.Values | None = None,
         hardware: str = "",
     ) -> DiagnosticStatus:
         """Status of one task of this machine; its name starts with the namespace, so that two machines stay apart."""

@@ -28,7 +28,7 @@ from tbm_msgs_py.base.texts import printable
 from tbm_msgs_py.blocks import Block, BlockError, BlockLayout
 
 Level = Literal["ok", "warn", "error", "stale"]
-StatusValues = Mapping[str, object]
+Values = Mapping[str, object]
 _LEVELS = {
     "ok": DiagnosticStatus.OK,
     "warn": DiagnosticStatus.WARN,
@@ -160,7 +160,7 @@ def clock(stamp_ns: int) -> Clock:
 
 
 def status(
-    name: str, level: Level, message: str, values: StatusValues | None = None, hardware_id: str = ""
+    name: str, level: Level, message: str, values: Values | None = None, hardware_id: str = ""
 ) -> DiagnosticStatus:
     """One diagnostic status; floats are written with six significant digits."""
     pairs = [KeyValue(key=key, value=_text(value)) for key, value in (values or {}).items()]

@@ -44,7 +44,7 @@ from tbm_msgs_py.recordings.mapping import default_mapping_file
 from tbm_msgs_py.recordings.recording import Recording, read_recording
 
 if TYPE_CHECKING:
-    from tbm_gsa.app.nodes.watch import Watch, WatchState
+    from tbm_gsa.app.nodes.watch import SystemState, Watch
 
 _LOOK_S = 0.2
 _ASKED_S = 10.0
@@ -265,7 +265,7 @@ def explained(path: Path, machine: Machine, out: Path, seed: int) -> list[Stretc
 
 def demo_result(
     machine: Machine,
-    state: WatchState,
+    state: SystemState,
     findings: Sequence[StretchFinding],
     *,
     seed: int,

@@ -22,7 +22,6 @@ from tbm_gsa.app.cli.workers import Workers, anonymous_main, shown_progress
 from tbm_gsa.comparison.results import COMPARISON, ComparisonResult
 from tbm_gsa.explanation.result import Explanation, NoChange
 from tbm_gsa.reading import read_document
-from tbm_msgs_py.base.files import write_whole
 
 _SHOWN = 8
 
@@ -43,7 +42,7 @@ def explain(
 ) -> None:
     """Find what explains a recording: rock, machine (which input, its value) or sensor (which channel), or nothing."""
     # What they import takes a second, and other commands need none of it.
-    from tbm_gsa.app.report.explanation_page import explanation_page  # noqa: PLC0415
+    from tbm_gsa.app.report.explanation_page import write_explanation_page  # noqa: PLC0415
     from tbm_gsa.explanation.workflow import ExplainOptions  # noqa: PLC0415
     from tbm_gsa.explanation.workflow import explain as find  # noqa: PLC0415
 
@@ -60,7 +59,7 @@ def explain(
         )
         found = find(compared, out, options)
     page = out / "explanation.html"
-    write_whole(page, explanation_page(found).encode())
+    write_explanation_page(found, page)
     if json:
         print_json(found)
     else:

@@ -41,7 +41,7 @@ from tbm_msgs_py.nodes.parameter_file import ParameterFile
 from tbm_msgs_py.nodes.processes import record_signals
 
 if TYPE_CHECKING:
-    from tbm_gsa.app.nodes.watch import Watch, WatchState
+    from tbm_gsa.app.nodes.watch import SystemState, Watch
 
 _FIRST_BLOCK_S = 300.0
 """Longest wait for the first block; on a cold cache the kernel is compiled in it."""
@@ -86,7 +86,7 @@ class RunResult(Part):
     diagnostics: dict[str, NodeStatus]
 
     @classmethod
-    def of(cls, state: WatchState, first_block: float | None) -> RunResult:
+    def of(cls, state: SystemState, first_block: float | None) -> RunResult:
         """Gather what was received."""
         blocks = {
             topics.absolute(name): PublishedBlocks(blocks=one.received, lost=one.lost, stream_time=one.stream_time)

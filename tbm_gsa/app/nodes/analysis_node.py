@@ -34,7 +34,7 @@ from tbm_gsa.comparison import WindowResult
 from tbm_gsa.comparison.streams import Side
 from tbm_gsa.comparison.units import operating_doubts
 from tbm_gsa.explanation.live_observation import LiveObservation
-from tbm_gsa.explanation.machine_watch import SpanState
+from tbm_gsa.explanation.machine_watch import WatchState
 from tbm_gsa.history import WindowSource
 from tbm_gsa.provenance import machine_sha256
 from tbm_gsa.sensitivity.study.outputs import checked_outputs
@@ -191,7 +191,7 @@ class AnalysisNode(ManagedNode[AnalysisSettings]):
             self._publish_statuses(topics.ROCK, says.rock())
             self._publish_statuses(topics.MACHINE, says.machine_state())
 
-    def _on_alarm(self, level: LevelWatch, state: SpanState, since_ns: int) -> None:
+    def _on_alarm(self, level: LevelWatch, state: WatchState, since_ns: int) -> None:
         reason = f"{level.level}: {alarm_text(state)}"
         self.get_logger().warning(reason)
         if self._gsa.options.on_threshold:

@@ -19,7 +19,7 @@ from tbm_gsa.explanation.curve_cache import kept_curves
 from tbm_gsa.explanation.live_observation import LiveObservation
 from tbm_gsa.explanation.live_reading import Spectra
 from tbm_gsa.explanation.machine_state import CauseGrid
-from tbm_gsa.explanation.machine_watch import REMEMBERED, MachineAlarm, MachineWatch, SpanState
+from tbm_gsa.explanation.machine_watch import REMEMBERED, MachineAlarm, MachineWatch, WatchState
 from tbm_gsa.explanation.ranges import loads_prior
 from tbm_gsa.explanation.rock_fit import RockModel
 from tbm_gsa.explanation.training import CurveJob
@@ -32,7 +32,7 @@ SPAN_S: Final = 60.0
 _MOST_WAITING = 240  # spans that wait for the training
 _PRIORITY = 10  # of the training, as of a study
 _GRACE_S = 1.0
-_Opened = tuple[MachineWatch, SpanState | None]
+_Opened = tuple[MachineWatch, WatchState | None]
 
 
 @dataclass(frozen=True)
@@ -97,7 +97,7 @@ class LevelWatch:
     ----------
     problem : str
         Why there is no watch; empty while there may be one.
-    state : SpanState or None
+    state : WatchState or None
         After the latest span.
     latest : deque of (int, ndarray)
         Begin and logarithms of the used band powers of the latest spans.
@@ -107,7 +107,7 @@ class LevelWatch:
         self, machine: Machine, job: CurveJob, stored: StoredWatch, options: WatchOptions, pool: Executor
     ) -> None:
         self.stored, self.problem = stored, ""
-        self.state: SpanState | None = None
+        self.state: WatchState | None = None
         self.latest: deque[tuple[int, Array]] = deque(stored.spans[-REMEMBERED:], maxlen=REMEMBERED)
         self._machine, self._job, self._options, self._pool = machine, job, options, pool
         self._watch: MachineWatch | None = None
@@ -115,7 +115,7 @@ class LevelWatch:
         self._trained = False
         self._spectra: Spectra = {}
         self._waiting: deque[tuple[int, Array]] = deque(maxlen=_MOST_WAITING)
-        self._adding: deque[tuple[int, Array, Future[SpanState]]] = deque()
+        self._adding: deque[tuple[int, Array, Future[WatchState]]] = deque()
         self._opening: Future[_Opened | None] | None = pool.submit(self._open)
 
     @property
@@ -181,7 +181,7 @@ class LevelWatch:
         cleared = [row - offset for row in rows]
         return LiveObservation.of(self._machine, self._job, self.stored.live, cleared, floor, SPAN_S)
 
-    def poll(self) -> Iterator[tuple[int, Array, SpanState, MachineAlarm | None]]:
+    def poll(self) -> Iterator[tuple[int, Array, WatchState, MachineAlarm | None]]:
         """Spans that have been worked off, the state after each, and the alarm that was raised by it."""
         if self._training is not None and (code := self._training.poll()) is not None:
             self._trained, said, self._training = code == 0, self._training.progress(), None

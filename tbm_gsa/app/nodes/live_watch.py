@@ -19,7 +19,7 @@ from tbm_gsa.app.nodes.span_gatherer import SpanGatherer
 from tbm_gsa.app.nodes.watch_store import StoredWatch, WatchStore
 from tbm_gsa.comparison.levels import alike
 from tbm_gsa.explanation.live_reading import LiveReading
-from tbm_gsa.explanation.machine_watch import MachineAlarm, SpanState
+from tbm_gsa.explanation.machine_watch import MachineAlarm, WatchState
 from tbm_gsa.explanation.training import CurveJob
 from tbm_gsa.history import SourceKind
 from tbm_gsa.signals.spans import SpanSpectrum
@@ -40,13 +40,13 @@ class WatchUpdate:
     Attributes
     ----------
     level : LevelWatch
-    state : SpanState
+    state : WatchState
     raised : MachineAlarm or None
         Alarm that was raised by the span.
     """
 
     level: LevelWatch
-    state: SpanState
+    state: WatchState
     raised: MachineAlarm | None
 
 

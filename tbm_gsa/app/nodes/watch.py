@@ -79,7 +79,7 @@ class RunningRms:
 
 
 @dataclass
-class WatchState:
+class SystemState:
     """Everything that was received."""
 
     blocks: dict[str, BlockCount] = field(default_factory=dict)
@@ -105,7 +105,7 @@ class Watch:
     """
 
     def __init__(self, points: Iterable[str]) -> None:
-        self.state = WatchState()
+        self.state = SystemState()
         self._points = tuple(points)
 
     def __enter__(self) -> Self:

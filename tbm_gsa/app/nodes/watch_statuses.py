@@ -9,7 +9,7 @@ from diagnostic_msgs.msg import DiagnosticStatus
 
 from tbm_gsa.app.nodes.live_watch import LiveWatch
 from tbm_gsa.app.nodes.watch_store import state_entries
-from tbm_gsa.explanation.machine_watch import LIKELY, MachineAlarm, SpanState
+from tbm_gsa.explanation.machine_watch import LIKELY, MachineAlarm, WatchState
 from tbm_gsa.history import StateEntry
 from tbm_gsa.history.entries import StatePart
 from tbm_gsa.history.summary import iso_time
@@ -33,7 +33,7 @@ class WatchStatuses:
         What keeps it from watching; empty if nothing does.
     level : str
         Of operation, in words; empty before there is one.
-    state : SpanState or None
+    state : WatchState or None
     lacking : tuple of str
         Test points that were not measured in the latest minute.
     """
@@ -42,7 +42,7 @@ class WatchStatuses:
     machine: str
     doing: str
     level: str
-    state: SpanState | None
+    state: WatchState | None
     lacking: tuple[str, ...] = ()
 
     @classmethod
@@ -77,7 +77,7 @@ class WatchStatuses:
             return self._status("machine", "warn", alarm_text(self.state), values | {"alarm": 1} | _values(line))
         return self._status("machine", "ok", self.doing or "as at the commissioning", values)
 
-    def _status(self, task: str, level: messages.Level, text: str, values: messages.StatusValues) -> DiagnosticStatus:
+    def _status(self, task: str, level: messages.Level, text: str, values: messages.Values) -> DiagnosticStatus:
         lacking = f"; not measured in the last minute: {', '.join(self.lacking)}" if self.lacking else ""
         return messages.status(self.name(task), level, text + lacking, {"level": self.level, **values}, self.machine)
 
@@ -99,7 +99,7 @@ def _values(line: StateEntry) -> dict[str, object]:
     return {name: getattr(line, name) for name in names} | {"since": since}
 
 
-def rock_text(state: SpanState) -> str:
+def rock_text(state: WatchState) -> str:
     """Name the groups of loads that are not what they were at the commissioning."""
     changed = [one for one in state.loads if one.probability >= LIKELY]
     if not changed:
@@ -107,7 +107,7 @@ def rock_text(state: SpanState) -> str:
     return "changed: " + ", ".join(f"{one.name} {one.value:.3g} ({one.low:.3g} to {one.high:.3g})" for one in changed)
 
 
-def alarm_text(state: SpanState) -> str:
+def alarm_text(state: WatchState) -> str:
     """Say what has changed, since when, and what to look at; empty without an alarm."""
     alarm = state.alarm
     if alarm is None:

@@ -14,7 +14,7 @@ from pydantic import TypeAdapter, ValidationError
 from tbm_gsa.app.nodes.history_writer import HistoryWriter
 from tbm_gsa.comparison.levels import alike
 from tbm_gsa.explanation.live_reading import LiveReading
-from tbm_gsa.explanation.machine_watch import REMEMBERED, MachineAlarm, SpanState
+from tbm_gsa.explanation.machine_watch import REMEMBERED, MachineAlarm, WatchState
 from tbm_gsa.history import History, SourceKind, StateEntry, StoredState, WatchSource
 from tbm_msgs_py.base.arrays import Array
 
@@ -75,7 +75,7 @@ class WatchStore:
         reading = READING.dump_json(live).decode()
         return WatchSource(kind, own.name, own.machine, own.machine_sha256, baseline, speed, torque, thrust, reading)
 
-    def add(self, source: WatchSource, start_ns: int, log_powers: Array, state: SpanState, baseline: int) -> None:
+    def add(self, source: WatchSource, start_ns: int, log_powers: Array, state: WatchState, baseline: int) -> None:
         """Write a span, and those that a locked file has refused; of the first so many spans the baseline is made."""
         self._waiting.append((source, start_ns, log_powers, tuple(state_entries(state)), baseline))
         self._history.use(self._write)
@@ -105,7 +105,7 @@ class WatchStore:
         return None
 
 
-def state_entries(state: SpanState) -> Iterator[StateEntry]:
+def state_entries(state: WatchState) -> Iterator[StateEntry]:
     """Lines of what a watch says."""
     for load in state.loads:
         yield StateEntry("rock", load.name, load.value, load.low, load.high, load.probability, load.since_ns)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
@@ -11,9 +13,15 @@ from tbm_gsa.explanation.result import Explanation, Joint, JointInput
 from tbm_gsa.provenance import versions_text
 from tbm_gsa.sensitivity.study.distributions import LogUniform
 from tbm_gsa.sensitivity.study.inputs import PAPER_INPUTS
+from tbm_msgs_py.base.files import write_whole
 from tbm_msgs_py.base.units import STANDARD_GRAVITY
 
 BEFORE, AFTER, RANGE = "#D55E00", "#0072B2", "#d8dee6"
+
+
+def write_explanation_page(found: Explanation, path: Path) -> None:
+    """Write the page of an explanation."""
+    write_whole(path, explanation_page(found).encode())
 
 
 def explanation_page(found: Explanation) -> str:

@@ -9,8 +9,7 @@ from pydantic.dataclasses import dataclass
 
 from tbm_gsa.paper.published import TEST, TRAIN
 from tbm_gsa.paper.reproduction.verdict import VERDICTS, RowVerdict
-from tbm_gsa.reading import MachineFile, Part, RecordingFile, Seed, TextLine
-from tbm_msgs_py.base.fields import Name
+from tbm_gsa.reading import MachineFile, Name, Part, RecordingFile, Seed, TextLine
 
 Value = int | float | str | None
 

@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike
 from SALib.analyze.sobol import first_order, second_order, total_order
 
 from tbm_gsa.sensitivity.sobol.indices import CONFIDENCE, Groups, SobolIndices
-from tbm_gsa.sensitivity.sobol.pick_freeze import PickFreezeDesign, Values
+from tbm_gsa.sensitivity.sobol.pick_freeze import DesignValues, PickFreezeDesign
 from tbm_msgs_py.base.arrays import Array
 
 SAMPLE_SIZES: Final = (20_000, 40_000, 60_000, 80_000, 100_000)
@@ -68,7 +68,7 @@ def sobol_monte_carlo(
     (array([0.8, 0.2]), 65536)
     """
     design = PickFreezeDesign.draw(bounds, samples, seed, groups)
-    return estimate(Values.of(function, design, second=second), seed)
+    return estimate(DesignValues.of(function, design, second=second), seed)
 
 
 @dataclass(frozen=True, eq=False)
@@ -112,7 +112,7 @@ def sobol_convergence(
         One for each power of two, smallest first.
     """
     sizes = convergence_sizes(samples)
-    values = Values.of(function, PickFreezeDesign.draw(bounds, max(sizes), seed, groups))
+    values = DesignValues.of(function, PickFreezeDesign.draw(bounds, max(sizes), seed, groups))
     return tuple(ConvergenceStep(asked, size, estimate(values.prefix(size), seed)) for size, asked in sizes.items())
 
 
@@ -123,7 +123,7 @@ def convergence_sizes(samples: Sequence[int] = SAMPLE_SIZES) -> dict[int, tuple[
     return {size: tuple(asked for asked, found in rounded.items() if found == size) for size in sizes}
 
 
-def estimate(values: Values, seed: int) -> SobolIndices:
+def estimate(values: DesignValues, seed: int) -> SobolIndices:
     """Find indices and bootstrap intervals from values on a pick-freeze design."""
     first_interval, total_interval, second_interval = _bootstrap(values, seed)
     return replace(
@@ -134,7 +134,7 @@ def estimate(values: Values, seed: int) -> SobolIndices:
     )
 
 
-def point_estimate(values: Values) -> SobolIndices:
+def point_estimate(values: DesignValues) -> SobolIndices:
     """Find indices without intervals from values on a pick-freeze design."""
     a, b, mixed = values.a, values.b, values.mixed
     return SobolIndices(
@@ -147,7 +147,7 @@ def point_estimate(values: Values) -> SobolIndices:
     )
 
 
-def _second(values: Values) -> Array | None:
+def _second(values: DesignValues) -> Array | None:
     """Second-order indices (g, g), symmetric with a zero diagonal."""
     if values.back is None:
         return None
@@ -159,7 +159,7 @@ def _second(values: Values) -> Array | None:
     return found + found.T
 
 
-def _bootstrap(values: Values, seed: int) -> tuple[Array, Array, Array | None]:
+def _bootstrap(values: DesignValues, seed: int) -> tuple[Array, Array, Array | None]:
     """Intervals (g, 2), (g, 2), (g, g, 2) of first, total and second indices from resamples of the N base points.
 
     Every estimator is a ratio of means over the base points, and a resample is a vector of counts: all of them at

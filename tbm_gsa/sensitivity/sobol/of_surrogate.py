@@ -8,7 +8,7 @@ import numpy as np
 from tbm_gsa.sensitivity.sobol.closed_form import sobol_closed_form, with_jackknife
 from tbm_gsa.sensitivity.sobol.indices import Groups, SobolIndices, checked_groups, of_a_constant
 from tbm_gsa.sensitivity.sobol.monte_carlo import point_estimate, sobol_monte_carlo
-from tbm_gsa.sensitivity.sobol.pick_freeze import PickFreezeDesign, Values
+from tbm_gsa.sensitivity.sobol.pick_freeze import DesignValues, PickFreezeDesign
 from tbm_gsa.sensitivity.surrogates.base import CrossValidation, Surrogate
 
 STILL: Final = 1e-9
@@ -56,7 +56,7 @@ def sobol_of_surrogate(
         return indices
     design = PickFreezeDesign.draw(model.bounds, FOLD_SAMPLES, seed, groups)
     folds = [
-        replace(point_estimate(Values.of(fold.predict, design)), second=indices.second)
+        replace(point_estimate(DesignValues.of(fold.predict, design)), second=indices.second)
         for fold in validation.models
         if not is_constant(fold)
     ]

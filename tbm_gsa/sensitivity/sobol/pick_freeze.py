@@ -60,7 +60,7 @@ def _exchange(into: Array, source: Array, columns: tuple[int, ...]) -> Array:
 
 
 @dataclass(frozen=True, eq=False)
-class Values:
+class DesignValues:
     """Values of a function on a design, standardised by their common mean and deviation, as SALib does.
 
     Parameters
@@ -82,22 +82,24 @@ class Values:
     spread: float
 
     @classmethod
-    def of(cls, function: Callable[[Array], Array], design: PickFreezeDesign, *, second: bool = False) -> "Values":
+    def of(
+        cls, function: Callable[[Array], Array], design: PickFreezeDesign, *, second: bool = False
+    ) -> "DesignValues":
         """Evaluate a function (n, d) → (n,) on a design."""
         a, b = _checked(function, design.base), _checked(function, design.other)
         mixed = np.stack([_checked(function, points) for points in design.exchanged()])
         back = np.stack([_checked(function, points) for points in design.exchanged_back()]) if second else None
         return cls._standardised(a, b, mixed, back)
 
-    def prefix(self, samples: int) -> "Values":
+    def prefix(self, samples: int) -> "DesignValues":
         """Keep the first N points, by themselves a design of that size."""
         back = None if self.back is None else self.back[:, :samples]
         return self._standardised(self.a[:samples], self.b[:samples], self.mixed[:, :samples], back, self)
 
     @classmethod
     def _standardised(
-        cls, a: Array, b: Array, mixed: Array, back: Array | None, before: "Values | None" = None
-    ) -> "Values":
+        cls, a: Array, b: Array, mixed: Array, back: Array | None, before: "DesignValues | None" = None
+    ) -> "DesignValues":
         """Standardise, on top of what was done before."""
         everything = np.concatenate([a, b, *mixed, *([] if back is None else back)])
         mean, spread = float(everything.mean()), float(everything.std())

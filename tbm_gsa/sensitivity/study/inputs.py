@@ -10,10 +10,10 @@ from numpy.typing import ArrayLike
 from pydantic import BeforeValidator
 
 from tbm_dynamics.machine.inputs import drive_input
+from tbm_gsa.reading import Name
 from tbm_gsa.sensitivity.study.distributions import Distribution, LogNormal, Uniform, distribution_from, number
 from tbm_gsa.sensitivity.study.errors import StudyError
 from tbm_msgs_py.base.arrays import Array
-from tbm_msgs_py.base.fields import Name
 from tbm_msgs_py.base.texts import LONGEST_LINE, quoted
 
 InputKind = Literal["absolute", "multiplier"]

@@ -7,12 +7,11 @@ from typing import Annotated, ClassVar, Final
 
 from pydantic import ConfigDict, Field, TypeAdapter
 
-from tbm_gsa.reading import Seed, TextLine, validated
+from tbm_gsa.reading import Name, Seed, TextLine, validated
 from tbm_gsa.sensitivity.study.design import check_kind
 from tbm_gsa.sensitivity.study.errors import StudyError
 from tbm_gsa.sensitivity.study.inputs import InputSet
 from tbm_gsa.sensitivity.study.outputs import check_distinct
-from tbm_msgs_py.base.fields import Name
 from tbm_msgs_py.base.texts import shortened
 
 Setting = TextLine | float | int
