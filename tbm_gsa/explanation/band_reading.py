@@ -1,7 +1,6 @@
 """What is read of a recording: the mean square acceleration of test points along axes in bands."""
 
-from __future__ import annotations
-
+# Annotations as they are, no texts: documents with these classes in them look names up elsewhere with pydantic 2.5.
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property

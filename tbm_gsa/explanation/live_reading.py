@@ -1,7 +1,6 @@
 """What is read of live signals: band powers of spans of time, and the noise of the sensors."""
 
-from __future__ import annotations
-
+# Annotations as they are, no texts: documents with these classes in them look names up elsewhere with pydantic 2.5.
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
