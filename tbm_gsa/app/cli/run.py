@@ -150,8 +150,7 @@ def run(
     if sim_time:
         notes.print("the nodes follow /clock, as `tbm-monitor bag play` gives it", highlight=False)
         commands = [replace(one, parameters={**one.parameters, "use_sim_time": True}) for one in commands]
-    watching = watch(described.description.test_points)
-    patience = math.inf if sim_time else _FIRST_BLOCK_S
+    watching, patience = watch(described.description.test_points), math.inf if sim_time else _FIRST_BLOCK_S
     first_block, stopped = _run(watching, commands, out / "logs", point, duration, patience)
     found = RunResult.of(watching.state, first_block)
     if json:
