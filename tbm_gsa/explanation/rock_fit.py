@@ -23,8 +23,8 @@ from tbm_msgs_py.base.errors import InputError
 _ROUNDS, _SETTLED = 30, (0.1, 1e-3)
 _LONGEST = 1.0  # step of a logarithm
 _LEAST_VARIANCE = 1e-9
-NOISE_ERROR = 0.3
-"""Standard deviation of the logarithm of a sensor's noise density."""
+LEARNT_NOISE_ERROR = 0.3
+"""Standard deviation of the logarithm of a sensor's noise density that was learnt from the sensor itself."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -84,7 +84,7 @@ class RockModel:
     def error(self) -> Array:
         """Standard deviations (s,) of the logarithms of the sources of power, as `RockFit.shares` has them."""
         groups = len(self.scatter.transfer.gain)
-        return np.array([*(groups * [MODEL_ERROR]), MODULATION_ERROR, MODEL_ERROR, NOISE_ERROR])
+        return np.array([*(groups * [MODEL_ERROR]), MODULATION_ERROR, MODEL_ERROR, LEARNT_NOISE_ERROR])
 
     def fit(self, log_powers: Array, offset: Array) -> RockFit:
         """Fit the level of the loads.
