@@ -1,8 +1,8 @@
 """Confidence intervals of statistics of vibration, from the scatter between windows and the number of segments.
 
-Sums (RMS, kurtosis, bands, velocity): the windows are put into at most 30 groups of neighbours; leaving out one group
-at a time (delete-a-group jackknife) gives the standard error of the logarithm, Student's t the width. Groups of minutes
-in a long recording stay independent where single windows follow each other.
+Sums (RMS, kurtosis, bands, velocity): the windows are put into groups of neighbours; leaving out one group at a time
+(delete-a-group jackknife) gives the standard error of the logarithm, Student's t the width. Groups are independent
+where single windows are not, for a weakly damped mode rings through several.
 
 Peaks: the squares of the windows' peaks follow a Gumbel law (their own recording's), which gives the range in which the
 peak of another recording as long lies.
@@ -21,6 +21,10 @@ from tbm_msgs_py.base.arrays import Array, Integers
 
 CONFIDENCE = 0.95
 GROUPS = 30
+"""Most of a level."""
+FEWEST_GROUPS = 5
+GROUP_WINDOWS = 3
+"""Fewest windows of a group, where there are enough for so many groups."""
 OVERLAP_CORRELATION = 1.0 / 6.0  # of the amplitudes of half overlapping Hann segments
 _TAIL = (1.0 - CONFIDENCE) / 2.0
 
@@ -31,11 +35,11 @@ UNKNOWN: Ends = (math.nan, math.nan)
 
 
 def group_windows(level: Integers) -> Integers:
-    """Group that each window (w,) belongs to: neighbours of one level, 30 groups a level at most."""
+    """Group that each window (w,) belongs to: neighbours of one level."""
     groups, first = np.empty(len(level), dtype=np.int64), 0
     for one in np.unique(level):
         chosen = np.flatnonzero(level == one)
-        count = min(GROUPS, len(chosen))
+        count = min(len(chosen), GROUPS, max(FEWEST_GROUPS, len(chosen) // GROUP_WINDOWS))
         groups[chosen] = first + np.arange(len(chosen)) * count // len(chosen)
         first += count
     return groups
