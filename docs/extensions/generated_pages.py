@@ -18,6 +18,7 @@ from tbm_gsa.app.cli.bag.record import RecordResult
 from tbm_gsa.app.cli.bag.recover import RecoveryResult
 from tbm_gsa.app.cli.demo import DemoResult
 from tbm_gsa.app.cli.doctor import Diagnosis
+from tbm_gsa.app.cli.gsa_shards import ShardResult
 from tbm_gsa.app.cli.machine import CheckedMachine, MachineList
 from tbm_gsa.app.cli.machine_update import UpdateResult
 from tbm_gsa.app.cli.main import app as command_line
@@ -30,6 +31,7 @@ from tbm_gsa.history.summary import BaselineList, BaselineSummary, HistorySummar
 from tbm_gsa.paper.load_summary import LoadSummary
 from tbm_gsa.paper.reproduction.result import ReproductionResult
 from tbm_gsa.sensitivity.results import StudyResult
+from tbm_gsa.sensitivity.study.merging import MergeResult
 from tbm_msgs_py.nodes.parameters import node_parameters
 from tbm_msgs_py.nodes.registry import NODES
 
@@ -43,6 +45,8 @@ RESULTS: dict[str, type[BaseModel]] = {
     "compare": ComparisonResult,
     "gsa run": StudyResult,
     "gsa explain": Explanation,
+    "gsa shard": ShardResult,
+    "gsa merge": MergeResult,
     "bag info": BagContents,
     "bag info --scan": ScannedBag,
     "bag import": ImportResult,

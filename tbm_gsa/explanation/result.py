@@ -300,6 +300,30 @@ class Explanation(Part):
         return next((channel, state) for channel, state in self.sensors.items() if state.fault)
 
 
+class StretchFinding(Part):
+    """What explains a stretch of a recording.
+
+    Attributes
+    ----------
+    begin, end : float
+        s after the first sample.
+    verdict : str or None
+        None where there is none, for the reason that is the sentence.
+    sentence : str
+    folder : str or None
+        Of its explanation.
+    """
+
+    begin: Number
+    end: Number
+    verdict: Verdict | None
+    sentence: TextLine
+    folder: str | None
+
+    def __str__(self) -> str:
+        return f"{self.begin:.0f} to {self.end:.0f} s: {self.sentence}"
+
+
 def read_explanation(source: Path) -> Explanation:
     """Read an explanation from its file or its folder."""
     file = source / RESULT_NAME if source.is_dir() else source

@@ -10,9 +10,8 @@ from typing import Final
 from tbm_dynamics import Machine
 from tbm_gsa.comparison.results import ComparisonResult
 from tbm_gsa.comparison.workflow import compare_recording
-from tbm_gsa.explanation.result import Explanation, Verdict
+from tbm_gsa.explanation.result import Explanation, StretchFinding
 from tbm_gsa.explanation.workflow import ExplainOptions, explain
-from tbm_gsa.reading import Number, Part, TextLine
 from tbm_gsa.sensitivity.study.errors import StudyError
 from tbm_gsa.signals.settings import Settings
 from tbm_msgs_py.base.errors import RecordingError
@@ -22,30 +21,6 @@ MODEL_S: Final = 4.0
 
 WINDOW_S: Final = 0.5
 """Of the windows that tell when the recording changes: many, for it may be short."""
-
-
-class StretchFinding(Part):
-    """What explains a stretch of a recording.
-
-    Attributes
-    ----------
-    begin, end : float
-        s after the first sample.
-    verdict : str or None
-        None where there is none, for the reason that is the sentence.
-    sentence : str
-    folder : str or None
-        Of its explanation.
-    """
-
-    begin: Number
-    end: Number
-    verdict: Verdict | None
-    sentence: TextLine
-    folder: str | None
-
-    def __str__(self) -> str:
-        return f"{self.begin:.0f} to {self.end:.0f} s: {self.sentence}"
 
 
 @dataclass(frozen=True, eq=False)

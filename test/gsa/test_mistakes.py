@@ -106,7 +106,7 @@ def test_the_shipped_recording_goes_by_its_name(folder):
 
 def test_the_demo_calls_only_the_shipped_recording_synthetic(folder, capsys):
     (folder / "link").symlink_to(shipped_bag())
-    found = DemoResult.model_construct(points={}, outputs={}, blocks={}, report="report.html", seconds=1.0)
+    found = DemoResult.model_construct(points={}, outputs={}, blocks={}, findings=(), report="report.html", seconds=1.0)
     for path, synthetic in ((shipped_bag(), True), (Path("link"), True), (Path("old"), False), (Path("none"), False)):
         assert is_synthetic(path) is synthetic
         print_tables(found, synthetic=is_synthetic(path))

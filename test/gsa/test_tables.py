@@ -12,7 +12,7 @@ from compare_bags import START_NS, noise, write_bag
 
 from tbm_gsa.app.cli import demo, explain, gsa, reproduce, run
 from tbm_gsa.app.cli.output import results
-from tbm_gsa.explanation.result import Explanation, InputCause, Misfits
+from tbm_gsa.explanation.result import Explanation, InputCause, Misfits, StretchFinding
 from tbm_gsa.history import History, HistoryEntry, WindowSource
 from tbm_gsa.paper.reproduction.result import ReadingSummary, ReproductionResult, Row
 from tbm_gsa.reading import MachineFile
@@ -89,6 +89,7 @@ def test_what_the_demo_prints_fits(capsys):
         points={"cutterhead": point},
         outputs={LONG_OUTPUT: output},
         blocks={},
+        findings=(StretchFinding(begin=0.0, end=30.4, verdict="rock", sentence="rock: the loads", folder="f"),),
         trigger="",
         report="r",
         seconds=1.0,
@@ -98,7 +99,16 @@ def test_what_the_demo_prints_fits(capsys):
     )
     demo.print_tables(found, synthetic=True)
     pairs = [f"{code}:{share:.2f}" for code, share in FIRST.items()]
-    _fits(capsys.readouterr().out, "cutterhead", "10.2", "2459", LONG_OUTPUT, "-0.123", *pairs)
+    _fits(
+        capsys.readouterr().out,
+        "cutterhead",
+        "10.2",
+        "2459",
+        LONG_OUTPUT,
+        "-0.123",
+        *pairs,
+        "0 to 30 s: rock: the loads",
+    )
 
 
 def test_what_an_explanation_prints_fits(capsys):

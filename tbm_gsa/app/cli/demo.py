@@ -31,7 +31,7 @@ from tbm_gsa.app.cli.processes import NodeCommand, NodeProcesses, settle_ros_env
 from tbm_gsa.app.cli.shipped import STORY, shipped_bag
 from tbm_gsa.app.cli.supervision import ACTIVE_STATUSES, Supervision, watch
 from tbm_gsa.app.cli.workers import anonymous_main, shown_progress
-from tbm_gsa.explanation.stretches import StretchFinding
+from tbm_gsa.explanation.result import StretchFinding
 from tbm_gsa.provenance import machine_file
 from tbm_gsa.reading import MachineFile, Maybe, Part
 from tbm_gsa.sensitivity.results import NOT_DETERMINED, is_determined
