@@ -312,7 +312,11 @@ def print_tables(found: DemoResult, *, synthetic: bool) -> None:
     title = "Axial acceleration, RMS" + (" (synthetic recording)" if synthetic else "")
     table = narrow_table(title, "test point", ">node", ">predicted (g)", ">measured (g)", ">relative error")
     for point, row in found.points.items():
-        figures = _figure(row.predicted_g, ".3g"), _figure(row.measured_g, ".3g"), _figure(row.relative_error, ".0%")
+        figures = (
+            _figure(row.predicted_g, ".3g"),
+            _figure(row.measured_g, ".3g"),
+            _figure(100.0 * row.relative_error, ".0f", " %"),
+        )
         add_row(table, point, row.node, *figures)
     results.print(table)
     title = f"\nStrongest {_STRONGEST} inputs of each output, first Sobol index"
@@ -332,5 +336,5 @@ def print_tables(found: DemoResult, *, synthetic: bool) -> None:
     results.print(f"report: {found.report}", highlight=False)
 
 
-def _figure(value: float, form: str) -> str:
-    return format(value, form) if math.isfinite(value) else "–"
+def _figure(value: float, form: str, unit: str = "") -> str:
+    return format(value, form) + unit if math.isfinite(value) else "–"
