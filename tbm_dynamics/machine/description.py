@@ -297,6 +297,20 @@ class MachineDescription(FrozenModel):
         return self
 
     @model_validator(mode="after")
+    def _gaps_within_a_tooth(self) -> Self:
+        # A number in another unit, above all: a gap without teeth, or teeth beside those of the ring.
+        gear = self.driveshaft.gear
+        pitch = math.pi * gear.module * math.cos(math.radians(gear.pressure_angle_deg))
+        lengths = [("driveshaft.mesh.backlash", self.driveshaft.mesh.backlash, pitch, "base pitch")]
+        for number, drive in self.drives.items():
+            lengths.append((f"drives.{number}.backlash", drive.backlash or 0.0, pitch, "base pitch"))
+            lengths.append((f"drives.{number}.eccentricity", drive.eccentricity, gear.module, "module"))
+        for key, length, limit, name in lengths:
+            if length >= limit:
+                raise ValueError(f"{key}: {length:g} m, allowed: less than the {name}, {limit:.3g} m")
+        return self
+
+    @model_validator(mode="after")
     def _scalable_loads(self) -> Self:
         # The loads follow thrust and torque by their ratio to these means.
         for name in ("fx", "mx"):

@@ -329,6 +329,16 @@ class ComparisonResult(Part):
         arms = {point: ", ".join(f"{value:g}" for value in offset) for point, offset in self.offsets.items()}
         return ", ".join(f"{point} by ({arm}) m" for point, arm in arms.items())
 
+    @property
+    def not_at_a_level(self) -> dict[str, float]:
+        """Seconds of the recording that are compared at no level, by where they are; empty if there are none."""
+        found: dict[str, float] = {}
+        for dwell in self.dwells:
+            if dwell.level is None:
+                where = "outside the stretch" if dwell.kind == "outside" else "between levels or at a standstill"
+                found[where] = found.get(where, 0.0) + dwell.end - dwell.begin
+        return found
+
     def model_rms(self, level: int | None, point: str, axis: str) -> float:
         """RMS of the model's run at a level; NaN at none, or at one that was too short at this point to be compared."""
         axes = {} if level is None else self.levels[level].points.get(point, {})

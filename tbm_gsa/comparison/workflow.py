@@ -113,6 +113,11 @@ def compare_recording(
     chosen = replace(chosen, expected_lines=named)
     run = model_duration, seed
     predicted = _model_side(machines, field.signals, chosen, run, progress)
+    if span is not None and field.signals and not predicted:
+        raise InputError(
+            f"stretch from {span[0]:g} to {span[1]:g} s: no window of {chosen.window_s:g} s lies in it at a level of "
+            "operation, allowed: a longer stretch, or shorter windows (one begins where the one before it ends)"
+        )
     points, failed = _compare_each(reader, field, predicted, chosen)
     places = placed.description.sensor_places
     result = _result(reader, described, places, field, history, points, failed, chosen, lines, run)

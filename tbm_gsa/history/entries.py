@@ -211,6 +211,8 @@ def live_entries(result: WindowResult, rotating: bool) -> Iterator[HistoryEntry]
 def recording_entries(result: ComparisonResult, starts_ns: Mapping[str, int]) -> Iterator[HistoryEntry]:
     """Entries of a comparison of a recording, also of windows at no level; those without a sample are left out.
 
+    Of a stretch those at a level only: the others would replace what a comparison of the whole knew of them.
+
     Parameters
     ----------
     result : ComparisonResult
@@ -218,13 +220,14 @@ def recording_entries(result: ComparisonResult, starts_ns: Mapping[str, int]) ->
         Header time of the first sample of each point.
     """
     length_ns = round(result.window_s * 1e9)
+    stretch = any(dwell.kind == "outside" for dwell in result.dwells)
     for point, axes in result.points.items():
         for axis, values in axes.items():
             seen = values.windows
             columns = (seen.start, seen.level, seen.field_rms, seen.relative_error, seen.coverage)
             signal = (seen.field_peak, seen.field_kurtosis)
             for start, level, field_rms, error, coverage, peak, kurtosis in zip(*columns, *signal, strict=True):
-                if field_rms is None:
+                if field_rms is None or (stretch and level is None):
                     continue
                 model_rms = result.model_rms(level, point, axis)
                 start_ns = starts_ns[point] + round(start * 1e9)

@@ -392,6 +392,9 @@ def test_numbers_of_numpy_are_numbers(machine, number):
         ({"drive_03.backlash": 1.0}, r"input 'drive_03.backlash': unknown"),
         ({"drive_11.backlash": 1.0}, r"drives.11: unknown drive, allowed: 1 to 10"),
         ({"drive_3.misalignment": 1.0}, r"drives.3.misalignment: 1.0, allowed: less than 1"),
+        ({"x7": 3e5}, r"driveshaft.mesh.backlash: 0.3 m, allowed: less than the base pitch, 0.0626 m"),
+        ({"drive_3.backlash": 4.5e8}, r"drives.3.backlash: 450 m, allowed: less than the base pitch"),
+        ({"drive_3.eccentricity": 3e4}, r"drives.3.eccentricity: 0.03 m, allowed: less than the module, 0.022 m"),
         ({"loads.lateral": -1.0}, r"loads.factors.lateral: .*greater than or equal to 0"),
     ],
 )

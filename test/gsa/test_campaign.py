@@ -148,14 +148,16 @@ def test_a_machine_is_known_by_its_digest_not_its_path(store):
 def test_what_is_no_store_is_refused(tmp_path):
     with pytest.raises(StudyError, match="no such store, allowed: the folder of a study"):
         Store.open(tmp_path / "none.sqlite")
-    text = tmp_path / "text.sqlite"
-    text.write_text("not a database, by any means, but long enough to be read as one" * 20)
-    with pytest.raises(StudyError, match="not a store of a sensitivity study"):
-        Store.open(text)
-    empty = tmp_path / "empty.sqlite"
-    empty.touch()
-    with pytest.raises(StudyError, match="not a store of a sensitivity study"):
-        Store.open(empty)
+    others = {name: tmp_path / f"{name}.sqlite" for name in ("text", "empty", "foreign")}
+    others["text"].write_text("not a database, by any means, but long enough to be read as one" * 20)
+    others["empty"].touch()
+    with closing(sqlite3.connect(others["foreign"])) as foreign:
+        foreign.execute("CREATE TABLE bookmarks (address TEXT)")
+    for path in others.values():
+        before = path.read_bytes()
+        with pytest.raises(StudyError, match="cannot be used as the store of a sensitivity study"):
+            Store.open(path)
+        assert path.read_bytes() == before
     sqlite3.connect(tmp_path / "old.sqlite").executescript(
         "CREATE TABLE problem (key TEXT, value TEXT); INSERT INTO problem VALUES ('format', '99')"
     )

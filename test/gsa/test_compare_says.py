@@ -19,6 +19,7 @@ from tbm_msgs_py import ACCELERATION, OperatingPoint, open_recording
 from tbm_msgs_py.bags.definitions import BLOCK_TYPE, serialised_block, serialised_operating_point
 from tbm_msgs_py.bags.metadata import SYNTHETIC, is_synthetic
 from tbm_msgs_py.bags.writing import BagWriter
+from tbm_msgs_py.base.errors import InputError
 
 SHORT = {"model_duration": 1.0}
 HOUR = 3600 * 10**9
@@ -101,6 +102,32 @@ def test_what_a_mapping_names_is_used_or_named(tmp_path, capsys):
     assert "Operating point: topic /tbm/operating is not in the recording" in page
     assert "Test point girder was not compared: topic /girder" in page
     assert "Test point gripper was not compared: topic /tbm/field/gripper/block: no finite sample" in page
+
+
+@pytest.mark.parametrize(
+    ("span", "message"),
+    [
+        ((3.0, 3.0), "stretch from 3 to 3 s, allowed: from 0 or later to a later time"),
+        ((-1.0, 3.0), "stretch from -1 to 3 s, allowed"),
+        ((1.0, np.nan), "stretch from 1 to nan s, allowed"),
+        ((7.0, 9.0), r"bag: lasts 5.999\d* s, allowed: a stretch that begins before, not at 7"),
+        ((2.5, 3.0), "stretch from 2.5 to 3 s: no window of 2 s lies in it .*, allowed: a longer stretch, or shorter"),
+        ((1.0, 3.5), "no window of 2 s lies in it"),
+        ((2.0, np.inf), None),
+    ],
+)
+def test_a_stretch_is_compared_or_refused(tmp_path, capsys, span, message):
+    path = write_bag(tmp_path / "bag", {"shield": noise(6.0)}, operating=[(0.0, HIGH)])
+    if message is not None:
+        with pytest.raises(InputError, match=message):
+            compare_recording(path, span=span, **SHORT)
+        return
+    compared = compare_recording(path, span=span, **SHORT)
+    assert compared.result.points["shield"]["x"].windows.level == (None, 0, 0)
+    print_tables(compared.result)
+    assert "outside the stretch: left out" in " ".join(capsys.readouterr().out.split())
+    assert "Left out, outside the stretch: 2.0 s" in compare_page(compared)
+    assert len(list(recording_entries(compared.result, compared.starts_ns))) == 2 * 3  # of the third none is replaced
 
 
 def test_an_axis_that_is_not_measured_is_null_and_no_zero(tmp_path, capsys):

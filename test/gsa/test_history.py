@@ -12,7 +12,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from tbm_gsa.comparison import AlarmRule, WindowResult
-from tbm_gsa.comparison.results import AxisResult, ComparisonResult, LevelAxis, LevelResult, WindowColumns
+from tbm_gsa.comparison.results import AxisResult, ComparisonResult, DwellResult, LevelAxis, LevelResult, WindowColumns
 from tbm_gsa.history import (
     BY_ORIGIN,
     SOURCE_KINDS,
@@ -407,7 +407,7 @@ def test_windows_at_no_level_are_kept_empty_ones_are_not():
     # The third level is too short for a spectrum at this point: nothing was compared there.
     levels = [LevelResult.model_construct(points=points) for points in (at_level, at_level, {})]
     points = {"shield": {"x": AxisResult.model_construct(windows=windows)}}
-    result = ComparisonResult.model_construct(window_s=2.0, points=points, levels=levels)
+    result = ComparisonResult.model_construct(window_s=2.0, points=points, levels=levels, dwells=())
     first, moving, dead, short = recording_entries(result, {"shield": START})
     nan = math.nan
     assert first == HistoryEntry("shield", "x", START, LENGTH, 1.0, 1.5, 0.5, 1.0, 4.0, 3.0)
@@ -415,6 +415,10 @@ def test_windows_at_no_level_are_kept_empty_ones_are_not():
     assert (dead.start_ns, dead.relative_error, dead.coverage) == (START + 3 * LENGTH, math.inf, 0.5)
     assert np.isnan([dead.field_kurtosis, dead.field_crest_factor]).all()
     assert repr(short) == repr(HistoryEntry("shield", "x", START + 4 * LENGTH, LENGTH, 1.0, nan, nan, 1.0, 6.0, 4.0))
+    outside = DwellResult(begin=0.0, end=2.0, kind="outside", level=None)
+    stretch = result.model_copy(update={"dwells": (outside,)})
+    kept = list(map(repr, recording_entries(stretch, {"shield": START})))
+    assert kept == [repr(first), repr(dead), repr(short)]  # what is known of the others is not replaced
 
 
 def test_windows_at_no_level_change_no_baseline_and_no_summary(history):

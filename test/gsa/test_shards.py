@@ -82,6 +82,14 @@ def test_parts_joined_are_the_whole(tmp_path, count):
             np.testing.assert_array_equal(one.results(part)[1], other.results(part)[1])
 
 
+def test_a_part_without_simulations_is_done(tmp_path):
+    """There may be more parts than simulations."""
+    told = []
+    with Store.create_or_open(tmp_path / STORE_NAME, problem()) as store:
+        run_campaign(store, add, shard=Shard(24, 24), progress=lambda *said: told.append(said))
+    assert told == [("simulations 0 of 0", 1.0)]
+
+
 def test_parts_are_joined_as_they_come(tmp_path):
     first, second, third = (run(tmp_path / f"{index}", Shard(index, 3)) for index in (1, 2, 3))
     assert merge_studies([first], tmp_path / "joined").missing == 15

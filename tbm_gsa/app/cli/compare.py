@@ -172,9 +172,8 @@ def _level_table(result: ComparisonResult) -> Table:
     for number, level in enumerate(result.levels, start=1):
         values = (level.speed_r_min, level.torque_kn_m, level.thrust_kn, level.seconds)
         add_row(table, number, *(f"{value:.6g}" for value in values), level.note)
-    left_out = [dwell.end - dwell.begin for dwell in result.dwells if dwell.level is None]
-    if left_out:
-        add_row(table, "–", "", "", "", f"{sum(left_out):.6g}", "between levels or at a standstill: left out")
+    for where, seconds in result.not_at_a_level.items():
+        add_row(table, "–", "", "", "", f"{seconds:.6g}", f"{where}: left out")
     return table
 
 

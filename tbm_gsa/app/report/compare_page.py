@@ -35,7 +35,6 @@ def compare_page(compared: RecordingComparison) -> str:
             if name in result.recording.points  # a dead sensor has no samples, a missing topic no sensor
         },
         "excerpt": first,
-        "left_out": [dwell for dwell in result.dwells if dwell.level is None],
         "fault_names": _fault_names(result),
         "band_names": [name.replace("-", " to ").replace("_hz", " Hz") for name in axes["x"].field_band_rms],
         "window_count": max(len(axis.windows.start) for point in result.points.values() for axis in point.values()),

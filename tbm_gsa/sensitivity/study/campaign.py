@@ -125,4 +125,5 @@ def _report(store: Store, shard: Shard, progress: Progress | None) -> None:
         return
     counts = store.counts(shard)
     failed = f", {counts.failed} failed" if counts.failed else ""
-    progress(f"simulations {counts.done} of {counts.total}{failed}", counts.done / counts.total)
+    share = counts.done / counts.total if counts.total else 1.0  # more parts than simulations leave some without any
+    progress(f"simulations {counts.done} of {counts.total}{failed}", share)

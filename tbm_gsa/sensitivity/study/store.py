@@ -115,14 +115,15 @@ class Store:
             raise StudyError(f"{path}: no such store, allowed: the folder of a study that was begun")
         connection = _connect(path)
         try:
-            connection.execute("PRAGMA journal_mode=WAL")
             problem = StudyProblem.from_json(dict(connection.execute("SELECT key, value FROM problem")))
             if not connection.execute("SELECT COUNT(*) FROM planned").fetchone()[0]:
                 raise StudyError("no simulation is planned, allowed: the store of a study with its design")
+            connection.execute("PRAGMA journal_mode=WAL")  # last: it writes, and a file of something else is left alone
         except sqlite3.DatabaseError as error:
             connection.close()
             raise StudyError(
-                f"{path}: not a store of a sensitivity study ({error}), allowed: that of `gsa run`"
+                f"{path}: cannot be used as the store of a sensitivity study ({error}), allowed: that of `gsa run`, "
+                "where it may be written to and no other program locks it"
             ) from None
         except StudyError as error:
             connection.close()
