@@ -18,19 +18,22 @@ SHORTEST_S: Final = 15.0
 INDEPENDENT_S: Final = 3.0
 """After which levels are nearly: weakly damped modes ring, and the power of a band is taken over a second."""
 _LEAST_COVERAGE: Final = 0.5  # of a window that counts
+_LEAST_SHARE: Final = 0.9  # of the windows of the fullest channel: one that ends early must not hide what comes later
 
 
 def change_times(points: Mapping[str, PointComparison]) -> tuple[float, ...]:
     """Find the times at which the levels of bands change, s after the first sample: begins of windows.
 
-    Of all compared axes, in the windows that all of them have at the level of operation that was held longest.
+    Of all compared axes that have most of the windows at the level of operation that was held longest, in the windows
+    that all of them have.
     """
     series = [
         _levels(axis, band) for point in points.values() for axis in point.axes.values() for band in axis.field_band_rms
     ]
-    series = [one for one in series if one]
-    if not series:
+    most = max(map(len, series), default=0)
+    if not most:
         return ()
+    series = [one for one in series if len(one) >= _LEAST_SHARE * most]
     common = sorted(set.intersection(*(set(one) for one in series)))
     if len(common) < 2:
         return ()

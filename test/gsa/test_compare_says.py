@@ -2,6 +2,7 @@
 
 import json
 import os
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -11,7 +12,8 @@ from tbm_dynamics.machine.loading import machine_text
 from tbm_gsa.app.cli.bag.info import info
 from tbm_gsa.app.cli.compare import print_tables
 from tbm_gsa.app.report.compare_page import compare_page
-from tbm_gsa.comparison.results import ComparisonResult
+from tbm_gsa.comparison.changed import change_times
+from tbm_gsa.comparison.results import AxisResult, ComparisonResult, WindowColumns
 from tbm_gsa.comparison.units import operating_doubts, unit_doubt
 from tbm_gsa.comparison.workflow import compare_recording
 from tbm_gsa.history import recording_entries
@@ -128,6 +130,21 @@ def test_a_stretch_is_compared_or_refused(tmp_path, capsys, span, message):
     assert "outside the stretch: left out" in " ".join(capsys.readouterr().out.split())
     assert "Left out, outside the stretch: 2.0 s" in compare_page(compared)
     assert len(list(recording_entries(compared.result, compared.starts_ns))) == 2 * 3  # of the third none is replaced
+
+
+def test_a_sensor_that_ends_early_hides_no_change():
+    rng = np.random.default_rng(0)
+
+    def point(count):
+        level = np.exp(0.05 * rng.standard_normal(count)) * np.where(np.arange(count) < 20, 1.0, 3.0)
+        columns = {"start": tuple(2.0 * np.arange(count)), "level": (0,) * count, "coverage": (1.0,) * count}
+        windows = WindowColumns.model_construct(field_band_rms={"band": tuple(level)}, **columns)
+        axis = AxisResult.model_construct(windows=windows, field_band_rms={"band": 1.0})
+        return SimpleNamespace(axes={"x": axis})
+
+    assert change_times({"shield": point(40), "girder": point(20)}) == (40.0,)
+    assert change_times({"shield": point(40), "girder": point(38), "walkway": point(0)}) == (40.0,)
+    assert change_times({"walkway": point(0)}) == ()
 
 
 def test_an_axis_that_is_not_measured_is_null_and_no_zero(tmp_path, capsys):

@@ -47,7 +47,7 @@ class MergeResult(Part):
 def merge_studies(folders: Sequence[Path], out: Path) -> MergeResult:
     """Join the stores of parts of one study.
 
-    Nothing is written if one of them does not fit. What is in `out` already stays, so parts may be joined as they come.
+    Nothing is taken if one of them does not fit. What is in `out` already stays, so parts may be joined as they come.
 
     Parameters
     ----------
