@@ -10,8 +10,6 @@ each drive acts on that drive alone, with the same few numbers for all (`basis`)
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 import scipy.linalg
 
@@ -224,10 +222,8 @@ def _arrays(split: SplitBasis, parts: _SteppedParts) -> Arrays:
 
 def _with_substep(whole: Arrays, substep: Arrays) -> Arrays:
     """Arrays of a whole step, and for what depends on its length those of a substep beside them."""
-    both: dict[str, Any] = {
-        name: aligned(np.array([getattr(whole, name), getattr(substep, name)])) for name in BY_LENGTH
-    }
-    return whole._replace(**both)
+    both = {name: aligned(np.array([getattr(whole, name), getattr(substep, name)])) for name in BY_LENGTH}
+    return Arrays(**(whole._asdict() | both))
 
 
 def _mesh_gain(system: System, arrays: Arrays) -> np.ndarray:

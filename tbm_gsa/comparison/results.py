@@ -210,7 +210,8 @@ class ExpectedLine(Part):
 class RecordedPoint(Part):
     """What was recorded at one test point, and what was wrong with it.
 
-    `noise_power` is the density of the noise of each axis that the mapping states, m²/s⁴/Hz.
+    `noise_power` is the density of the noise of each axis that the mapping states, m²/s⁴/Hz, and `band_hz` where it
+    says that the sensor measures.
     """
 
     topic: str
@@ -234,6 +235,7 @@ class RecordedPoint(Part):
     gravity: Literal["included", "removed"]
     frame: Literal["fixed", "rotating"]
     noise_power: Size | None = None
+    band_hz: Interval | None = None
 
     @property
     def longest_gap(self) -> float:

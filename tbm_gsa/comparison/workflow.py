@@ -360,5 +360,6 @@ def _recording(reader: RecordingReader, field: FieldSide) -> RecordingResult:
 def _recorded(health: PointHealth, sensor: SensorMapping) -> RecordedPoint:
     counts = {**health.counts(), "gaps": tuple(health.gaps), "stuck": tuple(health.stuck)}
     counts["noise_power"] = sensor.noise_power_density(health.rate_hz) if health.rate_hz > 0.0 else None
+    counts["band_hz"] = sensor.band_hz
     names = RecordedPoint.model_fields.keys() - counts.keys()
     return RecordedPoint.model_validate({**{name: getattr(health, name) for name in names}, **counts})

@@ -15,6 +15,8 @@ from tbm_gsa.signals.spectrum import mixed_spectrum
 from tbm_msgs_py.base.arrays import Array
 from tbm_msgs_py.base.errors import InputError
 
+_MOST = 0.5  # of a band
+
 
 @dataclass(frozen=True)
 class Sensor:
@@ -44,6 +46,11 @@ class BandStatistic:
     def name(self) -> str:
         """Name of its root, as an output of a study."""
         return f"rms_{band_name(self.low_hz, self.high_hz)}_{self.point}_{self.axis}"
+
+    def within(self, band_hz: tuple[float, float] | None) -> bool:
+        """Whether most of it lies in the band in which a sensor measures; None: all."""
+        low, high = band_hz or (self.low_hz, self.high_hz)
+        return min(high, self.high_hz) - max(low, self.low_hz) >= _MOST * (self.high_hz - self.low_hz)
 
 
 @dataclass(frozen=True)

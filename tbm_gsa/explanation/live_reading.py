@@ -21,7 +21,6 @@ from tbm_msgs_py.base.units import NANOSECONDS
 from tbm_msgs_py.recordings.mapping import SensorMapping
 
 _ALIKE = 0.01  # relative, of the rates and bands of signals that share a reading
-_WITHIN = 0.5  # share of a band in which the sensor measures
 
 Sensors = Mapping[str, SensorMapping]
 """By test point."""
@@ -105,10 +104,7 @@ def _place(sensor: SensorMapping) -> Sensor:
 
 def _measures(sensor: SensorMapping, statistic: BandStatistic) -> bool:
     """Whether a sensor has the axis, and measures in most of the band."""
-    axis = sensor.measured["xyz".index(statistic.axis[0])]
-    low, high = sensor.band_hz or (0.0, math.inf)
-    inside = min(high, statistic.high_hz) - max(low, statistic.low_hz)
-    return axis and inside >= _WITHIN * (statistic.high_hz - statistic.low_hz)
+    return sensor.measured["xyz".index(statistic.axis[0])] and statistic.within(sensor.band_hz)
 
 
 def _powers(reading: BandReading, spectra: Spectra) -> Array:

@@ -31,7 +31,7 @@ DYNAMIC_RANGE = 1e-5
 """Nor does one so much weaker than the strongest band of its channel: leakage rules there."""
 NOISE_ERROR = 0.5
 """And that times the share of the sensor's noise, whose density is known or estimated within so much."""
-_ROUNDS, _SETTLED = 40, 1e-5
+_ROUNDS, _SETTLED = 40, 1e-4
 _INTERVAL = 1.6448536269514722  # standard deviations to either end of a 90 % interval
 
 
@@ -181,15 +181,23 @@ def load_posterior(
 
 
 def _most_likely(step: _Step, target: Array, middle: Array, size: float, theta: Array) -> Array:
-    """Logarithms (r,) of the factors that are most likely, from a guess on."""
+    """Logarithms (r,) of the factors that are most likely, from a guess on.
+
+    A step that turns back on the one before is taken by half from then on: chance depends on the level, too, and a
+    level that hardly anything tells would go to and fro for ever.
+    """
+    before, share = np.zeros_like(theta), 1.0
     for _ in range(_ROUNDS):
         residual, slope, chance = step.at(theta, target)
         weighted = scipy.linalg.solve(chance, slope, assume_a="pos")
         precision = slope.T @ weighted + np.eye(len(theta)) / size**2
         move = np.linalg.solve(precision, weighted.T @ residual - (theta - middle) / size**2)
-        theta = theta + move * min(1.0, 1.0 / float(np.abs(move).max()))  # a factor of e at most
+        if move @ before < 0.0:
+            share *= 0.5
+        theta = theta + move * min(share, 1.0 / float(np.abs(move).max()))  # a factor of e at most
         if np.abs(move).max() < _SETTLED:
             break
+        before = move
     return theta
 
 

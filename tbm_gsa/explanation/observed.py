@@ -137,6 +137,9 @@ def observed(comparison: ComparisonResult) -> Observed:
     columns = np.repeat(reading.columns.sum(axis=1), count)
     floor = np.repeat([_floor(one, reading) for one in spectra], count) / columns
     points = [comparison.recording.points.get(one.point) for one in reading.statistics]
+    limits = [None if one is None else one.band_hz for one in points]
+    outside = [not one.within(band) for one, band in zip(reading.statistics, limits, strict=True)]
+    powers[outside] = floor[outside] = math.nan
     stated = np.array([math.nan if one is None or one.noise_power is None else one.noise_power for one in points])
     return Observed.of(reading, powers, floor, stated, duration, np.repeat(recorded / duration, count))
 

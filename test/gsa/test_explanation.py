@@ -250,6 +250,15 @@ def command(tmp_path, monkeypatch, capsys, few, cache):
     return run
 
 
+def test_a_band_that_a_sensor_does_not_cover_is_not_measured(compared, monkeypatch):
+    monkeypatch.setattr("tbm_gsa.explanation.observed.SHORTEST_S", 8.0)
+    document = json.loads(json.dumps(compared))
+    document["recording"]["points"]["girder"]["band_hz"] = [30.0, 450.0]
+    seen = observed(form(document))
+    missing = {one.name for one, floor in zip(seen.reading.statistics, seen.floor, strict=True) if np.isnan(floor)}
+    assert missing == {f"rms_0.5-20_hz_girder_{axis}" for axis in "xyz"}
+
+
 EXPLAIN = "gsa explain compared.json --out found --samples 60 --duration 4 --workers 1"
 
 
