@@ -137,6 +137,20 @@ def test_one_simulation_has_one_result(tmp_path, change, message):
         assert store.counts().done == 0
 
 
+def test_one_that_failed_gives_way_to_one_that_ended_well(tmp_path):
+    first = run(tmp_path / "1", Shard(1, 3))
+    shutil.copytree(first, tmp_path / "2")
+    with sqlite3.connect(tmp_path / "2" / STORE_NAME) as edited:
+        edited.execute(
+            "UPDATE simulations SET outputs = NULL, status = 'failed', reason = 'killed' WHERE status = 'ok'"
+        )
+    edited.close()
+    merge_studies([tmp_path / "2"], tmp_path / "joined")
+    found = merge_studies([first], tmp_path / "joined")
+    assert 0 < found.parts[0].taken < found.parts[0].ended
+    assert held(tmp_path / "joined") == held(first)
+
+
 def _start(*arguments):
     command = [sys.executable, "-m", "tbm_gsa.app.cli.main", "gsa", *arguments]
     environment = {**os.environ, "PYTHONPATH": os.pathsep.join(filter(None, sys.path))}

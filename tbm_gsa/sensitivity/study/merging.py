@@ -11,7 +11,6 @@ from tbm_gsa.reading import Part
 from tbm_gsa.sensitivity.study.errors import StudyError
 from tbm_gsa.sensitivity.study.problem import StudyProblem, difference
 from tbm_gsa.sensitivity.study.store import STORE_NAME, EndedRow, Store
-from tbm_gsa.sensitivity.study.workers import Outcome
 
 SAME: Final = 1e-9
 """Relative difference of an output that processors of different kinds may make."""
@@ -100,16 +99,21 @@ def _problem(folders: Sequence[Path]) -> StudyProblem:
 
 
 def _new(part: Mapping[int, EndedRow], before: Mapping[int, EndedRow], folder: Path) -> dict[int, EndedRow]:
-    """Return the simulations of a part that were not there before; those that were must say the same."""
-    for row in part.keys() & before.keys():
-        if not _same(part[row].outcome, before[row].outcome):
+    """Return the simulations of a part that were not there before; those that were must say the same.
+
+    One that failed before, as where a worker died, gives way to one that ended well.
+    """
+    new = {}
+    for row, one in part.items():
+        here, there = one.outcome.outputs, before[row].outcome.outputs if row in before else None
+        if here is not None and there is not None and not _same(here, there):
             raise StudyError(
                 f"{folder}: simulation {row} has another result than in a part before it, allowed: one result each"
             )
-    return {row: one for row, one in part.items() if row not in before}
+        if row not in before or (there is None and here is not None):
+            new[row] = one
+    return new
 
 
-def _same(one: Outcome, other: Outcome) -> bool:
-    if one.outputs is None or other.outputs is None:
-        return one.outputs is other.outputs
-    return all(math.isclose(value, other.outputs[name], rel_tol=SAME) for name, value in one.outputs.items())
+def _same(outputs: Mapping[str, float], others: Mapping[str, float]) -> bool:
+    return all(math.isclose(value, others[name], rel_tol=SAME) for name, value in outputs.items())
