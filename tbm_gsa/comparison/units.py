@@ -27,7 +27,7 @@ BESIDE: Final = 3.0
 
 
 def operating_doubts(recorded: Mapping[str, float], own: Mapping[str, float]) -> Iterator[str]:
-    """Say which loads of an operating point (kN, kN·m) are the machine's own times a factor of units.
+    """Yield a doubt for each load of an operating point (kN, kN·m) that is the machine's own times a factor of units.
 
     Parameters
     ----------
@@ -45,7 +45,7 @@ def operating_doubts(recorded: Mapping[str, float], own: Mapping[str, float]) ->
 
 
 def unit_doubt(field_rms: ArrayLike, model_rms: ArrayLike) -> str:
-    """Say that RMS values of a field, one an axis, are the model's times a factor of units; empty when they are not.
+    """Return a doubt if the RMS values of a field, one an axis, are the model's times a factor of units, else nothing.
 
     Axes that measure nothing say nothing: sensors of one axis are often recorded with zeros along the others.
     """

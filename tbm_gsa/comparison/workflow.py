@@ -6,8 +6,7 @@ from functools import partial
 from pathlib import Path
 
 from tbm_dynamics import Machine, MachineError, load_machine
-from tbm_dynamics.machine.sensor_place import SensorPlace
-from tbm_gsa.comparison.changed import change_times
+from tbm_gsa.comparison.change_times import change_times
 from tbm_gsa.comparison.expected import lines_of_levels
 from tbm_gsa.comparison.field_side import FieldSide, reduce_field
 from tbm_gsa.comparison.levels import NeverDrivenError, OperatingHistory, machine_history, recorded_history
@@ -100,8 +99,7 @@ def compare_recording(
     InputError
         A duration, window or stretch that is not allowed.
     """
-    chosen = settings or Settings()
-    _check(model_duration, chosen.window_s, seed, span)
+    chosen = _checked(settings or Settings(), model_duration, seed, span)
     described = machine if isinstance(machine, Machine) else load_machine(machine)
     reader = open_recording(bag, mapping)
     shared = _shared_points(reader, described)
@@ -109,18 +107,11 @@ def compare_recording(
     field, history = _read(reader, described, shared, chosen, progress, span)
     machines = _machines(reader.path, history, placed)
     lines = lines_of_levels(machines)
-    named = {**{line.name: line.frequency_hz for line in lines}, **chosen.expected_lines}
-    chosen = replace(chosen, expected_lines=named)
-    run = model_duration, seed
-    predicted = _model_side(machines, field.signals, chosen, run, progress)
-    if span is not None and field.signals and not predicted:
-        raise InputError(
-            f"stretch from {span[0]:g} to {span[1]:g} s: no window of {chosen.window_s:g} s lies in it at a level of "
-            "operation, allowed: a longer stretch, or shorter windows (one begins where the one before it ends)"
-        )
+    chosen = _with_lines(chosen, lines)
+    predicted = _model_side(machines, field.signals, chosen, (model_duration, seed), progress)
+    _check_stretch(span, field, predicted, chosen.window_s)
     points, failed = _compare_each(reader, field, predicted, chosen)
-    places = placed.description.sensor_places
-    result = _result(reader, described, places, field, history, points, failed, chosen, lines, run)
+    result = _result(reader, described, placed, field, history, points, failed, chosen, lines, (model_duration, seed))
     return RecordingComparison(
         result,
         {name: point.excerpts for name, point in points.items()},
@@ -128,10 +119,28 @@ def compare_recording(
     )
 
 
+def _with_lines(settings: Settings, lines: Sequence[ExpectedLine]) -> Settings:
+    """Return settings that expect the machine's lines, too."""
+    return replace(
+        settings, expected_lines={**{line.name: line.frequency_hz for line in lines}, **settings.expected_lines}
+    )
+
+
+def _check_stretch(
+    span: tuple[float, float] | None, field: FieldSide, predicted: Mapping[str, ReducedSignal], window_s: float
+) -> None:
+    """Refuse a stretch without a window for which the model was run."""
+    if span is not None and field.signals and not predicted:
+        raise InputError(
+            f"stretch from {span[0]:g} to {span[1]:g} s: no window of {window_s:g} s lies in it at a level of "
+            "operation, allowed: a longer stretch, or shorter windows (one begins where the one before it ends)"
+        )
+
+
 def _result(
     reader: RecordingReader,
     described: Machine,
-    places: Mapping[str, SensorPlace],
+    placed: Machine,
     field: FieldSide,
     history: OperatingHistory,
     points: Mapping[str, PointComparison],
@@ -141,7 +150,7 @@ def _result(
     run: tuple[float, int],
 ) -> ComparisonResult:
     """Gather what was read, compared and left out, and what it depends on; `run`: duration and seed of the model's."""
-    changed = change_times(points)
+    places, changed = placed.description.sensor_places, change_times(points)
     return ComparisonResult(
         window_s=settings.window_s,
         confidence=CONFIDENCE,
@@ -197,15 +206,17 @@ def _changed(times: Sequence[float]) -> Iterator[str]:
         )
 
 
-def _check(model_duration: float, window_s: float, seed: int, span: tuple[float, float] | None) -> None:
+def _checked(settings: Settings, model_duration: float, seed: int, span: tuple[float, float] | None) -> Settings:
+    """Return the settings if all that is given is allowed."""
     if span is not None and not 0.0 <= span[0] < span[1]:
         raise InputError(f"stretch from {span[0]:g} to {span[1]:g} s, allowed: from 0 or later to a later time")
     if not SHORTEST_MODEL_S <= model_duration <= LONGEST_MODEL_S:
         raise InputError(f"model_duration {model_duration:g} s, allowed: {SHORTEST_MODEL_S:g} to {LONGEST_MODEL_S:g} s")
-    if not SHORTEST_WINDOW_S <= window_s <= LONGEST_WINDOW_S:
-        raise InputError(f"window {window_s:g} s, allowed: {SHORTEST_WINDOW_S:g} to {LONGEST_WINDOW_S:g} s")
+    if not SHORTEST_WINDOW_S <= settings.window_s <= LONGEST_WINDOW_S:
+        raise InputError(f"window {settings.window_s:g} s, allowed: {SHORTEST_WINDOW_S:g} to {LONGEST_WINDOW_S:g} s")
     if not 0 <= seed < 2**31:
         raise InputError(f"seed {seed}, allowed: 0 to {2**31 - 1}")
+    return settings
 
 
 def _shared_points(reader: RecordingReader, machine: Machine) -> list[str]:

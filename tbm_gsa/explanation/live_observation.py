@@ -17,8 +17,8 @@ from tbm_gsa.reading import MachineFile, Part
 from tbm_gsa.sensitivity.study.errors import StudyError
 from tbm_msgs_py.base.arrays import Array
 
-FILE_NAME, PAGE_NAME = "observed.json", "explanation.html"
-"""In the folder of an alarm: this document, and the page of its explanation."""
+FILE_NAME = "observed.json"
+"""In the folder of an alarm, beside its explanation."""
 
 
 class LiveObservation(Part):

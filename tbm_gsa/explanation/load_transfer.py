@@ -59,10 +59,6 @@ class LoadTransfer:
         """Return the mean band powers (…, k) in (m/s²)² at factors (…, r)."""
         return np.asarray(np.square(factors) @ self.gain + self.meshes)
 
-    def modulated_share(self, factors: Array) -> Array:
-        """Share (…, k) of what the meshes move in the band powers at factors (…, r)."""
-        return np.asarray(np.square(factors) @ self.modulated / self.predict(factors))
-
     def only(self, places: Integers) -> Self:
         """Of some statistics (u,) alone."""
         statistics = tuple(self.statistics[place] for place in places)

@@ -149,7 +149,7 @@ class MachineWatch:
         return None if self._watching is None else self._watching.baseline.offset
 
     def resume(self, alarm: MachineAlarm | None, since_ns: Mapping[str, int]) -> None:
-        """Take over what spans that are not known any more have shown, after the latest ones have been added again.
+        """Restore the alarm and the begins of changes of an earlier run, after its latest spans have been added again.
 
         Parameters
         ----------

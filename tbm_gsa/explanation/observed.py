@@ -11,6 +11,7 @@ from typing import Final, Self
 import numpy as np
 
 from tbm_dynamics.loads.description import LoadFactors
+from tbm_gsa.comparison.change_times import SHORTEST_S
 from tbm_gsa.comparison.results import ComparisonResult, SpectrumResult
 from tbm_gsa.explanation.band_reading import BandReading, Sensor
 from tbm_gsa.explanation.curve_cache import rounded
@@ -22,8 +23,6 @@ from tbm_gsa.signals.noise_floor import spectrum_floor
 from tbm_msgs_py.base.arrays import Array, Integers
 from tbm_msgs_py.base.errors import InputError
 
-SHORTEST_S: Final = 15.0
-"""Of every channel: six or seven segments; with less the slow axial band scatters by half."""
 FEWEST_POINTS: Final = 2
 """Of one point nothing tells the machine from its sensor."""
 FEWEST_TELLING: Final = 4

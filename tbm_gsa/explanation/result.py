@@ -28,6 +28,8 @@ from tbm_gsa.sensitivity.study.distributions import distribution_from
 from tbm_msgs_py.base.units import STANDARD_GRAVITY
 
 RESULT_NAME: Final = "explanation.json"
+PAGE_NAME: Final = "explanation.html"
+"""Beside it."""
 Verdict = Literal["rock", "machine", "sensor", "not explained"]
 Fault = Literal["gain", "dead", "noise"]
 

@@ -15,7 +15,13 @@ from tbm_msgs_py.nodes.processes import ChildProcess, LogLines
 
 
 class _Processes:
-    """Processes that go on."""
+    """Processes that go on, but for those that have ended as they may."""
+
+    def __init__(self):
+        self.ended = set()
+
+    def running(self, name):
+        return name not in self.ended
 
     def start(self, command):
         pass
@@ -32,7 +38,8 @@ class _Run:
 
     def __init__(self, capsys):
         self.now, self.diagnostics, self._capsys = 0.0, {}, capsys
-        self.nodes = Supervision(_Processes(), self.diagnostics, lambda: self.now)
+        self.processes = _Processes()
+        self.nodes = Supervision(self.processes, self.diagnostics, lambda: self.now)
         self.nodes.start(NodeCommand("load_node"))
 
     def go_on(self, seconds, text=None, progress=lambda now: 0.0):
@@ -40,7 +47,7 @@ class _Run:
         for tick in range(5 * seconds):
             if text is not None and tick % 5 == 0:
                 self.diagnostics["tbm: load_node"] = (0, str(text), {})
-            self.nodes.check(progress(self.now))
+            self.nodes.check(progress(self.now), "load_node")
             self.now += 0.2
         return self._capsys.readouterr().err.splitlines()
 
@@ -59,6 +66,12 @@ def test_a_node_that_falls_silent_is_a_line_and_its_return(run):
     assert run.go_on(9) == []
     assert run.go_on(30) == ["load_node: has said nothing for 10 s"]
     assert run.go_on(30, "active") == ["load_node: active"]
+
+
+def test_a_node_that_has_ended_as_it_may_is_no_line(run):
+    run.go_on(3, "active")
+    run.processes.ended.add("load_node")
+    assert run.go_on(60) == []
 
 
 def test_a_node_that_is_not_yet_heard_is_no_line(run):

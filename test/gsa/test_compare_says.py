@@ -12,7 +12,7 @@ from tbm_dynamics.machine.loading import machine_text
 from tbm_gsa.app.cli.bag.info import info
 from tbm_gsa.app.cli.compare import print_tables
 from tbm_gsa.app.report.compare_page import compare_page
-from tbm_gsa.comparison.changed import change_times
+from tbm_gsa.comparison.change_times import change_times
 from tbm_gsa.comparison.results import AxisResult, ComparisonResult, WindowColumns
 from tbm_gsa.comparison.units import operating_doubts, unit_doubt
 from tbm_gsa.comparison.workflow import compare_recording

@@ -99,6 +99,17 @@ def test_operating_points_off_the_clock_hold_from_now(compare, stamp, named):
     assert [operation.kind(k * SECOND, (k + 1) * SECOND) for k in (28, 40)] == ["steady", "standstill"]
 
 
+def test_before_any_clock_a_stamp_is_taken_as_it_is():
+    """The first message of a recording may come before its first clock."""
+    sensors, stamp = field_sensors("", ["girder"])[0].values(), 1_767_225_600 * SECOND
+    comparison = LiveComparison(["girder"], sensors, 0.5, lambda _: None)
+    assert comparison.add_operating_point(topics.OPERATING_POINT, stamp, (1.0, 1.0, 1.0), 0) == ""
+    assert comparison.add_operating_point(topics.OPERATING_POINT, stamp + SECOND, (0.0, 0.0, 0.0), 0) == ""
+    operation = comparison._operation[topics.OPERATING_POINT]
+    kinds = [operation.kind(stamp + k * SECOND, stamp + (k + 1) * SECOND) for k in (0, 1)]
+    assert kinds == ["steady", "standstill"]
+
+
 def test_what_of_a_mapping_is_not_used_live_is_said(tmp_path):
     file = tmp_path / "mapping.yaml"
     sensor = "{point: belt, units: g, gravity: removed, frame: fixed}"

@@ -18,8 +18,8 @@ from tbm_gsa.app.nodes.live_watch import LiveWatch
 from tbm_gsa.app.nodes.settings import WatchSettings
 from tbm_gsa.app.nodes.watch_store import WatchStore
 from tbm_gsa.comparison import WindowedComparison
-from tbm_gsa.explanation.live_observation import FILE_NAME, PAGE_NAME, LiveObservation
-from tbm_gsa.explanation.result import read_explanation
+from tbm_gsa.explanation.live_observation import FILE_NAME, LiveObservation
+from tbm_gsa.explanation.result import PAGE_NAME, read_explanation
 from tbm_gsa.explanation.training import CurveJob
 from tbm_gsa.history import WindowSource
 from tbm_msgs_py.recordings.mapping import contract_sensor

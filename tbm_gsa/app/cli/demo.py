@@ -31,14 +31,13 @@ from tbm_gsa.app.cli.processes import NodeCommand, NodeProcesses, settle_ros_env
 from tbm_gsa.app.cli.shipped import STORY, shipped_bag
 from tbm_gsa.app.cli.supervision import ACTIVE_STATUSES, Supervision, watch
 from tbm_gsa.app.cli.workers import anonymous_main, shown_progress
-from tbm_gsa.explanation.result import StretchFinding
+from tbm_gsa.explanation.result import PAGE_NAME, StretchFinding
 from tbm_gsa.provenance import machine_file
 from tbm_gsa.reading import MachineFile, Maybe, Part
 from tbm_gsa.sensitivity.results import NOT_DETERMINED, is_determined
 from tbm_gsa.sensitivity.study.outputs import checked_outputs
 from tbm_msgs_py.bags.metadata import is_synthetic
 from tbm_msgs_py.base.errors import RunError
-from tbm_msgs_py.base.files import write_whole
 from tbm_msgs_py.base.units import STANDARD_GRAVITY
 from tbm_msgs_py.recordings.mapping import default_mapping_file
 from tbm_msgs_py.recordings.recording import Recording, read_recording
@@ -250,7 +249,7 @@ def _wait_while(watching: Watch, nodes: Supervision, condition: Callable[[], boo
 
 def explained(path: Path, machine: Machine, out: Path, seed: int) -> list[StretchFinding]:
     """Explain the recording stretch by stretch, with a page for each."""
-    from tbm_gsa.app.report.explanation_page import explanation_page  # noqa: PLC0415 - matplotlib loads slowly
+    from tbm_gsa.app.report.explanation_page import write_explanation_page  # noqa: PLC0415 - matplotlib loads slowly
     from tbm_gsa.explanation.stretches import explain_stretches  # noqa: PLC0415 - as above
     from tbm_gsa.explanation.workflow import ExplainOptions  # noqa: PLC0415 - as above
 
@@ -259,7 +258,7 @@ def explained(path: Path, machine: Machine, out: Path, seed: int) -> list[Stretc
         stretches = explain_stretches(path, machine, out / "explanations", options)
     for one in stretches:
         if one.explanation is not None and one.finding.folder is not None:
-            write_whole(Path(one.finding.folder) / "explanation.html", explanation_page(one.explanation).encode())
+            write_explanation_page(one.explanation, Path(one.finding.folder) / PAGE_NAME)
     return [one.finding for one in stretches]
 
 
@@ -330,6 +329,8 @@ def print_tables(found: DemoResult, *, synthetic: bool) -> None:
     results.print("\nWhat explains the recording")
     for finding in found.findings:
         print_sentence(str(finding))
+        if finding.folder is not None:
+            results.print(f"  {Path(finding.folder) / PAGE_NAME}", highlight=False)
     results.print()
     lost = sum(count.lost for count in found.blocks.values())
     results.print(f"{found.seconds:.0f} s, {lost} blocks lost", highlight=False)

@@ -20,7 +20,7 @@ from tbm_gsa.app.cli.output import (
 )
 from tbm_gsa.app.cli.workers import Workers, anonymous_main, shown_progress
 from tbm_gsa.comparison.results import COMPARISON, ComparisonResult
-from tbm_gsa.explanation.result import Explanation, NoChange
+from tbm_gsa.explanation.result import PAGE_NAME, Explanation, NoChange
 from tbm_gsa.reading import read_document
 
 _SHOWN = 8
@@ -58,7 +58,7 @@ def explain(
             progress=shown_progress(bar),
         )
         found = find(compared, out, options)
-    page = out / "explanation.html"
+    page = out / PAGE_NAME
     write_explanation_page(found, page)
     if json:
         print_json(found)

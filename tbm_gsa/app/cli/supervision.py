@@ -102,6 +102,8 @@ class Supervision:
             self._received.clear()
         self._checked = now
         for name, reported in self._reported.items():
+            if name == ending and not self.running(name):
+                continue
             text = self._text(name, now) or reported
             if text != reported:
                 self._reported[name] = text

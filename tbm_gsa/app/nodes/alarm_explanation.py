@@ -7,15 +7,15 @@ import sys
 from pathlib import Path
 
 from tbm_dynamics import load_machine
-from tbm_gsa.app.report.explanation_page import explanation_page
+from tbm_gsa.app.report.explanation_page import write_explanation_page
 from tbm_gsa.comparison.results import OperatingLevel
-from tbm_gsa.explanation.live_observation import FILE_NAME, PAGE_NAME, LiveObservation
+from tbm_gsa.explanation.live_observation import FILE_NAME, LiveObservation
+from tbm_gsa.explanation.result import PAGE_NAME
 from tbm_gsa.explanation.workflow import ExplainOptions, ExplanationSource, explain_source
 from tbm_gsa.provenance import machine_sha256
 from tbm_gsa.reading import RecordingFile, read_document
 from tbm_gsa.sensitivity.study.errors import StudyError
 from tbm_msgs_py.base.errors import InputError
-from tbm_msgs_py.base.files import write_whole
 
 
 def main() -> int:
@@ -26,7 +26,7 @@ def main() -> int:
     except InputError as error:
         sys.stderr.write(f"{error}\n")
         return 2
-    write_whole(folder / PAGE_NAME, explanation_page(found).encode())
+    write_explanation_page(found, folder / PAGE_NAME)
     sys.stderr.write(f"{found.sentence()}\n")
     return 0
 

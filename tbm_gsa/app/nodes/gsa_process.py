@@ -14,7 +14,8 @@ from typing import Literal
 
 from tbm_gsa.app.nodes.settings import GsaSettings
 from tbm_gsa.app.nodes.start import child_command
-from tbm_gsa.explanation.live_observation import FILE_NAME, PAGE_NAME, LiveObservation
+from tbm_gsa.explanation.live_observation import FILE_NAME, LiveObservation
+from tbm_gsa.explanation.result import PAGE_NAME
 from tbm_gsa.sensitivity.results import REPORT_NAME, RESULT_NAME, StudyResult
 from tbm_gsa.sensitivity.study.errors import StudyError
 from tbm_gsa.sensitivity.study.store import STORE_NAME, Store

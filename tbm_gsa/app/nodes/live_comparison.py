@@ -94,9 +94,10 @@ class LiveComparison:
         """Add speed, torque and thrust (3,) from a stamp on, of one of the two topics.
 
         A stamp that is 0 or lies ahead of the signals is not used: the point holds from now on, and the reason
-        is returned. One that lies behind is that of a latched message, or the clock has been set back.
+        is returned. One that lies behind is that of a latched message, or the clock has been set back. Before the first
+        signal of a clock that has not begun, as of a recording, nothing can be said against a stamp.
         """
-        reached = self._windows.latest_ns() or now_ns
+        reached = self._windows.latest_ns() or now_ns or stamp_ns
         if stamp_ns == 0 and reached > CLOCK_JUMP_NS:
             reason = "the stamp is 0"
         elif (ahead := stamp_ns - reached) > CLOCK_JUMP_NS:

@@ -108,7 +108,7 @@ def rock_text(state: WatchState) -> str:
 
 
 def alarm_text(state: WatchState) -> str:
-    """Say what has changed, since when, and what to look at; empty without an alarm."""
+    """Return what has changed, since when, and what to look at; empty without an alarm."""
     alarm = state.alarm
     if alarm is None:
         return ""

@@ -14,7 +14,8 @@ from tbm_gsa.signals.changes import changes
 from tbm_msgs_py.base.arrays import Array
 
 SHORTEST_S: Final = 15.0
-"""Of a part: what a verdict needs."""
+"""Of a part, and of every channel of what is explained: six or seven segments; with less the slow axial band scatters
+by half."""
 INDEPENDENT_S: Final = 3.0
 """After which levels are nearly: weakly damped modes ring, and the power of a band is taken over a second."""
 _LEAST_COVERAGE: Final = 0.5  # of a window that counts
