@@ -35,9 +35,20 @@ class Boring:
 
     def __init__(self, peer):
         self._peer, self._random, self._block = peer, np.random.default_rng(3), 0
-        plc = peer.publisher(JointState, "/tbm/operating_point", qos.OPERATING_POINT)
-        plc.publish(messages.operating_point_message(START, OperatingPoint(0.7, 4e6, 9e6)))
+        self._plc = peer.publisher(JointState, "/tbm/operating_point", qos.OPERATING_POINT)
         self._points = {point: peer.publisher(PointCloud2, f"/tbm/field/{point}/block", qos.BLOCK) for point in POINTS}
+        self._drive()
+
+    def _drive(self):
+        self._plc.publish(messages.operating_point_message(START, OperatingPoint(0.7, 4e6, 9e6)))
+        self._peer.settle()
+
+    def wait_for_nodes(self, count):
+        """Wait until so many nodes are there; a new one knows how the machine is driven before its first block."""
+        made = (self._plc, *self._points.values())
+        self._peer.wait_for(lambda: {one.get_subscription_count() for one in made} == {count})
+        if count:
+            self._drive()
 
     def __call__(self, minutes, shield=1.0, points=POINTS):
         for _ in range(minutes * 60 // BLOCK_S):
@@ -86,9 +97,11 @@ def test_rock_machine_and_alarm_are_published(host_node, peer, tmp_path, monkeyp
     assert set(lines(rock[0])["tbm: rock lateral"]) == {"name", "value", "low", "high", "probability", "since"}
     assert "out of range Min: 0.5" in peer.set_parameters("/tbm/analysis_node", watch__commissioning=0.1)[0]
     node.close()
+    boring.wait_for_nodes(0)
 
     peer.diagnostics.clear()
     again = host_node(AnalysisNode, **given)
+    boring.wait_for_nodes(1)
     boring(3, shield=3.0)
     again.wait_for(lambda: "sensor: gain at shield" in peer.text("tbm: machine"))
     since = found["tbm: machine"]["since"]
