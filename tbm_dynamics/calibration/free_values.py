@@ -46,10 +46,11 @@ class FreeValue:
 
 
 _HEAD, _CARRIER = ("cutterhead_bearing_gear",), ("carrier_girder",)
-_FX, _MX = ("loads", "fx"), ("loads", "mx")
+_FX = ("loads", "fx")
 
 # Design ranges: head 120–220 t, carrier with its drives 80–150 t (the drives weigh 34.5 t), shield 30–100, girder
-# 50–120, gripper 30–90 t. Walls: sections that stand for plates and boxes may be thin.
+# 50–120, gripper 30–90 t. Sections stand for plates and boxes: their walls may be thin, but carry the allowed loads. What
+# thrust fluctuates slowly has been measured, 2.1 to 2.8 % RMS within half a minute, through the filters of a controller.
 FREE_VALUES: tuple[FreeValue, ...] = (
     FreeValue((*_HEAD, "shafts", 0, "mass"), 120e3, 220e3),
     FreeValue((*_HEAD, "shafts", 1, "mass"), 8e3, 20e3),
@@ -64,11 +65,9 @@ FREE_VALUES: tuple[FreeValue, ...] = (
     FreeValue((*_HEAD, "shafts", 2, "inner_diameter"), 0.004, 0.25, wall_of=3.9),
     FreeValue((*_CARRIER, "shafts", 0, "inner_diameter"), 0.004, 0.4, wall_of=4.4),
     FreeValue((*_CARRIER, "shafts", 1, "inner_diameter"), 0.01, 0.2, wall_of=1.8),
-    FreeValue((*_FX, "regions", 0, "rms"), 1e5, 2.2e6, logarithmic=True),
+    FreeValue((*_FX, "regions", 0, "rms"), 1e5, 3.6e5, logarithmic=True),
     FreeValue((*_FX, "regions", 1, "rms"), 2e5, 2e6, logarithmic=True),
     FreeValue((*_FX, "lines", 1, "amplitude"), 2e5, 2e6, logarithmic=True),
-    FreeValue((*_MX, "lines", 0, "amplitude"), 5e4, 1.2e6, logarithmic=True),
-    FreeValue((*_MX, "lines", 1, "amplitude"), 5e4, 8e5, logarithmic=True),
 )
 
 

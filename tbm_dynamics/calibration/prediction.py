@@ -1,4 +1,4 @@
-"""Vibration level and mesh force of the linear system under the spectral loads, in the frequency domain: no run needed.
+"""Vibration level of the linear system under the spectral loads, in the frequency domain: no run needed.
 
 The loads' components are independent, so the power at a point is Σ_c ∫ |H_c(f)|² S_c(f) df, with the transfer function
 H of the reduced system, couplings closed at their mean stiffness.
@@ -15,6 +15,7 @@ import numpy as np
 from tbm_dynamics.frequency_response import FrequencyResponse
 from tbm_dynamics.loads.spectral import TRANSITION_HZ
 from tbm_dynamics.machine.machine import Machine
+from tbm_dynamics.structure.stress import shaft_stresses
 from tbm_dynamics.structure.system import System
 
 _SPACING_HZ = 0.3
@@ -32,38 +33,33 @@ class Prediction:
     axial_frequencies : (k,) ndarray
         Undamped natural frequencies (Hz) at which the cutterhead point moves axially, with a participation
         |φ| √m_head above 0.3.
-    mesh_lines : mapping of float to float
-        Amplitude (N) of the first mesh's force at each frequency (Hz) of a line of the torque.
+    stress_used : float
+        Largest stress of a shaft under the allowed loads, over the allowable one.
     """
 
     rms: Mapping[str, np.ndarray]
     axial_frequencies: np.ndarray
-    mesh_lines: Mapping[float, float]
+    stress_used: float
 
 
 def predict(machine: Machine) -> Prediction:
-    """Predict levels, axial natural frequencies and mesh-force lines of a machine."""
+    """Predict levels, axial natural frequencies and stresses of a machine that states an allowable stress."""
     system = machine.assemble()
     points = machine.description.sensor_places
-    observe = np.vstack([place.rows(system) for place in points.values()])
-    response = FrequencyResponse(system, np.vstack([observe, system.couplings.rows[:1]]))
-    power, components = np.zeros(len(observe)), machine.description.loads.components
-    lines = {line.frequency: 0.0 for line in machine.description.loads.mx.lines}
+    response = FrequencyResponse(system, np.vstack([place.rows(system) for place in points.values()]))
+    power = np.zeros(3 * len(points))
+    components = machine.description.loads.components
     for column, (component, scale) in enumerate(zip(components, machine.load_scale(), strict=True)):
         for region in component.regions:
-            gain = np.abs(response.accelerance(_inside(*region.filled))[:, :-1, column])
+            gain = np.abs(response.accelerance(_inside(*region.filled))[:, :, column])
             power += np.mean(gain**2, axis=0) * (region.rms * scale) ** 2
         for line in component.lines:
-            amplitude, frequency = line.amplitude * scale, np.array([line.frequency])
-            gain = np.abs(response.accelerance(frequency)[0, :-1, column])
-            power += gain**2 * amplitude**2 / 2.0
-            if line.frequency in lines:
-                # Phases are random: the components' shares add up as powers.
-                law = system.couplings.stiffness[0] + 2j * np.pi * line.frequency * system.couplings.damping[0]
-                share = float(np.abs(law * response.receptance(frequency)[0, -1, column])) * amplitude
-                lines[line.frequency] = float(np.hypot(lines[line.frequency], share))
+            gain = np.abs(response.accelerance(np.array([line.frequency]))[0, :, column])
+            power += gain**2 * (line.amplitude * scale) ** 2 / 2.0
     rms = dict(zip(points, np.sqrt(power).reshape(-1, 3), strict=True))
-    return Prediction(rms, _axial_frequencies(machine, system), lines)
+    allowable = machine.description.steel.allowable_stress or math.inf
+    used = max(one.stress for one in shaft_stresses(machine, system)) / allowable
+    return Prediction(rms, _axial_frequencies(machine, system), used)
 
 
 def _inside(low: float, high: float) -> np.ndarray:

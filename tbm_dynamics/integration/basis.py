@@ -36,7 +36,7 @@ import scipy.sparse.csgraph
 from tbm_dynamics.integration.linear import INPUTS, MOTORS, LinearSystem, first_order, input_columns
 from tbm_dynamics.structure.system import System
 
-DEFAULT_TOLERANCE = 3e-3
+DEFAULT_TOLERANCE = 1e-4
 """Of the accelerations under a force, over the largest under it at any frequency."""
 
 # Where responses are sampled: the loads end near 210 Hz, the teeth of the gearboxes mesh up to 1.1 kHz.

@@ -19,8 +19,8 @@ from tbm_dynamics.structure.system import System
 
 INPUTS = 7
 """Six cutterhead loads and the motor torque."""
-MOTORS = 6
-"""Which of them is the motor torque."""
+ABOUT_X, MOTORS = 3, 6
+"""Which of them is the moment about x, and which the motor torque."""
 
 
 @dataclass(frozen=True)

@@ -13,7 +13,7 @@ from tbm_dynamics.integration import DEFAULT_STEP
 from tbm_dynamics.integration.condensed import Condensed
 from tbm_dynamics.integration.lanes import aligned, lanes_for
 from tbm_dynamics.integration.laws import MeshInputs
-from tbm_dynamics.integration.linear import INPUTS
+from tbm_dynamics.integration.linear import ABOUT_X, INPUTS, MOTORS
 from tbm_dynamics.integration.lobatto import Lobatto
 from tbm_dynamics.integration.method import Method, Steps
 from tbm_dynamics.integration.output import Output
@@ -68,23 +68,24 @@ class _Operation:
         Mesh frequency (Hz).
     phase_step, phase : int, float
         A step, and the mesh phase there (cycles).
-    torque : tuple of 2 floats
-        Torque of the motors, on the side of the head, before and after a linear ramp (N·m).
+    driving : tuple of 2 (2,) ndarrays
+        Torque of the motors, on the side of the head, and the moment of the gross rotation against it (N·m), before and
+        after a linear ramp.
     ramp_step, ramp_steps : int
         First step of the ramp, and their number.
     """
 
     rate: float
-    torque: tuple[float, float]
+    driving: tuple[np.ndarray, np.ndarray]
     phase_step: int = 0
     phase: float = 0.0
     ramp_step: int = 0
     ramp_steps: int = 1
 
-    def torque_at(self, steps: np.ndarray) -> np.ndarray:
-        """Torque at steps (n,), N·m."""
-        before, after = self.torque
-        share = np.clip((steps - self.ramp_step + 1) / self.ramp_steps, 0.0, 1.0)
+    def driving_at(self, steps: np.ndarray) -> np.ndarray:
+        """Torque and moment at steps (n,), (n, 2) N·m."""
+        before, after = self.driving
+        share = np.clip((steps[:, None] - self.ramp_step + 1) / self.ramp_steps, 0.0, 1.0)
         return np.asarray(before + share * (after - before))
 
 
@@ -100,6 +101,8 @@ class Simulator:
         s.
     method : "reduced" or "full"
         The production basis, or every unknown.
+    ramp : float
+        s from the start, over which the loads go from their mean to what is handed over.
 
     Attributes
     ----------
@@ -108,7 +111,13 @@ class Simulator:
     """
 
     def __init__(
-        self, system: System, nodes: Iterable[int], time_step: float = DEFAULT_STEP, method: MethodName = "reduced"
+        self,
+        system: System,
+        nodes: Iterable[int],
+        time_step: float = DEFAULT_STEP,
+        method: MethodName = "reduced",
+        *,
+        ramp: float = 0.0,
     ) -> None:
         if not time_step > 0.0:
             raise SimulationError(f"time_step {time_step}: must be positive")
@@ -116,10 +125,12 @@ class Simulator:
         self.time_step = time_step
         self.next_step = 0
         self._couplings = system.couplings
-        self._mean_load, self._mean_torque = system.mean_load, system.operating_point.torque
+        self._ramp_steps = round(ramp / time_step)
+        self._system = system
+        self._mean_driving = system.driving(system.operating_point)
         dofs = np.array([system.dof(node, direction) for node in self.nodes for direction in DIRECTIONS], dtype=np.intp)
         self._method: Method[Any] = (Condensed if method == "reduced" else Lobatto)(system, dofs, time_step)
-        self._operation = _Operation(self._mesh_rate(system.operating_point), (self._mean_torque, self._mean_torque))
+        self._operation = _Operation(self._mesh_rate(system.operating_point), (self._mean_driving, self._mean_driving))
         start = static_start(system, self._operation.rate, time_step, self._method.linear)
         self._laws, self._start_force = start.laws, start.force
         self._state: Any
@@ -150,7 +161,7 @@ class Simulator:
         now = self._operation
         self._operation = _Operation(
             rate=self._mesh_rate(point),
-            torque=(now.torque_at(np.array([reached]))[0], point.torque),
+            driving=(now.driving_at(np.array([reached]))[0], self._system.driving(point)),
             phase_step=reached,
             phase=now.phase + (reached - now.phase_step) * now.rate * self.time_step,
             ramp_step=self.next_step,
@@ -199,9 +210,14 @@ class Simulator:
         n, block = len(loads), self._block
         begin = self.next_step % _BLOCK
         rows = slice(begin, begin + n)
-        inputs = np.empty((n, INPUTS))
-        inputs[:, :6] = loads - self._mean_load
-        inputs[:, 6] = self._operation.torque_at(self.next_step + np.arange(n)) - self._mean_torque
+        inputs, steps = np.empty((n, INPUTS)), self.next_step + np.arange(n)
+        inputs[:, :6] = loads - self._system.mean_load
+        if self.next_step < self._ramp_steps:
+            share = np.minimum(steps[:, None] / self._ramp_steps, 1.0)
+            inputs[:, :6] *= share**2 * (3.0 - 2.0 * share)
+        torque, moment = (self._operation.driving_at(steps) - self._mean_driving).T
+        inputs[:, MOTORS] = torque
+        inputs[:, ABOUT_X] -= moment
         known = block.inputs[rows]
         known[:, :INPUTS], known[0, INPUTS:], known[1:, INPUTS:] = inputs, self._last_inputs, inputs[:-1]
         block.record[rows, -INPUTS:] = inputs

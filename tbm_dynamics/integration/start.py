@@ -60,6 +60,7 @@ def static_start(system: System, rate: float, time_step: float, linear: np.ndarr
     slope *= rate
     before, still, *around = (system.equilibrium(k, e) for k, e in zip(stiffness, error, strict=True))
     velocity = (around[1].displacement - around[0].displacement) * (rate / (2.0 * _INSTANT))
+    velocity -= _turning_rotors(system, velocity)
     # The dampers hold that motion back a little: shift the start to where no net force is left.
     rows = couplings.rows
     offset = -system.solve(system.C @ velocity + rows.T @ (couplings.damping * slope[1]))
@@ -79,3 +80,17 @@ def static_start(system: System, rate: float, time_step: float, linear: np.ndarr
     return Start(
         still.displacement, deflection, laws, offset, velocity, np.array(residual), mesh_inputs[1], force, flank
     )
+
+
+def _turning_rotors(system: System, velocity: np.ndarray) -> np.ndarray:
+    """Return what of a velocity (n,) is the rotors turning, the others following them.
+
+    As heavy as they are at the pinion they do not follow the teeth, which the equilibrium has them do.
+    """
+    rotors = system.drives.rotors
+    if not len(rotors):
+        return np.zeros_like(velocity)
+    torques = np.zeros((system.size, len(rotors)))
+    torques[rotors, np.arange(len(rotors))] = 1.0
+    following = system.solve(torques)
+    return np.asarray(following @ np.linalg.solve(following[rotors], velocity[rotors]))

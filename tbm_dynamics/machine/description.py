@@ -80,6 +80,8 @@ class Material(FrozenModel):
     elasticity: Positive
     poisson: Annotated[float, Field(ge=0.0, lt=0.5)]
     damping: NonNegative
+    allowable_stress: Positive | None = None
+    """Pa, of the shafts under the largest torque and thrust that are allowed; None: not checked."""
     source: Source
 
 
@@ -160,13 +162,29 @@ class Connection(FrozenModel):
     between: tuple[Node, Node | Literal["ground"]]
     type: ConnectionType
     stiffness: SixStiffnesses
+    force_controlled: bool = False
+    """Thrust cylinders that hold a force: the mean thrust enters here, pushing the first node forward off the second, and
+    what moves slowly does not feel their stiffness along x."""
+    turning_inertia: Positive | None = None
+    """Of rock on the cutterhead: what turns on its spring about x (kg·m²). The damper about x is then that of a true
+    ratio, c = 2ζ√(kJ), and the head's own turning works against it, on top of the mean torque."""
     source: Source
 
     @model_validator(mode="after")
     def _two_ends(self) -> Self:
         if self.between[0] == self.between[1]:
             raise ValueError(f"between {list(self.between)}: the ends must be two nodes, or a node and {GROUND}")
+        if self.force_controlled and (self.type != "hydraulic" or self.between[1] == GROUND):
+            raise ValueError("force_controlled: allowed between two nodes, with type: hydraulic")
+        if self.turning_inertia is not None and (self.type != "rock" or self.between[1] != GROUND):
+            raise ValueError("turning_inertia: allowed between a node and ground, with type: rock")
         return self
+
+    @model_serializer(mode="wrap")
+    def _as_usual(self, dump: SerializerFunctionWrapHandler) -> dict[str, object]:
+        # What is written of a plain connection, and its digest, is as it was before these could be said.
+        data: dict[str, object] = dump(self)
+        return {key: value for key, value in data.items() if value not in (False, None)}
 
 
 class Subsystem(FrozenModel):
@@ -308,6 +326,16 @@ class MachineDescription(FrozenModel):
         for key, length, limit, name in lengths:
             if length >= limit:
                 raise ValueError(f"{key}: {length:g} m, allowed: less than the {name}, {limit:.3g} m")
+        return self
+
+    @model_validator(mode="after")
+    def _one_way_of_thrust(self) -> Self:
+        held = [connection for connection in self.all_connections() if connection.force_controlled]
+        if len(held) > 1:
+            raise ValueError(f"force_controlled: {len(held)} connections, allowed: one")
+        for connection in self.all_connections():
+            if connection.turning_inertia is not None and connection.between[0] != self.load_node:
+                raise ValueError(f"{connection.name}.turning_inertia: allowed at load_node {self.load_node}")
         return self
 
     @model_validator(mode="after")

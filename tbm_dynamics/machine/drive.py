@@ -63,6 +63,29 @@ class Gearbox(FrozenModel):
         return math.prod(stage.ratio for stage in self.stages)
 
 
+class Motor(FrozenModel):
+    """How the motors hold the head: their torque alone, or their speed.
+
+    `torque`: each gives its share of the mean torque, whatever its speed is. `speed`: about that torque, a controller
+    that holds the speed: proportional `damping` (N·m·s/rad) and integral `stiffness` (N·m/rad), both at the pinion, of
+    the rotor against its mount. An induction motor without a controller is one with the damping of its slip, its rated
+    torque over its slip speed.
+    """
+
+    control: Literal["torque", "speed"] = "torque"
+    damping: NonNegative = 0.0
+    stiffness: NonNegative = 0.0
+    source: Source = "assumed"
+
+    @model_validator(mode="after")
+    def _held_by_something(self) -> Self:
+        if (self.control == "speed") != (self.damping > 0.0):
+            raise ValueError(f"damping {self.damping:g}: must be positive with control: speed, is 0 with torque")
+        if self.control == "torque" and self.stiffness > 0.0:
+            raise ValueError(f"stiffness {self.stiffness:g}: allowed with control: speed only")
+        return self
+
+
 class DrivePlacement(FrozenModel):
     """Angle of the first drive, and x of the five nodes of one drive (m): seats, mesh, gearbox output and rotor."""
 
@@ -128,6 +151,7 @@ class DriveTemplate(FrozenModel):
     gear: Gear
     mesh: Mesh
     gearbox: Gearbox
+    motor: Motor = Motor()
 
     @model_validator(mode="after")
     def _hollow_pinion_shaft(self) -> Self:

@@ -6,7 +6,7 @@ from collections.abc import Iterable, Iterator
 
 import numpy as np
 
-from tbm_dynamics.integration import DEFAULT_STEP
+from tbm_dynamics.integration import DEFAULT_STEP, LOAD_RAMP
 from tbm_dynamics.integration.simulator import Chunk, MethodName, Simulator
 from tbm_dynamics.loads.stepper import LoadModel
 from tbm_dynamics.machine.machine import Machine
@@ -60,7 +60,7 @@ class ModelRun:
         system = machine.assemble()
         self._stream = LoadStream(machine, seed, time_step, min(samples, self.steps), loads, schedule)
         started = system.under(self._stream.operating_point, self._stream.mean)
-        self.simulator = Simulator(started, nodes, time_step, method)
+        self.simulator = Simulator(started, nodes, time_step, method, ramp=LOAD_RAMP)
         self.torque = 0.0
 
     def chunks(self, into: Chunk | None = None, progress: ShareDone | None = None) -> Iterator[Chunk]:

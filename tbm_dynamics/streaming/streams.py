@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from tbm_dynamics.integration import LOAD_RAMP
 from tbm_dynamics.loads.stepper import LoadModel, load_stepper
 from tbm_dynamics.machine.machine import Machine
 from tbm_dynamics.response import default_outputs
@@ -206,7 +207,8 @@ class DynamicsStream:
         from tbm_dynamics.integration.simulator import Simulator  # noqa: PLC0415 - a stream of loads needs none
 
         self._changed = False  # the operating point, since the last block
-        return Simulator(self._system.under(self._point, self.mean_loads), self.nodes, 1.0 / self._rate)
+        started = self._system.under(self._point, self.mean_loads)
+        return Simulator(started, self.nodes, 1.0 / self._rate, ramp=LOAD_RAMP)
 
     @property
     def dropped(self) -> int:

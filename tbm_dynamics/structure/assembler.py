@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field
 from itertools import pairwise
 from typing import TYPE_CHECKING
@@ -13,7 +14,7 @@ from tbm_dynamics.structure.connection import spring_rows, spring_stiffness
 from tbm_msgs_py.base.errors import MachineError
 
 if TYPE_CHECKING:
-    from tbm_dynamics.machine.description import MachineDescription
+    from tbm_dynamics.machine.description import Connection, MachineDescription
     from tbm_dynamics.machine.drive import ConnectionType, SixStiffnesses
 
 
@@ -99,6 +100,22 @@ class Assembler:
         rows = spring_rows(place, place, None if grounded else self.positions[int(second)])
         nodes = (first,) if grounded else (first, int(second))
         self.add_stiffness(nodes, spring_stiffness(rows, factor * np.array(stiffness)), self.damping(kind))
+
+    def add_connection(self, connection: Connection) -> None:
+        """Add a connection of the machine file."""
+        first, second = connection.between
+        self.add_spring(first, second, connection.stiffness, connection.type)
+        if connection.turning_inertia is not None:
+            about_x = self.index[first] + 3
+            proportional = self.damping(connection.type) * connection.stiffness[3]
+            self.C[about_x, about_x] += self.turning_damping(connection) - proportional
+
+    def turning_damping(self, connection: Connection) -> float:
+        """c = 2ζ√(kJ) about x (N·m·s/rad) of a connection with a turning inertia J, ζ being its type's ratio; else 0."""
+        if connection.turning_inertia is None:
+            return 0.0
+        ratio = float(getattr(self.description.connection_damping, connection.type))
+        return 2.0 * ratio * math.sqrt(connection.stiffness[3] * connection.turning_inertia)
 
     def damping(self, kind: ConnectionType) -> float:
         """β of C_e = β K_e (s) of a type of connection, or of steel, in the reading of the machine file."""

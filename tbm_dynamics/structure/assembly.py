@@ -16,9 +16,10 @@ from tbm_dynamics.structure.drive import (
     drive_nodes,
     drive_positions,
     drive_unit,
+    motor_row,
     turn,
 )
-from tbm_dynamics.structure.system import Drives, System
+from tbm_dynamics.structure.system import Cylinders, Drives, System
 from tbm_msgs_py.base.errors import MachineError
 from tbm_msgs_py.base.operating_point import OperatingPoint
 
@@ -62,8 +63,7 @@ def _assembled(description: MachineDescription, load_scale: np.ndarray, point: O
         for body in subsystem.bodies:
             assembler.add_body(body.node, body.mass, body.inertia)
     for connection in description.all_connections():
-        first, second = connection.between
-        assembler.add_spring(first, second, connection.stiffness, connection.type)
+        assembler.add_connection(connection)
     ring_inertia = assembler.polar_inertia(description.driveshaft.ring_shaft_nodes)
     unit = drive_unit(description)
     drives, rows = _add_drives(assembler, unit)
@@ -82,25 +82,41 @@ def _assembled(description: MachineDescription, load_scale: np.ndarray, point: O
         motor_pattern=_motor_pattern(assembler),
         mean_load=description.loads.mean * load_scale,
         operating_point=point,
+        cylinders=_cylinders(assembler),
+        rock_damping=sum(assembler.turning_damping(one) for one in description.all_connections()),
     )
 
 
 def _add_drives(assembler: Assembler, unit: DriveUnit) -> tuple[Drives, np.ndarray]:
     """Turn the drive to every place: where the drives are, and the rows of their couplings (2p, n)."""
-    drive, seats = assembler.description.driveshaft, [one.seat_stiffness for one in assembler.description.each_drive]
-    units = {seat: unit if seat == 1.0 else drive_unit(assembler.description, seat) for seat in set(seats)}
-    angles = np.array(assembler.description.drive_angles)
+    description, drive = assembler.description, assembler.description.driveshaft
+    kinds = [(one.seat_stiffness, not one.off) for one in description.each_drive]
+    units = {(seat, powered): drive_unit(description, seat, powered=powered) for seat, powered in set(kinds)}
+    angles = np.array(description.drive_angles)
     rows = np.zeros((2, drive.count, len(assembler.M)))
     for i, angle in enumerate(angles):
         nodes = (*drive_nodes(drive, i), drive.ring_node, drive.mount_node)
         R = np.kron(np.eye(2 * len(nodes)), turn(float(angle)))
-        one = units[seats[i]]
+        one = units[kinds[i]]
         assembler.add_matrices(nodes, R.T @ one.M @ R, R.T @ one.C @ R, R.T @ one.K @ R)
         rows[:, i, assembler.dofs(*nodes)] = unit.rows @ R
     own = np.array([assembler.dofs(*drive_nodes(drive, i)) for i in range(drive.count)])
     turns = np.array([np.kron(np.eye(2 * OWN_NODES), turn(float(a))) for a in angles])
-    odd = tuple(i for i, seat in enumerate(seats) if seat != mode(seats))
-    return Drives(angles, own, turns, odd), rows.reshape(2 * drive.count, -1)
+    # Without a controller a motor with power is one without.
+    alike = mode(kinds)
+    odd = tuple(i for i, kind in enumerate(kinds) if kind != alike and not _equal(units[kind], units[alike]))
+    turned = [one.off != "uncoupled" for one in description.each_drive]
+    return Drives(angles, own, turns, odd, rotors=own[turned, -3]), rows.reshape(2 * drive.count, -1)
+
+
+def _cylinders(assembler: Assembler) -> Cylinders | None:
+    for connection in assembler.description.all_connections():
+        if connection.force_controlled:
+            first, second = connection.between
+            row = np.zeros(len(assembler.M))
+            row[assembler.index[first]], row[assembler.index[int(second)]] = 1.0, -1.0
+            return Cylinders(row, connection.stiffness[0])
+    return None
 
 
 def _motor_pattern(assembler: Assembler) -> np.ndarray:
@@ -109,9 +125,12 @@ def _motor_pattern(assembler: Assembler) -> np.ndarray:
     unit = drive.gear.pinion_teeth / drive.gear.ring_teeth / sum(one.weight for one in each)
     pattern = np.zeros(len(assembler.M))
     for i, one in enumerate(each):
-        pattern[assembler.index[drive_nodes(drive, i)[-1]] + 3] += unit * one.weight
-        pattern[assembler.index[drive.mount_node] + 3] -= unit * one.weight
+        pattern += unit * one.weight * motor_row(assembler, drive_nodes(drive, i)[-1], drive)
     return pattern
+
+
+def _equal(one: DriveUnit, other: DriveUnit) -> bool:
+    return all(np.array_equal(getattr(one, key), getattr(other, key)) for key in "MCK")
 
 
 def _refuse_floating(assembler: Assembler) -> None:

@@ -91,11 +91,21 @@ def build_couplings(
     return Couplings(
         rows=rows,
         stiffness=np.concatenate([waves.mesh_stiffness, gearbox]),
-        damping=np.concatenate([mesh_damping, unit.gearbox_damping * gearbox]),
+        damping=np.concatenate([mesh_damping, gearbox**2 * _gearbox_loss(unit, drive, waves)]),
         half_gap=np.concatenate([backlash / 2.0, np.zeros_like(backlash)]),
         waves=waves,
         ring_teeth=pair.ring_teeth,
     )
+
+
+def _gearbox_loss(unit: DriveUnit, drive: DriveTemplate, waves: Waves) -> float:
+    """Damping over the squared stiffness of shaft and stages in series, each in its own way: c = k̄² Σ c_j/k_j².
+
+    The shaft is steel; of the stages' teeth ζ_m is a true ratio, as of the pinion's, of the rotor against the output.
+    """
+    shaft = 1.0 / drive.gearbox.shaft_stiffness
+    stages = max(float(waves.gearbox_compliance.min()) - shaft, 0.0)  # of a drive that is not uncoupled
+    return unit.shaft_damping * shaft + 2.0 * drive.mesh.damping_ratio * math.sqrt(unit.gearbox_inertia * stages**3)
 
 
 def _waves(description: MachineDescription, pair: InternalPair, stages: Sequence[PlanetaryStage]) -> Waves:

@@ -36,8 +36,10 @@ class DriveUnit:
         Deflection of the mesh (m) and of the gearbox (rad) per unit motion.
     pinion_mesh_mass : float
         The turning pinion reduced to the line of action (kg).
-    gearbox_damping : float
-        β of the gearbox's damping, β k̄ (s).
+    gearbox_inertia : float
+        Rotor and gearbox output turning against each other (kg·m², at the pinion).
+    shaft_damping : float
+        β of the damping of the gearbox's shaft, β k (s).
     """
 
     M: np.ndarray
@@ -45,7 +47,8 @@ class DriveUnit:
     K: np.ndarray
     rows: np.ndarray
     pinion_mesh_mass: float
-    gearbox_damping: float
+    gearbox_inertia: float
+    shaft_damping: float
 
 
 def gear_pair(drive: DriveTemplate) -> InternalPair:
@@ -75,8 +78,8 @@ def turn(angle: float) -> np.ndarray:
     return np.array([[1.0, 0.0, 0.0], [0.0, c, s], [0.0, -s, c]])
 
 
-def drive_unit(description: MachineDescription, seat: float = 1.0) -> DriveUnit:
-    """Build the drive at angle 0; `seat` is a factor on the stiffness of its pinion's seats."""
+def drive_unit(description: MachineDescription, seat: float = 1.0, *, powered: bool = True) -> DriveUnit:
+    """Build the drive at angle 0, with or without power on its motor; `seat` is a factor on its seats' stiffness."""
     drive = description.driveshaft
     places = description.structural_nodes()
     ends = {node: np.array(places[node], dtype=float) for node in (drive.ring_node, drive.mount_node)}
@@ -85,21 +88,27 @@ def drive_unit(description: MachineDescription, seat: float = 1.0) -> DriveUnit:
     shaft = drive.pinion_shaft
     unit.add_shaft((front, middle, rear), shaft.outer_diameter, shaft.inner_diameter, shaft.mass)
     unit.add_body(output, drive.gearbox_output.mass, drive.gearbox_output.inertia)
-    about, *across = drive.rotor.inertia
-    unit.add_body(rotor, drive.rotor.mass, (about * drive.gearbox.ratio**2, across[0], across[1]))
+    ratio, (about, *across) = drive.gearbox.ratio, drive.rotor.inertia
+    reflected = about * ratio**2
+    unit.add_body(rotor, drive.rotor.mass, (reflected, across[0], across[1]))
     for node in (output, rotor):
         unit.add_spring(node, drive.mount_node, drive.gearbox_mount.stiffness, drive.gearbox_mount.type)
     for node in (front, rear):
         unit.add_spring(node, drive.mount_node, drive.pinion_bearing.stiffness, drive.pinion_bearing.type, seat)
     unit.add_spring(rear, output, drive.spline.stiffness, drive.spline.type)
-    pair = gear_pair(drive)
+    if powered:
+        held = motor_row(unit, rotor, drive)
+        unit.C += drive.motor.damping * np.outer(held, held)
+        unit.K += drive.motor.stiffness * np.outer(held, held)
+    pair, turning = gear_pair(drive), drive.gearbox_output.inertia[0]
     return DriveUnit(
         M=unit.M,
         C=unit.C,
         K=unit.K,
-        rows=np.array([_mesh_row(unit, drive, pair), _gearbox_row(unit, output, rotor)]),
+        rows=np.array([_mesh_row(unit, drive, pair), _gearbox_row(unit, output, rotor, drive)]),
         pinion_mesh_mass=unit.polar_inertia((front, middle, rear)) / pair.pinion_base_radius**2,
-        gearbox_damping=unit.damping("steel"),
+        gearbox_inertia=reflected * turning / (reflected + turning),
+        shaft_damping=unit.damping("steel"),
     )
 
 
@@ -115,8 +124,20 @@ def _mesh_row(unit: Assembler, drive: DriveTemplate, pair: InternalPair) -> np.n
     return row
 
 
-def _gearbox_row(unit: Assembler, output: int, rotor: int) -> np.ndarray:
-    """Twist between rotor and gearbox output, both about x."""
-    row = np.zeros(len(unit.M))
-    row[unit.index[rotor] + 3], row[unit.index[output] + 3] = 1.0, -1.0
+def _gearbox_row(unit: Assembler, output: int, rotor: int, drive: DriveTemplate) -> np.ndarray:
+    """Twist of the gearbox about x, θ_rotor − θ_output + (1 − 1/i) θ_mount, the rotor's angle being that over i.
+
+    A stage's ring is fixed in the mount: relative to it the rotor turns i times as fast as the output.
+    """
+    row = motor_row(unit, rotor, drive)
+    row[unit.index[output] + 3] -= 1.0
+    row[unit.index[drive.mount_node] + 3] += 1.0
+    return row
+
+
+def motor_row(assembler: Assembler, rotor: int, drive: DriveTemplate) -> np.ndarray:
+    """Angle between rotor and stator about x, over the ratio i: θ_rotor − θ_mount/i."""
+    row = np.zeros(len(assembler.M))
+    row[assembler.index[rotor] + 3] = 1.0
+    row[assembler.index[drive.mount_node] + 3] = -1.0 / drive.gearbox.ratio
     return row

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
@@ -33,12 +33,15 @@ class Drives:
         From those to the axes of the drive.
     odd : tuple of int
         Drives whose M, C or K, couplings left out, are not those of the others.
+    rotors : (r,) ndarray of int
+        Unknowns of the angles of the rotors that their drives turn.
     """
 
     angles: np.ndarray
     dofs: np.ndarray
     turns: np.ndarray
     odd: tuple[int, ...] = ()
+    rotors: np.ndarray = field(default_factory=lambda: np.zeros(0, dtype=np.intp))
 
     @cached_property
     def shared(self) -> np.ndarray:
@@ -51,6 +54,22 @@ class Drives:
         patterns = np.column_stack([np.ones_like(angles), np.cos(angles), np.sin(angles), np.eye(len(angles))[:, odd]])
         columns, sizes, _ = np.linalg.svd(patterns, full_matrices=False)
         return np.asarray(columns[:, sizes > 1e-9 * sizes[0]])
+
+
+@dataclass(frozen=True)
+class Cylinders:
+    """Thrust cylinders that hold a force: what moves slowly does not feel their stiffness.
+
+    Attributes
+    ----------
+    row : (n,) ndarray
+        Their extension (m) per unit motion.
+    stiffness : float
+        Of their oil against what moves fast (N/m).
+    """
+
+    row: np.ndarray
+    stiffness: float
 
 
 @dataclass(frozen=True)
@@ -82,6 +101,10 @@ class System:
     mean_load : (6,) ndarray
         Mean of the cutterhead loads (N, N·m).
     operating_point : OperatingPoint
+    cylinders : Cylinders or None
+        By which the mean thrust enters, the rock's spring holding against it; without them it is a load on the head.
+    rock_damping : float
+        Moment of the rock's damper about x per speed of the head (N·m·s/rad), on top of the mean torque.
     """
 
     M: np.ndarray
@@ -94,6 +117,8 @@ class System:
     motor_pattern: np.ndarray
     mean_load: np.ndarray
     operating_point: OperatingPoint
+    cylinders: Cylinders | None = None
+    rock_damping: float = 0.0
 
     def under(self, point: OperatingPoint, mean_load: np.ndarray) -> System:
         """Return the same system at another operating point, under its mean loads (6,)."""
@@ -139,10 +164,28 @@ class System:
         """Solve for the static displacement (n,) or (n, k) under forces, couplings at their mean stiffness."""
         return np.asarray(scipy.linalg.cho_solve(self._factor, force))
 
+    @cached_property
+    def _static_factor(self) -> tuple[np.ndarray, bool]:
+        if self.cylinders is None:
+            return self._factor
+        row = self.cylinders.row
+        factor, lower = scipy.linalg.cho_factor(self.K - self.cylinders.stiffness * np.outer(row, row), lower=True)
+        return np.asarray(factor), bool(lower)
+
+    def driving(self, point: OperatingPoint) -> np.ndarray:
+        """Torque of the motors on the side of the head, and moment of the gross rotation against it, (2,) N·m."""
+        moment = self.rock_damping * point.speed
+        return np.array([point.torque + moment, moment])
+
     def mean_force(self) -> np.ndarray:
-        """Mean generalised force of rock and motors, shape (n,)."""
-        force = self.operating_point.torque * self.motor_pattern
+        """Mean generalised force of rock, motors and thrust cylinders, shape (n,)."""
+        torque, moment = self.driving(self.operating_point)
+        force = torque * self.motor_pattern
         force[self.load_dofs] += self.mean_load
+        force[self.load_dofs[3]] -= moment
+        if self.cylinders is not None:
+            force[self.load_dofs[0]] -= self.mean_load[0]
+            force -= self.mean_load[0] * self.cylinders.row
         return force
 
     def equilibrium(self, stiffness: np.ndarray | None = None, error: np.ndarray | None = None) -> Equilibrium:
@@ -179,5 +222,6 @@ class System:
     @cached_property
     def _static_shapes(self) -> tuple[np.ndarray, np.ndarray]:
         """Displacement under the mean force (n,), and under unit forces of the couplings (n, 2p)."""
-        found = self.solve(np.column_stack([self.mean_force(), self.couplings.rows.T]))
+        forces = np.column_stack([self.mean_force(), self.couplings.rows.T])
+        found = np.asarray(scipy.linalg.cho_solve(self._static_factor, forces))
         return found[:, 0], found[:, 1:]

@@ -110,6 +110,7 @@ def small():
     data["driveshaft"].update(count=2, ring_shaft_nodes=[8])
     by_name = {connection["name"]: connection for connection in all_connections(data)}
     rock, bearing, bolt = by_name["k_r_ct"], by_name["k_b_io"], by_name["k_c_bc"]
+    del rock["turning_inertia"]
     head["connections"] = [rock]
     carrier["connections"] = [
         {**bolt, "between": [10, 12]},

@@ -19,12 +19,18 @@ def condition(couplings, cycles):
 
 
 def start_of(system):
-    """(q, q̇) where a run starts: moving as the equilibrium does while the teeth turn, held back by the dampers."""
+    """(q, q̇) where a run starts: moving as the equilibrium does while the teeth turn, held back by the dampers.
+
+    The rotors stand still.
+    """
     couplings, small = system.couplings, 1e-6
     stiffness, error = condition(couplings, [-small, 0.0, small])
     before, still, after = (system.equilibrium(*held).displacement for held in zip(stiffness, error, strict=True))
     rate = couplings.ring_teeth * system.operating_point.speed / (2.0 * np.pi) / (2.0 * small)
     velocity, slope = (after - before) * rate, (error[2] - error[0]) * rate
+    rotors = system.drives.rotors
+    turned = np.linalg.solve(system.K, np.eye(system.size)[:, rotors])
+    velocity -= turned @ np.linalg.solve(turned[rotors], velocity[rotors])
     drag = system.C @ velocity + couplings.rows.T @ (couplings.damping * slope)
     return np.concatenate([still - np.linalg.solve(system.K, drag), velocity])
 
@@ -39,7 +45,14 @@ def reference_motion(system, start, loads, times, speed, torque=None, tolerance=
     R, K, C, identity = (csr_array(matrix) for matrix in (couplings.rows, system.K, system.C, np.eye(n)))
     K, C = K - R.T @ (couplings.stiffness[:, None] * R), C - R.T @ (damping[:, None] * R)
     inverse = inv(csc_array(system.M))
-    motors = (system.operating_point.torque if torque is None else torque) * system.motor_pattern
+    moment = system.rock_damping * system.operating_point.speed
+    constant = ((system.operating_point.torque if torque is None else torque) + moment) * system.motor_pattern
+    constant[system.load_dofs[3]] -= moment
+    if system.cylinders:
+        # A constant force, and a spring about the extension that it has there.
+        row, thrust = system.cylinders.row, -system.mean_load[0]
+        constant[system.load_dofs[0]] += thrust
+        constant += (thrust + system.cylinders.stiffness * (row @ system.equilibrium().displacement)) * row
     teeth = couplings.ring_teeth / (2.0 * np.pi)
 
     @lru_cache(maxsize=8)  # the solver comes back to the stages of a step
@@ -57,7 +70,7 @@ def reference_motion(system, start, loads, times, speed, torque=None, tolerance=
         return np.where(touching, stiffness * squeeze + damping * closing, 0.0), stiffness * touching, touching
 
     def right(t, y):
-        force = motors - K @ y[:n] - C @ y[n:] - R.T @ coupled(t, y)[0]
+        force = constant - K @ y[:n] - C @ y[n:] - R.T @ coupled(t, y)[0]
         force[system.load_dofs] += loads(t)
         return np.concatenate([y[n:], inverse @ force])
 

@@ -1,0 +1,63 @@
+"""Stress of the virtual shafts under steady loads: whether a section that was assumed could carry them.
+
+Of each beam element, from its end forces K_e u_e: the normal stress |N|/A + M r/I at the outer fibre with the shear stress
+|T| r/J of torsion, together σ_v = √(σ² + 3τ²) (von Mises; Niemann, Maschinenelemente 1). Shear forces are left out.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+
+from tbm_dynamics.machine.machine import Machine
+from tbm_dynamics.structure.assembly import node_positions
+from tbm_dynamics.structure.beam import Section, along_direction, beam_stiffness, circular_section
+from tbm_dynamics.structure.system import System
+from tbm_msgs_py.base.operating_point import OperatingPoint
+
+
+@dataclass(frozen=True)
+class ShaftStress:
+    """Largest stress (Pa) along a shaft, by its nodes."""
+
+    nodes: tuple[int, ...]
+    stress: float
+
+
+def hardest_point(machine: Machine) -> OperatingPoint:
+    """The largest torque and thrust that the machine is allowed, together; its operating point without limits."""
+    limits, point = machine.description.operating_limits, machine.operating_point
+    if limits is None:
+        return point
+    return OperatingPoint(speed=point.speed, torque=limits.torque_kn_m * 1e3, thrust=limits.thrust_kn * 1e3)
+
+
+def shaft_stresses(machine: Machine, system: System) -> tuple[ShaftStress, ...]:
+    """Stress of every shaft outside the drives under the mean loads at `hardest_point`."""
+    description, point = machine.description, hardest_point(machine)
+    steel, places = description.steel, node_positions(description)
+    loaded = system.under(point, description.loads.mean * machine.load_scale(point))
+    moved = dict(zip(system.nodes, loaded.equilibrium().displacement.reshape(-1, 6), strict=True))
+    found = []
+    for shaft in (*description.cutterhead_bearing_gear.shafts, *description.carrier_girder.shafts):
+        section = circular_section(shaft.outer_diameter, shaft.inner_diameter, steel.poisson)
+        stresses = []
+        for first, second in pairwise(shaft.nodes):
+            vector = places[second] - places[first]
+            element = beam_stiffness(section, float(np.linalg.norm(vector)), steel.elasticity, steel.poisson)
+            ends = along_direction(element, vector) @ np.concatenate([moved[first], moved[second]])
+            stresses += [_von_mises(end, vector, section, shaft.outer_diameter / 2.0) for end in ends.reshape(2, 6)]
+        found.append(ShaftStress(shaft.nodes, max(stresses)))
+    return tuple(found)
+
+
+def _von_mises(end: np.ndarray, vector: np.ndarray, section: Section, radius: float) -> float:
+    """Of the force and moment (6,) on an end of an element along `vector`."""
+    axis = vector / np.linalg.norm(vector)
+    normal, torsion = axis @ end[:3], axis @ end[3:]
+    bending = np.linalg.norm(end[3:] - torsion * axis)
+    sigma = abs(normal) / section.area + bending * radius / section.second_moment
+    tau = abs(torsion) * radius / section.polar_moment
+    return float(np.sqrt(sigma**2 + 3.0 * tau**2))
