@@ -71,6 +71,17 @@ class _Pair(ABC):
         """Mesh cycles from where a tooth pair enters to where it touches at the pitch point."""
         return (self.pinion_pitch_radius * math.sin(self.pressure_angle) - self.path_start) / self.base_pitch
 
+    def line_of_action(self, angle: float, turning: float = 1.0) -> np.ndarray:
+        """Direction of the force on the driven gear, the pitch point at `angle` (rad) around x, shape (3,).
+
+        The angle is that of the way from the pinion's centre to the pitch point; the pinion drives by turning about x,
+        with `turning` −1 against it. The force is tangential that way and leads away from the pinion, whether its
+        partner is a wheel beside it or a ring around it.
+        """
+        radial = np.array([0.0, math.cos(angle), math.sin(angle)])
+        tangential = np.array([0.0, -math.sin(angle), math.cos(angle)])
+        return turning * math.cos(self.pressure_angle) * tangential + math.sin(self.pressure_angle) * radial
+
 
 @dataclass(frozen=True)
 class ExternalPair(_Pair):
@@ -182,15 +193,6 @@ class InternalPair(_Pair):
             + self.centre_distance * math.sin(self.pressure_angle)
         )
         return path / self.base_pitch
-
-    def line_of_action(self, angle: float) -> np.ndarray:
-        """Direction of the driving force on the ring from the pinion at `angle` (rad) around x, shape (3,).
-
-        Tangential in the turning direction, and outward: an internal mesh pushes the ring away.
-        """
-        radial = np.array([0.0, math.cos(angle), math.sin(angle)])
-        tangential = np.array([0.0, -math.sin(angle), math.cos(angle)])
-        return math.cos(self.pressure_angle) * tangential + math.sin(self.pressure_angle) * radial
 
     def check(self) -> None:
         """Raise what keeps the pair from meshing.

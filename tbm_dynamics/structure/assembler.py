@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field
 from itertools import pairwise
 from typing import TYPE_CHECKING
@@ -9,12 +10,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from tbm_dynamics.structure.beam import Section, along_direction, beam_mass, beam_stiffness, circular_section
-from tbm_dynamics.structure.connection import spring_rows, spring_stiffness
+from tbm_dynamics.structure.connection import rigid_arm, spring_rows, spring_stiffness
 from tbm_msgs_py.base.errors import MachineError
 
 if TYPE_CHECKING:
     from tbm_dynamics.machine.description import MachineDescription
     from tbm_dynamics.machine.drive import ConnectionType, SixStiffnesses
+    from tbm_dynamics.mesh.geometry import ExternalPair, InternalPair
 
 
 @dataclass
@@ -111,3 +113,18 @@ class Assembler:
         turning = np.zeros(len(self.M))
         turning[[self.index[node] + 3 for node in nodes]] = 1.0
         return float(turning @ self.M @ turning)
+
+    def mesh_row(
+        self, pinion: int, wheel: int, pair: ExternalPair | InternalPair, angle: float, turning: float = 1.0
+    ) -> np.ndarray:
+        """Compression of a mesh along its line of action per unit motion, (n,).
+
+        `angle` (rad) is that of the pitch point around x, seen from the pinion, which drives by turning about x, with
+        `turning` −1 against it.
+        """
+        to_contact = pair.pinion_pitch_radius * np.array([0.0, math.cos(angle), math.sin(angle)])
+        place, line = self.positions[pinion] + to_contact, pair.line_of_action(angle, turning)
+        row = np.zeros(len(self.M))
+        row[self.dofs(pinion)] = line @ rigid_arm(to_contact)[:3]
+        row[self.dofs(wheel)] = -line @ rigid_arm(place - self.positions[wheel])[:3]
+        return row
