@@ -18,9 +18,8 @@ import numpy as np
 
 from tbm_dynamics.mesh.geometry import ExternalPair, InternalPair, involute
 
-# ISO 6336-1: q' = 0.04723 + 0.15551/z1 + 0.25791/z2 + … (mm·µm/N); half of the constant belongs to either gear.
+# ISO 6336-1's q' with many teeth on both gears (m²/N); half of it belongs to either gear.
 _ISO_CONSTANT = 0.04723e-9
-_ISO_WHEEL = 0.25791e-9
 # C_M: measured teeth against theoretical ones, c' = C_M/q'.
 _ISO_CORRECTION = 0.8
 
@@ -95,9 +94,20 @@ def contact_compliance(width: float, elasticity: float, poisson: float) -> float
     return 4.0 * (1.0 - poisson**2) / (math.pi * elasticity * width)
 
 
+def iso_flexibility(pinion_teeth: float, wheel_teeth: float, shifts: tuple[float, float] = (0.0, 0.0)) -> float:
+    """How far a pair of teeth yields in theory per force and width, q' of ISO 6336-1:2006, equation (82), m²/N.
+
+    `shifts` are the profile shift coefficients of pinion and wheel; infinitely many teeth yield least.
+    """
+    (z1, z2), (x1, x2) = (pinion_teeth, wheel_teeth), shifts
+    flexibility = _ISO_CONSTANT + 0.15551e-9 / z1 + 0.25791e-9 / z2
+    flexibility -= 0.00635e-9 * x1 + 0.11654e-9 * x1 / z1 + 0.00193e-9 * x2 + 0.24188e-9 * x2 / z2
+    return flexibility + 0.00529e-9 * x1**2 + 0.00182e-9 * x2**2
+
+
 def ring_compliance(teeth: int, width: float) -> float:
     """Deflection of an internal tooth per normal force, ISO 6336-1's share of a gear, m/N."""
-    return (_ISO_CONSTANT / 2.0 + _ISO_WHEEL / teeth) / (_ISO_CORRECTION * width)
+    return (iso_flexibility(math.inf, teeth) - _ISO_CONSTANT / 2.0) / (_ISO_CORRECTION * width)
 
 
 def mesh_stiffness(

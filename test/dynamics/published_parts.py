@@ -9,11 +9,10 @@ from tbm_dynamics.structure.assembler import Assembler
 from tbm_dynamics.structure.connection import rigid_arm
 
 
-def assembler_of(positions, shear_modulus=80e9, poisson=0.3, elasticity=None):
+def assembler_of(positions, elasticity=208e9, shear_modulus=80e9):
     """An empty assembler of undamped steel with nodes at some places, m."""
-    steel = Material(
-        elasticity=elasticity or 2.0 * (1.0 + poisson) * shear_modulus, poisson=poisson, damping=0.0, source="test"
-    )
+    poisson = elasticity / (2.0 * shear_modulus) - 1.0
+    steel = Material(elasticity=elasticity, poisson=poisson, damping=0.0, source="test")
     description = built(small()).description.model_copy(update={"steel": steel})
     return Assembler(description, {node: np.array(place, dtype=float) for node, place in positions.items()})
 
