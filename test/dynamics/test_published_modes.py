@@ -1,11 +1,11 @@
 """Natural frequencies that others published, by the assembler and the mesh rows of the machines.
 
 **Planetary gears in the plane.** Lin and Parker, Analytical characterization of the unique properties of planetary gear
-free vibration, J. Vib. Acoust. 121 (1999): `LIN_PARKER`, to 0.1 Hz, the last digit (N = 4: 0.3 Hz, 0.04 %, where an
-independent computation finds the same difference). Cooley and Parker, Vibration properties of high-speed planetary
-gears with gyroscopic effects, J. Vib. Acoust. 134 (2012), at standstill: `COOLEY_PARKER`, in √(k_p/m_p), to the digits.
-Both name I/r², α and the stiffness, on which alone the frequencies depend. The gearboxes of a machine are condensed to
-one torsional law a stage (`mesh.planetary`): its compliance is held against these bodies with rigid pins.
+free vibration, J. Vib. Acoust. 121 (1999): `LIN_PARKER`, to the last digit but for `LIN_PARKER_MISSED`, 0.04 % at most,
+where an independent computation finds what is found here. Cooley and Parker, Vibration properties of high-speed
+planetary gears with gyroscopic effects, J. Vib. Acoust. 134 (2012), at standstill: `COOLEY_PARKER`, in √(k_p/m_p), to
+the digits. Both name I/r², α and the stiffness, on which alone the frequencies depend. The gearboxes of a machine are
+condensed to one torsional law a stage (`mesh.planetary`): its compliance is held against these bodies on rigid pins.
 
 **Torsion of a planetary gear**, ring held. Kahraman, Natural modes of planetary gear trains, J. Sound Vib. 173 (1994):
 ω² = 0, (k_r + k_s)/m_p (n − 1 times) and the roots of λ₁x² + λ₂x + λ₃ with λ₁ = m_p m_c m_s, λ₂ = −[n k_s m_p m_c +
@@ -48,6 +48,7 @@ LIN_PARKER = {  # rotational, translational (in pairs), planet (N − 3 times), 
         [1808.2, 5963.8, 6981.7],
     ),
 }
+LIN_PARKER_MISSED = {727.0: 0.3, 1091.0: 0.2, 1536.6: 0.1}  # of N = 4, by how much
 COOLEY_PARKER = ([0.9296, 1.090, 1.358, 1.931, 5.566, 7.741], [0.7432, 1.018, 1.265, 1.487, 4.976, 6.282])
 
 
@@ -55,14 +56,15 @@ def spectrum(planets, rotational, pairs, planet=()):
     return np.sort(np.concatenate([rotational, np.repeat(pairs, 2), np.repeat(planet, planets - 3)]))
 
 
-@pytest.mark.parametrize(("planets", "tolerance"), [(3, 0.05), (4, 0.3), (5, 0.05)])
-def test_lin_and_parkers_planetary_gear(planets, tolerance):
+@pytest.mark.parametrize("planets", [3, 4, 5])
+def test_lin_and_parkers_planetary_gear(planets):
     gear = Planetary(planets, 24.6, (0.4, 2.35, 5.43, 0.66), (0.39, 3.0, 6.29, 0.61))
     for node, turning in ((SUN, 0.0), (RING, 1e9), (CARRIER, 0.0)):
         gear.bear(node, 1e8, turning)
     gear.pin(1e8)
     found = frequencies(gear.parts.M, gear.stiffness(5e8), gear.in_the_plane())
-    assert found == pytest.approx(spectrum(planets, *LIN_PARKER[planets]), abs=tolerance + 0.01)
+    for value, published in zip(found, spectrum(planets, *LIN_PARKER[planets]), strict=True):
+        assert value == pytest.approx(published, abs=LIN_PARKER_MISSED.get(published, 0.051))
 
 
 def test_cooley_and_parkers_planetary_gear_at_standstill():
