@@ -12,6 +12,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from itertools import count
+from typing import ClassVar
 
 import numpy as np
 
@@ -36,6 +37,9 @@ def named(gears: str) -> Iterator[None]:
 
 class _Pair(ABC):
     """What both kinds of pair have in common: the driving pinion."""
+
+    turning: ClassVar[float]
+    """Sign of the turn of the driven gear when the pinion turns forwards."""
 
     pinion_teeth: int
     module: float
@@ -71,16 +75,15 @@ class _Pair(ABC):
         """Mesh cycles from where a tooth pair enters to where it touches at the pitch point."""
         return (self.pinion_pitch_radius * math.sin(self.pressure_angle) - self.path_start) / self.base_pitch
 
-    def line_of_action(self, angle: float, turning: float = 1.0) -> np.ndarray:
-        """Direction of the force on the driven gear, the pitch point at `angle` (rad) around x, shape (3,).
+    def line_of_action(self, angle: float) -> np.ndarray:
+        """Direction of the force on the driven gear from the pinion at `angle` (rad) around its axis, shape (3,).
 
-        The angle is that of the way from the pinion's centre to the pitch point; the pinion drives by turning about x,
-        with `turning` −1 against it. The force is tangential that way and leads away from the pinion, whether its
-        partner is a wheel beside it or a ring around it.
+        Tangential in the turning direction about x, and radial: an internal mesh pushes the ring away, an external one
+        pushes the wheel towards its axis.
         """
         radial = np.array([0.0, math.cos(angle), math.sin(angle)])
         tangential = np.array([0.0, -math.sin(angle), math.cos(angle)])
-        return turning * math.cos(self.pressure_angle) * tangential + math.sin(self.pressure_angle) * radial
+        return math.cos(self.pressure_angle) * tangential + self.turning * math.sin(self.pressure_angle) * radial
 
 
 @dataclass(frozen=True)
@@ -95,6 +98,8 @@ class ExternalPair(_Pair):
     pressure_angle : float
         rad.
     """
+
+    turning: ClassVar[float] = -1.0
 
     pinion_teeth: int
     wheel_teeth: int
@@ -157,6 +162,8 @@ class InternalPair(_Pair):
     pressure_angle : float
         rad.
     """
+
+    turning: ClassVar[float] = 1.0
 
     pinion_teeth: int
     ring_teeth: int

@@ -114,17 +114,15 @@ class Assembler:
         turning[[self.index[node] + 3 for node in nodes]] = 1.0
         return float(turning @ self.M @ turning)
 
-    def mesh_row(
-        self, pinion: int, wheel: int, pair: ExternalPair | InternalPair, angle: float, turning: float = 1.0
-    ) -> np.ndarray:
+    def mesh_row(self, pinion: int, driven: int, pair: ExternalPair | InternalPair, angle: float) -> np.ndarray:
         """Compression of a mesh along its line of action per unit motion, (n,).
 
-        `angle` (rad) is that of the pitch point around x, seen from the pinion, which drives by turning about x, with
-        `turning` −1 against it.
+        The pinion is at `angle` (rad) around the driven gear, which its flank turns about x.
         """
-        to_contact = pair.pinion_pitch_radius * np.array([0.0, math.cos(angle), math.sin(angle)])
-        place, line = self.positions[pinion] + to_contact, pair.line_of_action(angle, turning)
+        out = np.array([0.0, math.cos(angle), math.sin(angle)])
+        to_contact = pair.turning * pair.pinion_pitch_radius * out
+        place, line = self.positions[pinion] + to_contact, pair.line_of_action(angle)
         row = np.zeros(len(self.M))
         row[self.dofs(pinion)] = line @ rigid_arm(to_contact)[:3]
-        row[self.dofs(wheel)] = -line @ rigid_arm(place - self.positions[wheel])[:3]
+        row[self.dofs(driven)] = -line @ rigid_arm(place - self.positions[driven])[:3]
         return row

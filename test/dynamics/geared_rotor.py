@@ -8,7 +8,7 @@ import json
 from pathlib import Path
 
 import numpy as np
-from published_parts import assembler_of, frequencies
+from published_parts import add_spring, assembler_of, frequencies
 
 from tbm_dynamics.mesh.geometry import ExternalPair
 
@@ -24,8 +24,8 @@ def our_frequencies(data):
     mesh, rotors, steel = data["mesh"], data["rotors"], data["steel"]
     teeth = [rotor["gear"]["teeth"] for rotor in rotors]
     pair = ExternalPair(*teeth, mesh["module"], np.radians(mesh["pressure_angle_deg"]))
-    direction = mesh["direction_rad"]
-    # The gears are beside each other.
+    # ROSS loads the other flank: this is the mirror image in z, in which bearings along y and z stay what they are.
+    direction = -mesh["direction_rad"]
     apart = pair.centre_distance * np.array([0.0, np.cos(direction), np.sin(direction)])
     along = [np.concatenate([[0.0], np.cumsum(rotor["lengths"])]) for rotor in rotors]
     numbers = [100 * (i + 1) + np.arange(len(places)) for i, places in enumerate(along)]
@@ -44,7 +44,7 @@ def our_frequencies(data):
             parts.add_body(int(nodes[body["node"]]), body["mass"], (body["polar"], across, across))
         for bearing in rotor["bearings"]:
             stiffness = (bearing["axial"], *bearing["across"], 0.0, 0.0, 0.0)
-            parts.add_spring(int(nodes[bearing["node"]]), "ground", stiffness, "steel")
+            add_spring(parts, int(nodes[bearing["node"]]), None, stiffness)
     gears = [int(nodes[rotor["gear"]["node"]]) for rotor, nodes in zip(rotors, numbers, strict=True)]
-    row = parts.mesh_row(*gears, pair, direction)
+    row = parts.mesh_row(*gears, pair, direction + np.pi)
     return frequencies(parts.M, parts.K + mesh["stiffness"] * np.outer(row, row), np.arange(len(parts.M)))

@@ -6,7 +6,7 @@ from machine_files import built, small, stage_of
 
 from tbm_dynamics.machine.description import Material
 from tbm_dynamics.structure.assembler import Assembler
-from tbm_dynamics.structure.connection import rigid_arm
+from tbm_dynamics.structure.connection import rigid_arm, spring_rows, spring_stiffness
 
 
 def assembler_of(positions, elasticity=208e9, shear_modulus=80e9):
@@ -17,13 +17,21 @@ def assembler_of(positions, elasticity=208e9, shear_modulus=80e9):
     return Assembler(description, {node: np.array(place, dtype=float) for node, place in positions.items()})
 
 
-def turning_parts(inertias, springs):
-    """Bodies on one axis with springs (first, second, N·m/rad) between them: of what turns, all else is light."""
-    parts = assembler_of(dict.fromkeys(inertias, (0.0, 0.0, 0.0)))
-    for node, inertia in inertias.items():
+def add_spring(parts, first, second, stiffness):
+    """Six springs without dampers at the place of the first node, to the second or (None) to the ground."""
+    place = parts.positions[first]
+    rows = spring_rows(place, place, None if second is None else parts.positions[second])
+    nodes = (first,) if second is None else (first, second)
+    parts.add_stiffness(nodes, spring_stiffness(rows, np.array(stiffness)), 0.0)
+
+
+def turning_parts(bodies, springs):
+    """Bodies (inertia, place in y) with springs (first, second, N·m/rad) between them: only what turns counts."""
+    parts = assembler_of({node: (0.0, aside, 0.0) for node, (_, aside) in bodies.items()})
+    for node, (inertia, _) in bodies.items():
         parts.add_body(node, 1.0, (inertia, 1.0, 1.0))
     for first, second, stiffness in springs:
-        parts.add_spring(first, second, (0.0, 0.0, 0.0, stiffness, 0.0, 0.0), "steel")
+        add_spring(parts, first, second, (0.0, 0.0, 0.0, stiffness, 0.0, 0.0))
     return parts
 
 
@@ -59,24 +67,21 @@ class Planetary:
         nodes = (SUN, RING, CARRIER, *self.planets)
         for node, kind in zip(nodes, (0, 1, 2, *[3] * planets), strict=True):
             parts.add_body(node, masses[kind], (inertias[kind] * self.radii[kind] ** 2, 1.0, 1.0))
-        # The sun turns about x, the planets against it.
+        # The sun stands opposite, seen from a planet: it turns against x, the planets about it.
         self.meshes = np.array(
-            [parts.mesh_row(SUN, node, sun, angle) for node, angle in zip(self.planets, self.angles, strict=True)]
-            + [
-                parts.mesh_row(node, RING, ring, angle, turning=-1.0)
-                for node, angle in zip(self.planets, self.angles, strict=True)
-            ]
+            [parts.mesh_row(SUN, node, sun, a + np.pi) for node, a in zip(self.planets, self.angles, strict=True)]
+            + [parts.mesh_row(node, RING, ring, a) for node, a in zip(self.planets, self.angles, strict=True)]
         )
 
     def bear(self, node, stiffness, turning):
         """Hold a central body by springs, N/m across and N/m at its radius."""
         about = turning * self.radii[node - SUN] ** 2
-        self.parts.add_spring(node, "ground", (0.0, stiffness, stiffness, about, 0.0, 0.0), "steel")
+        add_spring(self.parts, node, None, (0.0, stiffness, stiffness, about, 0.0, 0.0))
 
     def pin(self, stiffness):
         """Put the planets on the carrier by springs, N/m."""
         for node in self.planets:
-            self.parts.add_spring(node, CARRIER, (0.0, stiffness, stiffness, 0.0, 0.0, 0.0), "steel")
+            add_spring(self.parts, node, CARRIER, (0.0, stiffness, stiffness, 0.0, 0.0, 0.0))
 
     def pinned(self):
         """Rows of planets that do not leave their pins."""

@@ -106,11 +106,12 @@ def test_a_stages_law_is_that_of_its_bodies_on_rigid_pins():
 
 
 def friswell_branched_rotor():
-    parts = turning_parts(
-        {1: 400e-6, 2: 25e-6, 3: 25e-6, 4: 700e-6, 5: 700e-6}, [(1, 2, 10e3), (3, 4, 5e3), (3, 5, 5e3)]
-    )
     pair = ExternalPair(20, 20, 0.01, np.radians(20.0))
-    return parts, [parts.mesh_row(2, 3, pair, 0.0)]
+    bodies = {1: (400e-6, 0.0), 2: (25e-6, 0.0)} | {
+        node: (inertia, pair.centre_distance) for node, inertia in ((3, 25e-6), (4, 700e-6), (5, 700e-6))
+    }
+    parts = turning_parts(bodies, [(1, 2, 10e3), (3, 4, 5e3), (3, 5, 5e3)])
+    return parts, [parts.mesh_row(2, 3, pair, np.pi)]
 
 
 def friswell_twin_propulsion():
@@ -124,12 +125,12 @@ def friswell_twin_propulsion():
     parts.add_shaft((1, 2), 0.2, 0.0, 1e-9)
     for wheel, engine in ((3, 5), (4, 6)):
         parts.add_shaft((wheel, engine), 0.25, 0.0, 1e-9)
-    return parts, [parts.mesh_row(2, 3, pair, 0.0), parts.mesh_row(2, 4, pair, np.pi)]
+    return parts, [parts.mesh_row(2, 3, pair, np.pi), parts.mesh_row(2, 4, pair, 0.0)]
 
 
 def friswell_engine():
-    inertias = {1: 3.5e-3, 2: 3.5e-3, 3: 3.5e-3, 4: 0.15, 5: 0.05}
-    return turning_parts(inertias, [(1, 2, 12e3), (2, 3, 12e3), (3, 4, 14e3), (4, 5, 10e3)]), []
+    bodies = {node: (inertia, 0.0) for node, inertia in enumerate((3.5e-3, 3.5e-3, 3.5e-3, 0.15, 0.05), start=1)}
+    return turning_parts(bodies, [(1, 2, 12e3), (2, 3, 12e3), (3, 4, 14e3), (4, 5, 10e3)]), []
 
 
 FRISWELL = [  # Hz, half of the last digit
@@ -180,7 +181,7 @@ def test_nrel_750_kw_gearbox_ratio():
     for wheel, pinion in ((82, 23), (88, 22)):
         pair = ExternalPair(wheel, pinion, 0.01, np.radians(20.0))
         parts = assembler_of({1: (0, 0, 0), 2: (0, pair.centre_distance, 0)})
-        row = parts.mesh_row(1, 2, pair, 0.0)
+        row = parts.mesh_row(1, 2, pair, np.pi)
         ratio *= -row[3] / row[9]
     assert ratio == pytest.approx(81.491, abs=5e-4)
 

@@ -33,7 +33,7 @@ import pytest
 import scipy.optimize
 import scipy.special
 from gear_pair import HALF_GAP, NATURAL, STIFFNESS, gear_pair
-from published_parts import assembler_of
+from published_parts import add_spring, assembler_of
 
 from tbm_dynamics import Simulator
 from tbm_dynamics.mesh.geometry import ExternalPair
@@ -114,13 +114,13 @@ def pair_on_bearings():
     inertia = 6.57 / 8.0 * (0.2**2 + bore)
     for node in (1, 2):
         parts.add_body(node, 6.57, (inertia, 1.0, 1.0))
-        parts.add_spring(node, "ground", (1e8, 1e8, 1e8, 0.01, 1e8, 1e8), "steel")
+        add_spring(parts, node, None, (1e8, 1e8, 1e8, 0.01, 1e8, 1e8))
         translations = parts.dofs(node)[:3]
         parts.C[translations, translations] = 512.64
     mean = PAIR.contact_ratio * 200e9 * 0.03 / 18.0
     damping = 2.0 * 0.07 * np.sqrt(mean * inertia / (2.0 * PAIR.pinion_base_radius**2))
     rows, idle, gearbox = np.zeros((2, 12)), 1e8, 10  # a gearbox of nothing to do
-    rows[0], rows[1, gearbox] = parts.mesh_row(1, 2, PAIR, 0.0), 1.0
+    rows[0], rows[1, gearbox] = parts.mesh_row(1, 2, PAIR, np.pi), 1.0
     numbers, two_pairs = np.arange(1, HARMONICS + 1), PAIR.contact_ratio - 1.0
     variation = np.zeros((2 * HARMONICS, 1))
     rectangle = 2.0 / (np.pi * numbers) * np.sin(np.pi * numbers * two_pairs)
@@ -142,7 +142,7 @@ def pair_on_bearings():
         ring_teeth=20,
     )
     motors = np.zeros(12)
-    motors[parts.dofs(2)[3]] = 1.0
+    motors[parts.dofs(2)[3]] = -1.0  # the pinion drives by turning against x
     return System(
         M=parts.M,
         C=parts.C + rows.T @ (couplings.damping[:, None] * rows),
@@ -152,7 +152,7 @@ def pair_on_bearings():
         drives=Drives(np.zeros(1), np.arange(6, 12)[None], np.eye(6)[None]),
         load_dofs=np.arange(6),
         motor_pattern=motors,
-        mean_load=np.array([0.0, 0.0, 0.0, 300.0, 0.0, 0.0]),
+        mean_load=np.array([0.0, 0.0, 0.0, -300.0, 0.0, 0.0]),
         operating_point=OperatingPoint(speed=2.0 * np.pi / TURN, torque=300.0, thrust=0.0),
     )
 
@@ -163,7 +163,7 @@ def test_a_pair_with_backlash_as_ross_has_it(method):
     # Three turns, the last two kept. Alike gears: the torque's swing on one is worth half as much on both.
     time = np.arange(3 * parts) * TURN / parts
     loads = np.zeros((len(time), 6))
-    loads[:, 3] = 300.0 + 200.0 * np.sin(2.0 * np.pi * time / TURN)
+    loads[:, 3] = -300.0 - 200.0 * np.sin(2.0 * np.pi * time / TURN)
     chunk = Simulator(system, (1, 2), TURN / parts, method).step(loads)
     stiffness, error, _ = system.couplings.waves.evaluate(20.0 * time / TURN)
     compression = chunk.displacement.reshape(len(time), 12) @ system.couplings.rows[0] + error[:, 0]
