@@ -175,7 +175,8 @@ def _equipped(machine: Machine, spots: Sequence[SensorSpot], names: Sequence[str
         name: SensorPlace(node=spot.node, offset=spot.offset).shortest for name, spot in zip(names, spots, strict=True)
     }
     equipped = Machine(machine.base.model_copy(update={"test_points": places}), machine.inputs, machine.origin)
-    return equipped, BandReading({name: Sensor(spot.frame) for name, spot in zip(names, spots, strict=True)})
+    sensors = {name: Sensor(spot.frame) for name, spot in zip(names, spots, strict=True)}
+    return equipped, BandReading(sensors, machine.description.loads.bands)
 
 
 def _powers(reading: BandReading, factors: Array, machine: Machine) -> Array:
