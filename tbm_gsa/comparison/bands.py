@@ -28,9 +28,9 @@ def machine_bands(machines: Iterable[Machine], high_hz: float) -> Bands:
     for machine in machines:
         found += [band for band in machine.description.loads.bands if band not in found]
         for low, high in mesh_ranges(machine):
-            if not within((low, high), found):
-                wide = math.floor(low * (1.0 - TOLERANCE)), math.ceil(high * (1.0 + TOLERANCE))
-                found.append((max(float(wide[0]), HIGH_PASS_HZ), float(wide[1])))
+            wide = max(low * (1.0 - TOLERANCE), HIGH_PASS_HZ), high * (1.0 + TOLERANCE)
+            if not within(wide, found):
+                found.append((max(float(math.floor(wide[0])), HIGH_PASS_HZ), float(math.ceil(wide[1]))))
     return tuple(sorted(band for band in found if band[1] <= high_hz))
 
 

@@ -212,18 +212,19 @@ def _print_modes(summary: MachineSummary) -> None:
 
 
 def print_loads(summary: LoadSummary) -> None:
-    """Print loads beside the paper's Table 1; forces in kN, moments in kN·m."""
+    """Print loads beside what the paper's Table 1 or else the file states; forces in kN, moments in kN·m."""
     point = summary.operating_point
     print_sentence(
         f"{summary.machine}: cutterhead loads, {summary.loads} level, {summary.duration:g} s, seed {summary.seed}, "
         f"at {point.speed * 30.0 / math.pi:.3g} r/min, {point.torque / 1e3:.5g} kN·m, {point.thrust / 1e3:.5g} kN"
     )
-    headings = (">paper", ">mean", ">RMS", ">in regions", "paper's lines", "found, Hz")
-    title = "means (magnitudes), fluctuation, share of power in Table 1's regions; kN, kN·m"
+    of_paper = any(row.paper_mean is not None for row in summary.components.values())
+    headings = (">stated", ">mean", ">RMS", ">in regions", "stated lines", "found, Hz")
+    title = f"means (magnitudes), fluctuation, beside {'Table 1 of the paper' if of_paper else 'the file'}; kN, kN·m"
     table = _table(title, "", *headings)
     for name, row in summary.components.items():
-        numbers = (f"{abs(value) / 1e3:.5g}" for value in (row.paper_mean, row.mean, row.rms))
-        paper = ", ".join(f"{line.paper_hz:g}" for line in row.lines)
+        numbers = (f"{abs(value) / 1e3:.5g}" for value in (row.stated_mean, row.mean, row.rms))
+        stated = ", ".join(f"{line.stated_hz:g}" for line in row.lines)
         found = ", ".join("–" if line.found_hz is None else f"{line.found_hz:.2f}" for line in row.lines)
-        add_row(table, name, *numbers, f"{row.in_regions:.0%}", paper, found)
+        add_row(table, name, *numbers, f"{row.in_regions:.0%}", stated, found)
     results.print(table)
