@@ -284,8 +284,8 @@ class MachineDescription(FrozenModel):
 
     @model_validator(mode="after")
     def _drives_beside_each_other(self) -> Self:
-        gear, angles = self.driveshaft.gear, self.drive_angles
-        tip, places = gear.module * (gear.pinion_teeth + 2), gear.module * (gear.ring_teeth - gear.pinion_teeth)
+        pair, angles = self.driveshaft.gear.pair, self.drive_angles
+        tip, places = 2.0 * pair.pinion.tip_radius, 2.0 * pair.centre_distance
         for number, drive in sorted(self.drives.items()):
             for other, angle in enumerate(angles, start=1):
                 apart = abs(places * math.sin((angle - angles[number - 1]) / 2.0))
@@ -300,7 +300,7 @@ class MachineDescription(FrozenModel):
     def _gaps_within_a_tooth(self) -> Self:
         # A number in another unit, above all: a gap without teeth, or teeth beside those of the ring.
         gear = self.driveshaft.gear
-        pitch = math.pi * gear.module * math.cos(math.radians(gear.pressure_angle_deg))
+        pitch = gear.pair.base_pitch
         lengths = [("driveshaft.mesh.backlash", self.driveshaft.mesh.backlash, pitch, "base pitch")]
         for number, drive in self.drives.items():
             lengths.append((f"drives.{number}.backlash", drive.backlash or 0.0, pitch, "base pitch"))

@@ -3,35 +3,68 @@
 from __future__ import annotations
 
 import math
-from typing import Annotated, Literal, Self
+from typing import Annotated, ClassVar, Literal, Self
 
 from pydantic import BeforeValidator, Field, FiniteFloat, model_validator
 
 from tbm_dynamics.mesh.faults import ToothFault
+from tbm_dynamics.mesh.geometry import ExternalPair, GearPair, InternalPair
 from tbm_dynamics.mesh.planetary import PlanetaryStage
-from tbm_msgs_py.base.fields import FrozenModel, NonNegative, Positive, Source
+from tbm_msgs_py.base.fields import FrozenModel, NonNegative, Positive, Source, SparseModel
 
 Node = Annotated[int, Field(ge=1)]
+Shift = Annotated[float, Field(ge=-1.0, le=2.0)]
 SixStiffnesses = tuple[NonNegative, NonNegative, NonNegative, NonNegative, NonNegative, NonNegative]
 ConnectionType = Literal["rock", "bolt", "bearing", "spline", "hydraulic", "steel"]
 
 
-class Gear(FrozenModel):
-    """The pinion–ring pair (internal spur gear)."""
+class Gear(SparseModel):
+    """The pinion–ring pair.
 
+    Attributes
+    ----------
+    ring : "internal" or "external"
+        Whether the pinions turn inside the ring, with it, or around it, the other way.
+    pinion_teeth, ring_teeth : int
+    module, pressure_angle_deg : float
+        In the normal section, m and degrees.
+    helix_angle_deg : float
+        Of helical teeth, at the reference circle; where it is positive the teeth push the ring forwards.
+    profile_shift : (float, float)
+        Of pinion and ring in modules, each positive away from its axis; the pair works without play at the centre
+        distance that follows.
+    face_width : float
+        Common one, m.
+    accuracy_grade : int
+        ISO 1328-1.
+    """
+
+    optional: ClassVar[tuple[str, ...]] = ("ring", "helix_angle_deg", "profile_shift")
+
+    ring: Literal["internal", "external"] = "internal"
     pinion_teeth: Annotated[int, Field(ge=5)]
     ring_teeth: Annotated[int, Field(ge=10)]
     module: Positive
     pressure_angle_deg: Annotated[float, Field(gt=10.0, lt=35.0)]
+    helix_angle_deg: Annotated[float, Field(gt=-45.0, lt=45.0)] = 0.0
+    profile_shift: tuple[Shift, Shift] = (0.0, 0.0)
     face_width: Positive
     accuracy_grade: Annotated[int, Field(ge=0, le=12)]
     source: Source
 
     @model_validator(mode="after")
     def _pinion_inside(self) -> Self:
-        if self.pinion_teeth >= self.ring_teeth:
+        if self.ring == "internal" and self.pinion_teeth >= self.ring_teeth:
             raise ValueError(f"pinion_teeth {self.pinion_teeth} must be fewer than ring_teeth {self.ring_teeth}")
+        _ = self.pair.working_angle  # refused here if there is none
         return self
+
+    @property
+    def pair(self) -> GearPair:
+        """Its geometry; `GearError` of one that cannot be is for its check."""
+        kind = InternalPair if self.ring == "internal" else ExternalPair
+        angles = math.radians(self.pressure_angle_deg), math.radians(self.helix_angle_deg)
+        return kind(self.pinion_teeth, self.ring_teeth, self.module, *angles, *self.profile_shift)
 
 
 class Mesh(FrozenModel):

@@ -16,6 +16,7 @@ from tbm_dynamics.structure.drive import (
     drive_nodes,
     drive_positions,
     drive_unit,
+    gear_pair,
     turn,
 )
 from tbm_dynamics.structure.system import Drives, System
@@ -106,7 +107,7 @@ def _add_drives(assembler: Assembler, unit: DriveUnit) -> tuple[Drives, np.ndarr
 def _motor_pattern(assembler: Assembler) -> np.ndarray:
     """Generalised force (n,) of the motors, which share the torque by their weights."""
     drive, each = assembler.description.driveshaft, assembler.description.each_drive
-    unit = drive.gear.pinion_teeth / drive.gear.ring_teeth / sum(one.weight for one in each)
+    unit = gear_pair(drive).turning * drive.gear.pinion_teeth / drive.gear.ring_teeth / sum(one.weight for one in each)
     pattern = np.zeros(len(assembler.M))
     for i, one in enumerate(each):
         pattern[assembler.index[drive_nodes(drive, i)[-1]] + 3] += unit * one.weight

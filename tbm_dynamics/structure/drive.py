@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from tbm_dynamics.mesh.geometry import InternalPair
+from tbm_dynamics.mesh.geometry import GearPair
 from tbm_dynamics.structure.assembler import Assembler
 from tbm_dynamics.structure.connection import rigid_arm
 
@@ -48,10 +48,9 @@ class DriveUnit:
     gearbox_damping: float
 
 
-def gear_pair(drive: DriveTemplate) -> InternalPair:
+def gear_pair(drive: DriveTemplate) -> GearPair:
     """Geometry of the pinion–ring pair of a drive template."""
-    gear = drive.gear
-    return InternalPair(gear.pinion_teeth, gear.ring_teeth, gear.module, math.radians(gear.pressure_angle_deg))
+    return drive.gear.pair
 
 
 def drive_nodes(drive: DriveTemplate, i: int) -> tuple[int, ...]:
@@ -97,16 +96,16 @@ def drive_unit(description: MachineDescription, seat: float = 1.0) -> DriveUnit:
         M=unit.M,
         C=unit.C,
         K=unit.K,
-        rows=np.array([_mesh_row(unit, drive, pair), _gearbox_row(unit, output, rotor)]),
+        rows=np.array([_mesh_row(unit, drive, pair), pair.turning * _gearbox_row(unit, output, rotor)]),
         pinion_mesh_mass=unit.polar_inertia((front, middle, rear)) / pair.pinion_base_radius**2,
         gearbox_damping=unit.damping("steel"),
     )
 
 
-def _mesh_row(unit: Assembler, drive: DriveTemplate, pair: InternalPair) -> np.ndarray:
-    """Compression of the mesh along its line of action."""
+def _mesh_row(unit: Assembler, drive: DriveTemplate, pair: GearPair) -> np.ndarray:
+    """Compression of the mesh along its line of action in the transverse section."""
     pinion = drive_nodes(drive, 0)[1]
-    to_contact = np.array([0.0, pair.pinion_pitch_radius, 0.0])
+    to_contact = np.array([0.0, pair.turning * pair.pinion_pitch_radius, 0.0])
     place = unit.positions[pinion] + to_contact
     line = pair.line_of_action(0.0)
     row = np.zeros(len(unit.M))
@@ -116,7 +115,7 @@ def _mesh_row(unit: Assembler, drive: DriveTemplate, pair: InternalPair) -> np.n
 
 
 def _gearbox_row(unit: Assembler, output: int, rotor: int) -> np.ndarray:
-    """Twist between rotor and gearbox output, both about x."""
+    """Twist between rotor and gearbox output, both about x, of a pinion that drives forwards."""
     row = np.zeros(len(unit.M))
     row[unit.index[rotor] + 3], row[unit.index[output] + 3] = 1.0, -1.0
     return row

@@ -220,7 +220,7 @@ def _draw_end(axes: Axes, description: MachineDescription) -> None:
     """Draw the ring with its pinions as one sees them looking forward: y to the left, z up."""
     drive = description.driveshaft
     pair = gear_pair(drive)
-    ring = pair.ring_pitch_radius
+    ring = pair.driven_pitch_radius
     axes.add_patch(Circle((0.0, 0.0), ring, fill=False, ec=_COLOURS[STRUCTURES[0]], lw=2.0))
     axes.text(0.0, 0.0, f"ring gear\nnode {drive.ring_node}", ha="center", va="center", fontsize=8)
     for i, angle in enumerate(description.drive_angles):
