@@ -16,9 +16,10 @@ from pydantic import AfterValidator, Field, SerializerFunctionWrapHandler, model
 
 from tbm_dynamics.loads.cutters.description import CutterDescription
 from tbm_dynamics.loads.description import LoadDescription
-from tbm_dynamics.machine.drive import ConnectionType, DriveOverride, DriveTemplate, Node, SixStiffnesses
+from tbm_dynamics.machine.drive import DriveOverride, DriveTemplate, Node
 from tbm_dynamics.machine.sensor_place import SensorPlace, TestPoint, place_of
-from tbm_msgs_py.base.fields import FrozenModel, Label, NonNegative, Positive, Source, Vector3
+from tbm_dynamics.machine.springs import Springs
+from tbm_msgs_py.base.fields import FrozenModel, Label, NonNegative, Positive, Source, SparseModel, Vector3
 from tbm_msgs_py.base.texts import LONGEST_NAME
 from tbm_msgs_py.base.units import R_MIN
 
@@ -150,17 +151,18 @@ class Body(FrozenModel):
     source: Source
 
 
-class Connection(FrozenModel):
-    """A spring-damper between two nodes, or a node and the ground, located at the first node.
-
-    Six stiffnesses: x, y, z (N/m) and about x, y, z (N·m/rad). A node elsewhere follows through a rigid arm.
-    """
+class _Ends(SparseModel):
+    """Name and ends of a connection, which stand first in it."""
 
     name: Label
     between: tuple[Node, Node | Literal["ground"]]
-    type: ConnectionType
-    stiffness: SixStiffnesses
-    source: Source
+
+
+class Connection(Springs, _Ends):
+    """A spring-damper between two nodes, or a node and the ground, located at the first node.
+
+    Along and about x, y, z. A node elsewhere follows through a rigid arm.
+    """
 
     @model_validator(mode="after")
     def _two_ends(self) -> Self:

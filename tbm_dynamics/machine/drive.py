@@ -7,6 +7,7 @@ from typing import Annotated, ClassVar, Literal, Self
 
 from pydantic import BeforeValidator, Field, FiniteFloat, model_validator
 
+from tbm_dynamics.machine.springs import Springs
 from tbm_dynamics.mesh.faults import ToothFault
 from tbm_dynamics.mesh.geometry import ExternalPair, GearPair, InternalPair
 from tbm_dynamics.mesh.planetary import PlanetaryStage
@@ -14,8 +15,6 @@ from tbm_msgs_py.base.fields import FrozenModel, NonNegative, Positive, Source, 
 
 Node = Annotated[int, Field(ge=1)]
 Shift = Annotated[float, Field(ge=-1.0, le=2.0)]
-SixStiffnesses = tuple[NonNegative, NonNegative, NonNegative, NonNegative, NonNegative, NonNegative]
-ConnectionType = Literal["rock", "bolt", "bearing", "spline", "hydraulic", "steel"]
 
 
 class Gear(SparseModel):
@@ -125,12 +124,8 @@ class DriveBody(FrozenModel):
     source: Source
 
 
-class DriveConnection(FrozenModel):
-    """A connection of a drive; stiffness along and about x, the radial and the tangential direction of the drive."""
-
-    type: ConnectionType
-    stiffness: SixStiffnesses
-    source: Source
+class DriveConnection(Springs):
+    """A connection of a drive, along and about x, the radial and the tangential direction of the drive."""
 
 
 class DriveTemplate(FrozenModel):
@@ -175,7 +170,7 @@ class DriveTemplate(FrozenModel):
     @model_validator(mode="after")
     def _free_rotation(self) -> Self:
         for key in ("gearbox_mount", "pinion_bearing"):
-            if getattr(self, key).stiffness[3] != 0.0:
+            if getattr(self, key).stiffness_rows[3].any():
                 raise ValueError(f"{key}: the stiffness about x must be 0, the drive turns in it")
         return self
 
@@ -185,7 +180,7 @@ def _off(given: object) -> object:
     return {True: "dragged", False: None}[given] if isinstance(given, bool) else given
 
 
-class DriveOverride(FrozenModel):
+class DriveOverride(SparseModel):
     """How a drive differs from the template; what is left out is the template's.
 
     Attributes
@@ -194,8 +189,8 @@ class DriveOverride(FrozenModel):
         Place around the x axis (degrees) instead of that at equal angles.
     backlash : float or None
         m, instead of the template's.
-    mesh_error, tooth_stiffness, seat_stiffness : float
-        Factors on the template's mesh error, mesh stiffness and seat stiffness.
+    mesh_error, tooth_stiffness, seat_stiffness, mount_stiffness : float
+        Factors on the template's mesh error, mesh stiffness, seats and mount of gearbox and rotor.
     torque_share : float or None
         Weight in the torque of the head, which is shared in proportion: 1 of a motor that runs, 0 of one that is off,
         below 0 of a drive that brakes by its drag.
@@ -209,6 +204,8 @@ class DriveOverride(FrozenModel):
     tooth : ToothFault or None
     """
 
+    optional: ClassVar[tuple[str, ...]] = ("mount_stiffness",)
+
     angle: Annotated[FiniteFloat, Field(ge=-360.0, le=360.0)] | None = None
     backlash: NonNegative | None = None
     mesh_error: NonNegative = 1.0
@@ -216,6 +213,7 @@ class DriveOverride(FrozenModel):
     torque_share: Annotated[FiniteFloat, Field(gt=-1.0)] | None = None
     off: Annotated[Literal["dragged", "uncoupled"] | None, BeforeValidator(_off)] = None
     seat_stiffness: Positive = 1.0
+    mount_stiffness: Positive = 1.0
     eccentricity: NonNegative = 0.0
     misalignment: Annotated[float, Field(ge=0.0, lt=1.0)] = 0.0
     tooth: ToothFault | None = None

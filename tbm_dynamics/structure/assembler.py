@@ -14,7 +14,7 @@ from tbm_msgs_py.base.errors import MachineError
 
 if TYPE_CHECKING:
     from tbm_dynamics.machine.description import MachineDescription
-    from tbm_dynamics.machine.drive import ConnectionType, SixStiffnesses
+    from tbm_dynamics.machine.springs import ConnectionType, Springs
 
 
 @dataclass
@@ -90,15 +90,20 @@ class Assembler:
         self.M[place] += along_direction(mass, vector)
         self.add_stiffness(nodes, along_direction(stiffness, vector), self.damping("steel"))
 
-    def add_spring(
-        self, first: int, second: int | str, stiffness: SixStiffnesses, kind: ConnectionType, factor: float = 1.0
-    ) -> None:
-        """Add six springs, times a factor, at the place of the first node, to the second or the ground."""
+    def add_connection(self, first: int, second: int | str, springs: Springs, factor: float = 1.0) -> None:
+        """Add springs, times a factor, and dampers at the place of the first node, to the second or the ground."""
         place = self.positions[first]
         grounded = isinstance(second, str)
         rows = spring_rows(place, place, None if grounded else self.positions[int(second)])
         nodes = (first,) if grounded else (first, int(second))
-        self.add_stiffness(nodes, spring_stiffness(rows, factor * np.array(stiffness)), self.damping(kind))
+        own = springs.damps or springs.type == "other"
+        self.add_stiffness(
+            nodes,
+            spring_stiffness(rows, factor * springs.stiffness_rows),
+            0.0 if own else self.damping(springs.type),
+        )
+        if springs.damps:
+            self.C[np.ix_(self.dofs(*nodes), self.dofs(*nodes))] += spring_stiffness(rows, springs.damping_rows)
 
     def damping(self, kind: ConnectionType) -> float:
         """β of C_e = β K_e (s) of a type of connection, or of steel, in the reading of the machine file."""

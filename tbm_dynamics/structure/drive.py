@@ -74,8 +74,8 @@ def turn(angle: float) -> np.ndarray:
     return np.array([[1.0, 0.0, 0.0], [0.0, c, s], [0.0, -s, c]])
 
 
-def drive_unit(description: MachineDescription, seat: float = 1.0) -> DriveUnit:
-    """Build the drive at angle 0; `seat` is a factor on the stiffness of its pinion's seats."""
+def drive_unit(description: MachineDescription, seat: float = 1.0, mount: float = 1.0) -> DriveUnit:
+    """Build the drive at angle 0; factors on the stiffness of its pinion's seats and of the gearbox on its mount."""
     drive = description.driveshaft
     places = description.structural_nodes()
     ends = {node: np.array(places[node], dtype=float) for node in (drive.ring_node, drive.mount_node)}
@@ -87,10 +87,10 @@ def drive_unit(description: MachineDescription, seat: float = 1.0) -> DriveUnit:
     about, *across = drive.rotor.inertia
     unit.add_body(rotor, drive.rotor.mass, (about * drive.gearbox.ratio**2, across[0], across[1]))
     for node in (output, rotor):
-        unit.add_spring(node, drive.mount_node, drive.gearbox_mount.stiffness, drive.gearbox_mount.type)
+        unit.add_connection(node, drive.mount_node, drive.gearbox_mount, mount)
     for node in (front, rear):
-        unit.add_spring(node, drive.mount_node, drive.pinion_bearing.stiffness, drive.pinion_bearing.type, seat)
-    unit.add_spring(rear, output, drive.spline.stiffness, drive.spline.type)
+        unit.add_connection(node, drive.mount_node, drive.pinion_bearing, seat)
+    unit.add_connection(rear, output, drive.spline)
     pair = gear_pair(drive)
     return DriveUnit(
         M=unit.M,

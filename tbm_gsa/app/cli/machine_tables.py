@@ -10,6 +10,7 @@ from rich.table import Table
 from tbm_dynamics.loads.description import LOAD_GROUPS
 from tbm_dynamics.machine.description import Connection
 from tbm_dynamics.machine.drive import DriveBody, DriveConnection, DriveShaft, Gear
+from tbm_dynamics.machine.springs import Springs
 from tbm_dynamics.machine.summary import (
     BETWEEN,
     DRIVE_NODES,
@@ -96,8 +97,17 @@ def _print_parts(summary: MachineSummary) -> None:
 def _print_connections(
     title: str, axes: Sequence[str], named: Iterable[tuple[str, str, Connection | DriveConnection]]
 ) -> None:
-    rows = ((name, between, item.type, *map(_short, item.stiffness), item.source) for name, between, item in named)
+    rows = (
+        (name, between, _kind(item), *map(_short, item.stiffness_rows.diagonal()), item.source)
+        for name, between, item in named
+    )
     _print_table(title, ("name", "between", "type", *axes, "source"), rows)
+
+
+def _kind(springs: Springs) -> str:
+    """Type of a connection, and what its six stiffnesses do not show."""
+    more = [*(["coupled"] if springs.stiffness_matrix else []), *(["damped"] if springs.damps else [])]
+    return ", ".join((springs.type, *more))
 
 
 def _print_drives(drives: DriveSummary) -> None:
@@ -166,8 +176,11 @@ def _print_gears(drives: DriveSummary) -> None:
     headings = ("pair", "teeth", ">m, mm", ">α, °", ">b, mm", ">ε", ">mesh, Hz", "source")
     _print_table("gear pairs, from the ring to the motor", headings, rows)
     mesh = drives.mesh
+    special = [f"profile shifts {' and '.join(_general(*gear.profile_shift))}"] if any(gear.profile_shift) else []
+    special += [f"helix angle {gear.helix_angle_deg:g} deg"] if gear.helix_angle_deg else []
     print_sentence(
-        f"mesh of ring and pinion ({mesh.source}): {_short(mesh.mean_stiffness)} N/m, "
+        f"mesh of {', '.join((f'{gear.ring} ring and pinion', *special))} ({mesh.source}): "
+        f"{_short(mesh.mean_stiffness)} N/m, "
         f"backlash {mesh.backlash * 1e6:g} µm, damping ratio {mesh.damping_ratio:g}"
     )
 

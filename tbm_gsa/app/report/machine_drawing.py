@@ -35,6 +35,7 @@ _STYLES: Final[dict[str, tuple[str, str | tuple[int, tuple[float, ...]], str]]] 
     "spline": ("#8c510a", "-", "spline"),
     "hydraulic": ("#56B4E9", (0, (4, 1.5)), "hydraulic"),
     "steel": ("#b0b0b0", (0, (4, 1, 1, 1)), "steel"),
+    "other": ("#e69f00", (0, (2, 1)), "other"),
     "mesh": ("#d00000", "-", "mesh of pinion and ring"),
     "gearbox": ("#6a3d9a", "-", "planetary gearbox"),
 }
