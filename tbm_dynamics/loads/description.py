@@ -188,6 +188,12 @@ class LoadDescription(FrozenModel):
         alone = [line for line in lines if not any(low <= line <= high for low, high in bands)]
         return _merged((*bands, *((max(line - BESIDE_HZ, LOWEST_HZ), line + BESIDE_HZ) for line in alone)))
 
+    @property
+    def at_rest(self) -> Self:
+        """Return the loads on a head that does not turn: their means."""
+        still = {name: getattr(self, name).model_copy(update={"regions": (), "lines": ()}) for name in COMPONENTS}
+        return self.model_copy(update=still)
+
     def with_factors(self, factors: ArrayLike) -> Self:
         """Return the same loads with other factors (6,), in the order of `LOAD_GROUPS`."""
         values = np.asarray(factors, dtype=float).tolist()

@@ -43,11 +43,11 @@ PointName = Annotated[str, AfterValidator(_part_of_topics)]
 
 
 class SiteOperatingPoint(FrozenModel):
-    """Mean working condition of the machine, in the units of the site."""
+    """Mean working condition of the machine, in the units of the site; a speed of 0 is a standstill."""
 
-    speed_r_min: Positive
-    torque_kn_m: Positive
-    thrust_kn: Positive
+    speed_r_min: NonNegative
+    torque_kn_m: NonNegative
+    thrust_kn: NonNegative
     source: Source
 
 

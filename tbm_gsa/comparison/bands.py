@@ -26,7 +26,7 @@ def machine_bands(machines: Iterable[Machine], high_hz: float) -> Bands:
     """
     found: list[tuple[float, float]] = []
     for machine in machines:
-        found += [band for band in machine.description.loads.bands if band not in found]
+        found += [band for band in machine.driven_loads.bands if band not in found]
         for low, high in mesh_ranges(machine):
             wide = max(low * (1.0 - TOLERANCE), HIGH_PASS_HZ), high * (1.0 + TOLERANCE)
             if not within(wide, found):

@@ -32,7 +32,7 @@ def lines_of_levels(machines: Mapping[int, Machine], high_hz: float = LOW_PASS_L
 
 
 def _load_lines(machine: Machine) -> Iterator[ExpectedLine]:
-    loads = {line.frequency for component in machine.description.loads.components for line in component.lines}
+    loads = {line.frequency for component in machine.driven_loads.components for line in component.lines}
     for frequency in sorted(loads):
         yield _line(f"load line {frequency:g} Hz", frequency, "load")
 

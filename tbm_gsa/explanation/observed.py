@@ -125,7 +125,7 @@ def observed(comparison: ComparisonResult, machine: Machine) -> Observed:
             f"a verdict needs {FEWEST_POINTS} test points, for of one nothing tells the machine from its sensor; "
             f"the comparison has {', '.join(comparison.points)}"
         )
-    reading = _reading(comparison, machine.description.loads.bands)
+    reading = _reading(comparison, machine.driven_loads.bands)
     spectra = [comparison.spectra[point][axis].field for point in reading.sensors for axis in comparison.spectra[point]]
     recorded = np.array([0.5 * reading.segment_s * (one.segments + 1.0) for one in spectra])
     if recorded.min() < SHORTEST_S:
