@@ -16,9 +16,10 @@ from pydantic import AfterValidator, Field, SerializerFunctionWrapHandler, model
 
 from tbm_dynamics.loads.cutters.description import CutterDescription
 from tbm_dynamics.loads.description import LoadDescription
-from tbm_dynamics.machine.drive import ConnectionType, DriveOverride, DriveTemplate, Node, SixStiffnesses
+from tbm_dynamics.machine.drive import DriveOverride, DriveTemplate, Node
 from tbm_dynamics.machine.sensor_place import SensorPlace, TestPoint, place_of
-from tbm_msgs_py.base.fields import FrozenModel, Label, NonNegative, Positive, Source, Vector3
+from tbm_dynamics.machine.springs import Springs
+from tbm_msgs_py.base.fields import FrozenModel, Label, NonNegative, Positive, Source, SparseModel, Vector3
 from tbm_msgs_py.base.texts import LONGEST_NAME
 from tbm_msgs_py.base.units import R_MIN
 
@@ -42,11 +43,11 @@ PointName = Annotated[str, AfterValidator(_part_of_topics)]
 
 
 class SiteOperatingPoint(FrozenModel):
-    """Mean working condition of the machine, in the units of the site."""
+    """Mean working condition of the machine, in the units of the site; a speed of 0 is a standstill."""
 
-    speed_r_min: Positive
-    torque_kn_m: Positive
-    thrust_kn: Positive
+    speed_r_min: NonNegative
+    torque_kn_m: NonNegative
+    thrust_kn: NonNegative
     source: Source
 
 
@@ -150,17 +151,18 @@ class Body(FrozenModel):
     source: Source
 
 
-class Connection(FrozenModel):
-    """A spring-damper between two nodes, or a node and the ground, located at the first node.
-
-    Six stiffnesses: x, y, z (N/m) and about x, y, z (N·m/rad). A node elsewhere follows through a rigid arm.
-    """
+class _Ends(SparseModel):
+    """Name and ends of a connection, which stand first in it."""
 
     name: Label
     between: tuple[Node, Node | Literal["ground"]]
-    type: ConnectionType
-    stiffness: SixStiffnesses
-    source: Source
+
+
+class Connection(Springs, _Ends):
+    """A spring-damper between two nodes, or a node and the ground, located at the first node.
+
+    Along and about x, y, z. A node elsewhere follows through a rigid arm.
+    """
 
     @model_validator(mode="after")
     def _two_ends(self) -> Self:
@@ -284,8 +286,8 @@ class MachineDescription(FrozenModel):
 
     @model_validator(mode="after")
     def _drives_beside_each_other(self) -> Self:
-        gear, angles = self.driveshaft.gear, self.drive_angles
-        tip, places = gear.module * (gear.pinion_teeth + 2), gear.module * (gear.ring_teeth - gear.pinion_teeth)
+        pair, angles = self.driveshaft.gear.pair, self.drive_angles
+        tip, places = 2.0 * pair.pinion.tip_radius, 2.0 * pair.centre_distance
         for number, drive in sorted(self.drives.items()):
             for other, angle in enumerate(angles, start=1):
                 apart = abs(places * math.sin((angle - angles[number - 1]) / 2.0))
@@ -300,7 +302,7 @@ class MachineDescription(FrozenModel):
     def _gaps_within_a_tooth(self) -> Self:
         # A number in another unit, above all: a gap without teeth, or teeth beside those of the ring.
         gear = self.driveshaft.gear
-        pitch = math.pi * gear.module * math.cos(math.radians(gear.pressure_angle_deg))
+        pitch = gear.pair.base_pitch
         lengths = [("driveshaft.mesh.backlash", self.driveshaft.mesh.backlash, pitch, "base pitch")]
         for number, drive in self.drives.items():
             lengths.append((f"drives.{number}.backlash", drive.backlash or 0.0, pitch, "base pitch"))

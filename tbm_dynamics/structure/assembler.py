@@ -15,8 +15,8 @@ from tbm_msgs_py.base.errors import MachineError
 
 if TYPE_CHECKING:
     from tbm_dynamics.machine.description import MachineDescription
-    from tbm_dynamics.machine.drive import ConnectionType, SixStiffnesses
-    from tbm_dynamics.mesh.geometry import ExternalPair, InternalPair
+    from tbm_dynamics.machine.springs import ConnectionType, Springs
+    from tbm_dynamics.mesh.geometry import GearPair
 
 
 @dataclass
@@ -92,15 +92,20 @@ class Assembler:
         self.M[place] += along_direction(mass, vector)
         self.add_stiffness(nodes, along_direction(stiffness, vector), self.damping("steel"))
 
-    def add_spring(
-        self, first: int, second: int | str, stiffness: SixStiffnesses, kind: ConnectionType, factor: float = 1.0
-    ) -> None:
-        """Add six springs, times a factor, at the place of the first node, to the second or the ground."""
+    def add_connection(self, first: int, second: int | str, springs: Springs, factor: float = 1.0) -> None:
+        """Add springs, times a factor, and dampers at the place of the first node, to the second or the ground."""
         place = self.positions[first]
         grounded = isinstance(second, str)
         rows = spring_rows(place, place, None if grounded else self.positions[int(second)])
         nodes = (first,) if grounded else (first, int(second))
-        self.add_stiffness(nodes, spring_stiffness(rows, factor * np.array(stiffness)), self.damping(kind))
+        own = springs.damps or springs.type == "other"
+        self.add_stiffness(
+            nodes,
+            spring_stiffness(rows, factor * springs.stiffness_rows),
+            0.0 if own else self.damping(springs.type),
+        )
+        if springs.damps:
+            self.C[np.ix_(self.dofs(*nodes), self.dofs(*nodes))] += spring_stiffness(rows, springs.damping_rows)
 
     def damping(self, kind: ConnectionType) -> float:
         """β of C_e = β K_e (s) of a type of connection, or of steel, in the reading of the machine file."""
@@ -114,7 +119,7 @@ class Assembler:
         turning[[self.index[node] + 3 for node in nodes]] = 1.0
         return float(turning @ self.M @ turning)
 
-    def mesh_row(self, pinion: int, driven: int, pair: ExternalPair | InternalPair, angle: float) -> np.ndarray:
+    def mesh_row(self, pinion: int, driven: int, pair: GearPair, angle: float) -> np.ndarray:
         """Compression of a mesh along its line of action per unit motion, (n,).
 
         The pinion is at `angle` (rad) around the driven gear, which its flank turns about x.

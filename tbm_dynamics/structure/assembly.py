@@ -16,6 +16,7 @@ from tbm_dynamics.structure.drive import (
     drive_nodes,
     drive_positions,
     drive_unit,
+    gear_pair,
     turn,
 )
 from tbm_dynamics.structure.system import Drives, System
@@ -62,8 +63,7 @@ def _assembled(description: MachineDescription, load_scale: np.ndarray, point: O
         for body in subsystem.bodies:
             assembler.add_body(body.node, body.mass, body.inertia)
     for connection in description.all_connections():
-        first, second = connection.between
-        assembler.add_spring(first, second, connection.stiffness, connection.type)
+        assembler.add_connection(*connection.between, connection)
     ring_inertia = assembler.polar_inertia(description.driveshaft.ring_shaft_nodes)
     unit = drive_unit(description)
     drives, rows = _add_drives(assembler, unit)
@@ -87,26 +87,27 @@ def _assembled(description: MachineDescription, load_scale: np.ndarray, point: O
 
 def _add_drives(assembler: Assembler, unit: DriveUnit) -> tuple[Drives, np.ndarray]:
     """Turn the drive to every place: where the drives are, and the rows of their couplings (2p, n)."""
-    drive, seats = assembler.description.driveshaft, [one.seat_stiffness for one in assembler.description.each_drive]
-    units = {seat: unit if seat == 1.0 else drive_unit(assembler.description, seat) for seat in set(seats)}
+    drive = assembler.description.driveshaft
+    held = [(one.seat_stiffness, one.mount_stiffness) for one in assembler.description.each_drive]
+    units = {own: unit if own == (1.0, 1.0) else drive_unit(assembler.description, *own) for own in set(held)}
     angles = np.array(assembler.description.drive_angles)
     rows = np.zeros((2, drive.count, len(assembler.M)))
     for i, angle in enumerate(angles):
         nodes = (*drive_nodes(drive, i), drive.ring_node, drive.mount_node)
         R = np.kron(np.eye(2 * len(nodes)), turn(float(angle)))
-        one = units[seats[i]]
+        one = units[held[i]]
         assembler.add_matrices(nodes, R.T @ one.M @ R, R.T @ one.C @ R, R.T @ one.K @ R)
         rows[:, i, assembler.dofs(*nodes)] = unit.rows @ R
     own = np.array([assembler.dofs(*drive_nodes(drive, i)) for i in range(drive.count)])
     turns = np.array([np.kron(np.eye(2 * OWN_NODES), turn(float(a))) for a in angles])
-    odd = tuple(i for i, seat in enumerate(seats) if seat != mode(seats))
+    odd = tuple(i for i, own in enumerate(held) if own != mode(held))
     return Drives(angles, own, turns, odd), rows.reshape(2 * drive.count, -1)
 
 
 def _motor_pattern(assembler: Assembler) -> np.ndarray:
     """Generalised force (n,) of the motors, which share the torque by their weights."""
     drive, each = assembler.description.driveshaft, assembler.description.each_drive
-    unit = drive.gear.pinion_teeth / drive.gear.ring_teeth / sum(one.weight for one in each)
+    unit = gear_pair(drive).turning * drive.gear.pinion_teeth / drive.gear.ring_teeth / sum(one.weight for one in each)
     pattern = np.zeros(len(assembler.M))
     for i, one in enumerate(each):
         pattern[assembler.index[drive_nodes(drive, i)[-1]] + 3] += unit * one.weight

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from tbm_dynamics.mesh.geometry import InternalPair
+from tbm_dynamics.mesh.geometry import GearPair
 from tbm_dynamics.structure.assembler import Assembler
 
 if TYPE_CHECKING:
@@ -47,10 +47,9 @@ class DriveUnit:
     gearbox_damping: float
 
 
-def gear_pair(drive: DriveTemplate) -> InternalPair:
+def gear_pair(drive: DriveTemplate) -> GearPair:
     """Geometry of the pinion–ring pair of a drive template."""
-    gear = drive.gear
-    return InternalPair(gear.pinion_teeth, gear.ring_teeth, gear.module, math.radians(gear.pressure_angle_deg))
+    return drive.gear.pair
 
 
 def drive_nodes(drive: DriveTemplate, i: int) -> tuple[int, ...]:
@@ -74,8 +73,8 @@ def turn(angle: float) -> np.ndarray:
     return np.array([[1.0, 0.0, 0.0], [0.0, c, s], [0.0, -s, c]])
 
 
-def drive_unit(description: MachineDescription, seat: float = 1.0) -> DriveUnit:
-    """Build the drive at angle 0; `seat` is a factor on the stiffness of its pinion's seats."""
+def drive_unit(description: MachineDescription, seat: float = 1.0, mount: float = 1.0) -> DriveUnit:
+    """Build the drive at angle 0; factors on the stiffness of its pinion's seats and of the gearbox on its mount."""
     drive = description.driveshaft
     places = description.structural_nodes()
     ends = {node: np.array(places[node], dtype=float) for node in (drive.ring_node, drive.mount_node)}
@@ -87,28 +86,28 @@ def drive_unit(description: MachineDescription, seat: float = 1.0) -> DriveUnit:
     about, *across = drive.rotor.inertia
     unit.add_body(rotor, drive.rotor.mass, (about * drive.gearbox.ratio**2, across[0], across[1]))
     for node in (output, rotor):
-        unit.add_spring(node, drive.mount_node, drive.gearbox_mount.stiffness, drive.gearbox_mount.type)
+        unit.add_connection(node, drive.mount_node, drive.gearbox_mount, mount)
     for node in (front, rear):
-        unit.add_spring(node, drive.mount_node, drive.pinion_bearing.stiffness, drive.pinion_bearing.type, seat)
-    unit.add_spring(rear, output, drive.spline.stiffness, drive.spline.type)
+        unit.add_connection(node, drive.mount_node, drive.pinion_bearing, seat)
+    unit.add_connection(rear, output, drive.spline)
     pair = gear_pair(drive)
     return DriveUnit(
         M=unit.M,
         C=unit.C,
         K=unit.K,
-        rows=np.array([_mesh_row(unit, drive, pair), _gearbox_row(unit, output, rotor)]),
+        rows=np.array([_mesh_row(unit, drive, pair), pair.turning * _gearbox_row(unit, output, rotor)]),
         pinion_mesh_mass=unit.polar_inertia((front, middle, rear)) / pair.pinion_base_radius**2,
         gearbox_damping=unit.damping("steel"),
     )
 
 
-def _mesh_row(unit: Assembler, drive: DriveTemplate, pair: InternalPair) -> np.ndarray:
-    """Compression of the mesh along its line of action."""
+def _mesh_row(unit: Assembler, drive: DriveTemplate, pair: GearPair) -> np.ndarray:
+    """Compression of the mesh along its line of action in the transverse section."""
     return unit.mesh_row(drive_nodes(drive, 0)[1], drive.ring_node, pair, 0.0)
 
 
 def _gearbox_row(unit: Assembler, output: int, rotor: int) -> np.ndarray:
-    """Twist between rotor and gearbox output, both about x."""
+    """Twist between rotor and gearbox output, both about x, of a pinion that drives forwards."""
     row = np.zeros(len(unit.M))
     row[unit.index[rotor] + 3], row[unit.index[output] + 3] = 1.0, -1.0
     return row

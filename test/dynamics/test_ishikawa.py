@@ -25,7 +25,8 @@ import pytest
 
 from tbm_dynamics.mesh import ishikawa
 from tbm_dynamics.mesh.geometry import ExternalPair, InternalPair
-from tbm_dynamics.mesh.ishikawa import Tooth, contact_compliance, iso_flexibility, mesh_stiffness, tooth_compliance
+from tbm_dynamics.mesh.ishikawa import contact_compliance, iso_flexibility, mesh_stiffness, tooth_compliance
+from tbm_dynamics.mesh.tooth import Tooth
 
 ANGLE, MODULE, WIDTH, STEEL = np.radians(20.0), 0.005, 0.02, (206e9, 0.3)
 LOAD = 300e3  # N/m
