@@ -29,7 +29,7 @@ def ross_frequencies(data: dict) -> np.ndarray:
     material = rs.Material(
         name="steel", rho=steel["density"], E=steel["elasticity"], G_s=steel["shear_modulus"], color="#525252"
     )
-    rotors = [_rotor(described, material, mesh) for described in data["rotors"]]
+    rotors = [_rotor(rotor, material, mesh) for rotor in data["rotors"]]
     whole = rs.MultiRotor(
         *rotors,
         coupled_nodes=tuple(rotor["gear"]["node"] for rotor in data["rotors"]),
