@@ -61,7 +61,9 @@ class Case:
 def own() -> tuple[Machine, BandReading]:
     """Machine and reading of all cases."""
     machine = load_machine("dz101")
-    return machine, BandReading({point: Sensor() for point in machine.description.test_points})
+    return machine, BandReading(
+        {point: Sensor() for point in machine.description.test_points}, machine.description.loads.bands
+    )
 
 
 def cases() -> Iterator[Case]:

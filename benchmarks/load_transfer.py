@@ -66,7 +66,9 @@ def largest_error(machine: Machine) -> float:
 def main() -> None:
     """Hold results against others and print times."""
     machine = load_machine("dz101")
-    reading = BandReading({point: Sensor() for point in machine.description.test_points})
+    reading = BandReading(
+        {point: Sensor() for point in machine.description.test_points}, machine.description.loads.bands
+    )
     names, noise = [one.name for one in reading.statistics], np.full(len(reading.statistics), (1e-4 * 9.81) ** 2)
     print(f"accelerance against the full matrices: {100.0 * largest_error(machine):.2g} % of the largest")
     motion, first, _ = timed(lambda: machine_motion(machine, reading))

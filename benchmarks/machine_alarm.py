@@ -173,7 +173,9 @@ class Trial:
 def prepare(minutes: float) -> tuple[Machine, BandReading, Trial]:
     """Sound machine of `dz101` with sensors at its five points."""
     machine = load_machine("dz101")
-    reading = BandReading({point: Sensor() for point in machine.description.test_points})
+    reading = BandReading(
+        {point: Sensor() for point in machine.description.test_points}, machine.description.loads.bands
+    )
     noise = np.full(len(reading.statistics), NOISE)
     model = RockModel(load_scatter(machine_motion(machine, reading)), LoadFactors(), noise, 60.0)
     return machine, reading, Trial(Library.of(machine, reading, minutes, 1), model)

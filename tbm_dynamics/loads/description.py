@@ -1,7 +1,7 @@
 """The ``loads:`` section of a machine file: means, frequency regions, lines and factors of the cutterhead loads."""
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from itertools import pairwise
 from typing import Final, Literal, Self, get_args
 
@@ -16,6 +16,7 @@ COMPONENTS = ("fx", "fy", "fz", "mx", "my", "mz")
 LOWEST_HZ = 0.5  # nothing fluctuates below it, so that a mean over a run is the mean
 HIGHEST_HZ = 240.0  # what the grid of the spectral model carries
 NARROWEST_HZ = 2.0  # what its filters can cut out cleanly
+BESIDE_HZ = 2.0  # of a line, that its band holds
 
 
 LoadGroup = Literal["axial_low", "axial_high", "torsion_low", "torsion_high", "lateral", "moments"]
@@ -178,6 +179,21 @@ class LoadDescription(FrozenModel):
             found.append(getattr(self, name).scaled(low, high))
         return tuple(found)
 
+    @property
+    def bands(self) -> tuple[tuple[float, float], ...]:
+        """Bands in which the loads fluctuate, Hz: regions, of which overlapping ones are one, and lines beside them."""
+        parts = [getattr(self, name) for name in COMPONENTS]
+        bands = _merged(region.filled for part in parts for region in part.regions)
+        lines = {line.frequency for part in parts for line in part.lines}
+        alone = [line for line in lines if not any(low <= line <= high for low, high in bands)]
+        return _merged((*bands, *((max(line - BESIDE_HZ, LOWEST_HZ), line + BESIDE_HZ) for line in alone)))
+
+    @property
+    def at_rest(self) -> Self:
+        """Return the loads on a head that does not turn: their means."""
+        still = {name: getattr(self, name).model_copy(update={"regions": (), "lines": ()}) for name in COMPONENTS}
+        return self.model_copy(update=still)
+
     def with_factors(self, factors: ArrayLike) -> Self:
         """Return the same loads with other factors (6,), in the order of `LOAD_GROUPS`."""
         values = np.asarray(factors, dtype=float).tolist()
@@ -203,3 +219,13 @@ class LoadDescription(FrozenModel):
         """
         ratios = {"thrust": thrust_ratio, "torque": torque_ratio}
         return np.array([ratios[component.scales_with] for component in self.components], dtype=float)
+
+
+def _merged(bands: Iterable[tuple[float, float]]) -> tuple[tuple[float, float], ...]:
+    found: list[tuple[float, float]] = []
+    for low, high in sorted(bands):
+        if found and low < found[-1][1]:
+            found[-1] = found[-1][0], max(found[-1][1], high)
+        else:
+            found.append((low, high))
+    return tuple(found)

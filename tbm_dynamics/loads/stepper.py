@@ -61,7 +61,10 @@ def load_stepper(machine: Machine, model: LoadModel = "spectral", seed: int = 0)
 
 
 class _SpectralStepper:
-    """Table 1's spectra: mean and fluctuation follow the ratios of thrust and torque; lines keep their frequency."""
+    """Table 1's spectra: mean and fluctuation follow the ratios of thrust and torque; lines keep their frequency.
+
+    On a head that does not turn nothing fluctuates.
+    """
 
     def __init__(self, machine: Machine, seed: int) -> None:
         self._machine, self._seed = machine, seed
@@ -69,7 +72,9 @@ class _SpectralStepper:
     @cached_property
     def _realisation(self) -> SpectralLoads:
         # Not for those who only ask for means.
-        return self._machine.loads(self._seed).with_scale(np.ones(6))
+        from tbm_dynamics.loads.spectral import SpectralLoads  # noqa: PLC0415 - compiled code, for those who run it
+
+        return SpectralLoads(self._machine.description.loads, seed=self._seed)
 
     def reached(self, point: OperatingPoint) -> OperatingPoint:
         self._machine.check_operating_point(point)
@@ -86,7 +91,12 @@ class _SpectralStepper:
         angle: np.ndarray,  # noqa: ARG002 - the spectra do not turn with the head
     ) -> np.ndarray:
         scales = _ramp(self._machine.load_scale(before), self._machine.load_scale(after), len(time))
-        return scales * self._realisation.evaluate(time)
+        loads = self._realisation.evaluate(time)
+        if before.standstill or after.standstill:
+            turning = np.array([[not before.standstill], [not after.standstill]], dtype=float)
+            mean = self._machine.description.loads.mean
+            loads = mean + _ramp(turning[0], turning[1], len(time)) * (loads - mean)
+        return scales * loads
 
 
 class _CutterStepper:

@@ -10,15 +10,16 @@ from __future__ import annotations
 import math
 import re
 from itertools import groupby
-from typing import Annotated, Literal, Self
+from typing import Annotated, ClassVar, Literal, Self
 
 from pydantic import AfterValidator, Field, SerializerFunctionWrapHandler, model_serializer, model_validator
 
 from tbm_dynamics.loads.cutters.description import CutterDescription
 from tbm_dynamics.loads.description import LoadDescription
-from tbm_dynamics.machine.drive import ConnectionType, DriveOverride, DriveTemplate, Node, SixStiffnesses
+from tbm_dynamics.machine.drive import DriveOverride, DriveTemplate, Node
 from tbm_dynamics.machine.sensor_place import SensorPlace, TestPoint, place_of
-from tbm_msgs_py.base.fields import FrozenModel, Label, NonNegative, Positive, Source, Vector3
+from tbm_dynamics.machine.springs import Springs
+from tbm_msgs_py.base.fields import FrozenModel, Label, NonNegative, Positive, Source, SparseModel, Vector3
 from tbm_msgs_py.base.texts import LONGEST_NAME
 from tbm_msgs_py.base.units import R_MIN
 
@@ -42,11 +43,11 @@ PointName = Annotated[str, AfterValidator(_part_of_topics)]
 
 
 class SiteOperatingPoint(FrozenModel):
-    """Mean working condition of the machine, in the units of the site."""
+    """Mean working condition of the machine, in the units of the site; a speed of 0 is a standstill."""
 
-    speed_r_min: Positive
-    torque_kn_m: Positive
-    thrust_kn: Positive
+    speed_r_min: NonNegative
+    torque_kn_m: NonNegative
+    thrust_kn: NonNegative
     source: Source
 
 
@@ -152,23 +153,32 @@ class Body(FrozenModel):
     source: Source
 
 
-class Connection(FrozenModel):
-    """A spring-damper between two nodes, or a node and the ground, located at the first node.
-
-    Six stiffnesses: x, y, z (N/m) and about x, y, z (N·m/rad). A node elsewhere follows through a rigid arm.
-    """
+class _Ends(SparseModel):
+    """Name and ends of a connection, which stand first in it."""
 
     name: Label
     between: tuple[Node, Node | Literal["ground"]]
-    type: ConnectionType
-    stiffness: SixStiffnesses
-    force_controlled: bool = False
-    """Thrust cylinders that hold a force: the mean thrust enters here, pushing the first node forward off the second, and
-    what moves slowly does not feel their stiffness along x."""
+
+
+class Connection(Springs, _Ends):
+    """A spring-damper between two nodes, or a node and the ground, located at the first node.
+
+    Along and about x, y, z. A node elsewhere follows through a rigid arm.
+
+    Attributes
+    ----------
+    force_controlled : bool
+        Thrust cylinders that hold a force: the mean thrust enters here, pushing the first node forward off the second,
+        and what moves slowly does not feel their stiffness along x.
+    turning_inertia : float, optional
+        Of rock on the cutterhead: what turns on its spring about x (kg·m²). The damper about x is then that of a true
+        ratio, c = 2ζ√(kJ), and the head's own turning works against it, on top of the mean torque.
+    """
+
+    optional: ClassVar[tuple[str, ...]] = (*Springs.optional, "force_controlled", "turning_inertia")
+
+    force_controlled: bool | None = None
     turning_inertia: Positive | None = None
-    """Of rock on the cutterhead: what turns on its spring about x (kg·m²). The damper about x is then that of a true
-    ratio, c = 2ζ√(kJ), and the head's own turning works against it, on top of the mean torque."""
-    source: Source
 
     @model_validator(mode="after")
     def _two_ends(self) -> Self:
@@ -179,12 +189,6 @@ class Connection(FrozenModel):
         if self.turning_inertia is not None and (self.type != "rock" or self.between[1] != GROUND):
             raise ValueError("turning_inertia: allowed between a node and ground, with type: rock")
         return self
-
-    @model_serializer(mode="wrap")
-    def _as_usual(self, dump: SerializerFunctionWrapHandler) -> dict[str, object]:
-        # What is written of a plain connection, and its digest, is as it was before these could be said.
-        data: dict[str, object] = dump(self)
-        return {key: value for key, value in data.items() if value not in (False, None)}
 
 
 class Subsystem(FrozenModel):
@@ -302,8 +306,8 @@ class MachineDescription(FrozenModel):
 
     @model_validator(mode="after")
     def _drives_beside_each_other(self) -> Self:
-        gear, angles = self.driveshaft.gear, self.drive_angles
-        tip, places = gear.module * (gear.pinion_teeth + 2), gear.module * (gear.ring_teeth - gear.pinion_teeth)
+        pair, angles = self.driveshaft.gear.pair, self.drive_angles
+        tip, places = 2.0 * pair.pinion.tip_radius, 2.0 * pair.centre_distance
         for number, drive in sorted(self.drives.items()):
             for other, angle in enumerate(angles, start=1):
                 apart = abs(places * math.sin((angle - angles[number - 1]) / 2.0))
@@ -318,7 +322,7 @@ class MachineDescription(FrozenModel):
     def _gaps_within_a_tooth(self) -> Self:
         # A number in another unit, above all: a gap without teeth, or teeth beside those of the ring.
         gear = self.driveshaft.gear
-        pitch = math.pi * gear.module * math.cos(math.radians(gear.pressure_angle_deg))
+        pitch = gear.pair.base_pitch
         lengths = [("driveshaft.mesh.backlash", self.driveshaft.mesh.backlash, pitch, "base pitch")]
         for number, drive in self.drives.items():
             lengths.append((f"drives.{number}.backlash", drive.backlash or 0.0, pitch, "base pitch"))

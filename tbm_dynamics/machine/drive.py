@@ -3,35 +3,67 @@
 from __future__ import annotations
 
 import math
-from typing import Annotated, Literal, Self
+from typing import Annotated, ClassVar, Literal, Self
 
 from pydantic import BeforeValidator, Field, FiniteFloat, model_validator
 
+from tbm_dynamics.machine.springs import Springs
 from tbm_dynamics.mesh.faults import ToothFault
+from tbm_dynamics.mesh.geometry import ExternalPair, GearPair, InternalPair
 from tbm_dynamics.mesh.planetary import PlanetaryStage
-from tbm_msgs_py.base.fields import FrozenModel, NonNegative, Positive, Source
+from tbm_msgs_py.base.fields import FrozenModel, NonNegative, Positive, Source, SparseModel
 
 Node = Annotated[int, Field(ge=1)]
-SixStiffnesses = tuple[NonNegative, NonNegative, NonNegative, NonNegative, NonNegative, NonNegative]
-ConnectionType = Literal["rock", "bolt", "bearing", "spline", "hydraulic", "steel"]
+Shift = Annotated[float, Field(ge=-1.0, le=2.0)]
 
 
-class Gear(FrozenModel):
-    """The pinion–ring pair (internal spur gear)."""
+class Gear(SparseModel):
+    """The pinion–ring pair.
 
+    Attributes
+    ----------
+    ring : "internal" or "external"
+        Whether the pinions turn inside the ring, with it, or around it, the other way.
+    pinion_teeth, ring_teeth : int
+    module, pressure_angle_deg : float
+        In the normal section, m and degrees.
+    helix_angle_deg : float
+        Of helical teeth, at the reference circle; where it is positive the teeth push the ring forwards.
+    profile_shift : (float, float)
+        Of pinion and ring in modules, each positive away from its axis; the pair works without play at the centre
+        distance that follows.
+    face_width : float
+        Common one, m.
+    accuracy_grade : int
+        ISO 1328-1.
+    """
+
+    optional: ClassVar[tuple[str, ...]] = ("ring", "helix_angle_deg", "profile_shift")
+
+    ring: Literal["internal", "external"] = "internal"
     pinion_teeth: Annotated[int, Field(ge=5)]
     ring_teeth: Annotated[int, Field(ge=10)]
     module: Positive
     pressure_angle_deg: Annotated[float, Field(gt=10.0, lt=35.0)]
+    helix_angle_deg: Annotated[float, Field(gt=-45.0, lt=45.0)] = 0.0
+    profile_shift: tuple[Shift, Shift] = (0.0, 0.0)
     face_width: Positive
     accuracy_grade: Annotated[int, Field(ge=0, le=12)]
     source: Source
 
     @model_validator(mode="after")
     def _pinion_inside(self) -> Self:
-        if self.pinion_teeth >= self.ring_teeth:
+        if self.ring == "internal" and self.pinion_teeth >= self.ring_teeth:
             raise ValueError(f"pinion_teeth {self.pinion_teeth} must be fewer than ring_teeth {self.ring_teeth}")
+        _ = self.pair.working_angle  # refused here if there is none
         return self
+
+    @property
+    def pair(self) -> GearPair:
+        """Its geometry; `GearError` of one that cannot be is for its check."""
+        kind = InternalPair if self.ring == "internal" else ExternalPair
+        angles = math.radians(self.pressure_angle_deg), math.radians(self.helix_angle_deg)
+        return kind(self.pinion_teeth, self.ring_teeth, self.module, *angles, *self.profile_shift)
 
 
 class Mesh(FrozenModel):
@@ -115,12 +147,8 @@ class DriveBody(FrozenModel):
     source: Source
 
 
-class DriveConnection(FrozenModel):
-    """A connection of a drive; stiffness along and about x, the radial and the tangential direction of the drive."""
-
-    type: ConnectionType
-    stiffness: SixStiffnesses
-    source: Source
+class DriveConnection(Springs):
+    """A connection of a drive, along and about x, the radial and the tangential direction of the drive."""
 
 
 class DriveTemplate(FrozenModel):
@@ -166,7 +194,7 @@ class DriveTemplate(FrozenModel):
     @model_validator(mode="after")
     def _free_rotation(self) -> Self:
         for key in ("gearbox_mount", "pinion_bearing"):
-            if getattr(self, key).stiffness[3] != 0.0:
+            if getattr(self, key).stiffness_rows[3].any():
                 raise ValueError(f"{key}: the stiffness about x must be 0, the drive turns in it")
         return self
 
@@ -176,7 +204,7 @@ def _off(given: object) -> object:
     return {True: "dragged", False: None}[given] if isinstance(given, bool) else given
 
 
-class DriveOverride(FrozenModel):
+class DriveOverride(SparseModel):
     """How a drive differs from the template; what is left out is the template's.
 
     Attributes
@@ -185,8 +213,8 @@ class DriveOverride(FrozenModel):
         Place around the x axis (degrees) instead of that at equal angles.
     backlash : float or None
         m, instead of the template's.
-    mesh_error, tooth_stiffness, seat_stiffness : float
-        Factors on the template's mesh error, mesh stiffness and seat stiffness.
+    mesh_error, tooth_stiffness, seat_stiffness, mount_stiffness : float
+        Factors on the template's mesh error, mesh stiffness, seats and mount of gearbox and rotor.
     torque_share : float or None
         Weight in the torque of the head, which is shared in proportion: 1 of a motor that runs, 0 of one that is off,
         below 0 of a drive that brakes by its drag.
@@ -200,6 +228,8 @@ class DriveOverride(FrozenModel):
     tooth : ToothFault or None
     """
 
+    optional: ClassVar[tuple[str, ...]] = ("mount_stiffness",)
+
     angle: Annotated[FiniteFloat, Field(ge=-360.0, le=360.0)] | None = None
     backlash: NonNegative | None = None
     mesh_error: NonNegative = 1.0
@@ -207,6 +237,7 @@ class DriveOverride(FrozenModel):
     torque_share: Annotated[FiniteFloat, Field(gt=-1.0)] | None = None
     off: Annotated[Literal["dragged", "uncoupled"] | None, BeforeValidator(_off)] = None
     seat_stiffness: Positive = 1.0
+    mount_stiffness: Positive = 1.0
     eccentricity: NonNegative = 0.0
     misalignment: Annotated[float, Field(ge=0.0, lt=1.0)] = 0.0
     tooth: ToothFault | None = None

@@ -16,7 +16,8 @@ from typing import Any, Final
 
 from tbm_dynamics.loads.description import LOAD_GROUPS
 from tbm_dynamics.machine.description import MachineDescription
-from tbm_dynamics.machine.drive import DriveOverride, SixStiffnesses
+from tbm_dynamics.machine.drive import DriveOverride
+from tbm_dynamics.machine.springs import Springs
 from tbm_msgs_py.base.errors import MachineError
 from tbm_msgs_py.base.validation import validated
 
@@ -69,6 +70,7 @@ DRIVE_INPUTS: Final = {
     "tooth_stiffness": 1.0,
     "torque_share": 1.0,
     "seat_stiffness": 1.0,
+    "mount_stiffness": 1.0,
     "eccentricity": 1e-6,
     "misalignment": 1.0,
 }
@@ -144,14 +146,17 @@ def _number(code: str, value: object) -> float:
     return number
 
 
-def _stiffnesses(base: MachineDescription, target: str) -> Iterator[tuple[Place, SixStiffnesses]]:
+def _stiffnesses(base: MachineDescription, target: str) -> Iterator[tuple[Place, tuple[float, ...]]]:
     """Stiffnesses of a connection of the drives, or of every connection of a name: Table 5's are per element."""
+    found: list[tuple[Place, Springs]] = []
     if "." in target:
-        yield (*target.split("."), "stiffness"), attrgetter(target)(base).stiffness
+        found.append(((*target.split("."),), attrgetter(target)(base)))
     for group in ("cutterhead_bearing_gear.connections", "carrier_girder.connections", "connections"):
-        for i, connection in enumerate(attrgetter(group)(base)):
-            if connection.name == target:
-                yield (*group.split("."), i, "stiffness"), connection.stiffness
+        found += [((*group.split("."), i), c) for i, c in enumerate(attrgetter(group)(base)) if c.name == target]
+    for place, springs in found:
+        yield (*place, "stiffness"), springs.stiffness
+        for i, row in enumerate(springs.stiffness_matrix or ()):
+            yield (*place, "stiffness_matrix", i), row
 
 
 def set_values(data: Any, values: Mapping[Place, float | str], source: str | None = None) -> None:

@@ -23,6 +23,7 @@ from tbm_msgs_py.base.units import R_MIN
 
 if TYPE_CHECKING:
     from tbm_dynamics.loads.cutters.cutter_loads import CutterLoads
+    from tbm_dynamics.loads.description import LoadDescription
     from tbm_dynamics.loads.spectral import SpectralLoads
     from tbm_dynamics.structure.system import System
 
@@ -120,11 +121,12 @@ class Machine:
         Raises
         ------
         MachineError
-            A speed that is not positive, a negative torque or thrust, more than the
-            `operating_limits` of the file allow; one line.
+            A negative speed, torque or thrust, more than the `operating_limits` of the file allow; one line.
         """
-        if point.speed <= 0.0 or point.torque < 0.0 or point.thrust < 0.0:
-            raise MachineError("operating point: speed must be positive, torque and thrust not negative")
+        if point.speed < 0.0 or point.torque < 0.0 or point.thrust < 0.0:
+            raise MachineError(
+                "operating point: speed must be positive, or 0 at a standstill, torque and thrust not negative"
+            )
         limits = self.description.operating_limits
         given = point.speed / R_MIN, point.torque / 1e3, point.thrust / 1e3
         problem = limits and limits.problem(*given)
@@ -141,6 +143,12 @@ class Machine:
         loads = self.description.loads
         return loads.scale(point.thrust / abs(loads.fx.mean), point.torque / abs(loads.mx.mean))
 
+    @property
+    def driven_loads(self) -> LoadDescription:
+        """Loads as they fluctuate at the operating point: at a standstill they do not."""
+        loads = self.description.loads
+        return loads if self.description.operating_point.speed_r_min > 0.0 else loads.at_rest
+
     def loads(self, seed: int = 0) -> SpectralLoads:
         """Cutterhead loads at the operating point, a pure function of (seed, time).
 
@@ -151,7 +159,7 @@ class Machine:
         """
         from tbm_dynamics.loads.spectral import SpectralLoads  # noqa: PLC0415 - compiled code, for those who run it
 
-        return SpectralLoads(self.description.loads, scale=self.load_scale(), seed=seed)
+        return SpectralLoads(self.driven_loads, scale=self.load_scale(), seed=seed)
 
     def cutter_loads(self, seed: int = 0) -> CutterLoads:
         """Cutterhead loads from the discs at the operating point's speed and thrust.

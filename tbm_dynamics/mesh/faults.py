@@ -16,7 +16,7 @@ from typing import Annotated, Literal, Self
 import numpy as np
 from pydantic import Field, model_validator
 
-from tbm_dynamics.mesh.geometry import InternalPair
+from tbm_dynamics.mesh.geometry import GearPair
 from tbm_dynamics.mesh.ishikawa import pair_stiffness
 from tbm_dynamics.mesh.stiffness import HARMONICS, PATTERN_PARTS
 from tbm_msgs_py.base.fields import FrozenModel
@@ -38,15 +38,13 @@ class ToothFault(FrozenModel):
         return self
 
 
-def lost_stiffness(
-    fault: ToothFault, pair: InternalPair, width: float, elasticity: float, poisson: float
-) -> np.ndarray:
+def lost_stiffness(fault: ToothFault, pair: GearPair, width: float, elasticity: float, poisson: float) -> np.ndarray:
     """Stiffness (N/m) that a fault takes from a mesh, which has the one that `mesh_stiffness` computes.
 
     Parameters
     ----------
     fault : ToothFault
-    pair : InternalPair
+    pair : GearPair
     width : float
         Common face width (m).
     elasticity, poisson : float
@@ -62,8 +60,10 @@ def lost_stiffness(
     if fault.fault == "pitting":
         lost = np.where(np.abs(along - pair.pitch_phase) < 0.5 * _PITTED, lost, 0.0)
     spectrum = np.fft.rfft(lost)
-    numbers = np.arange(len(spectrum)) / (pair.pinion_teeth * (HARMONICS + 1))  # 1: the first that is not kept
-    return np.fft.irfft(np.where(numbers < 1.0, spectrum * np.sinc(numbers), 0.0), len(lost))
+    orders = np.arange(len(spectrum)) / pair.pinion_teeth  # of the mesh cycle
+    numbers = orders / (HARMONICS + 1)  # 1: the first that is not kept
+    spectrum *= np.sinc(numbers) * np.sinc(orders * pair.overlap_ratio(width))
+    return np.fft.irfft(np.where(numbers < 1.0, spectrum, 0.0), len(lost))
 
 
 @dataclass(frozen=True)

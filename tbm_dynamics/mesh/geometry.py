@@ -1,196 +1,279 @@
-"""Geometry of spur gear pairs with standard addenda, external and internal, and what keeps them from meshing.
+"""Geometry of gear pairs, external and internal, spur or helical, and what keeps them from meshing.
 
-Addendum one module on both gears, no profile shift, standard centre distance. The pinion drives: contact starts low on
-its flank and ends at its tip.
+Addendum one module on both gears. The pinion drives: contact starts low on its flank and ends at its tip. With profile
+shift the pair works at the centre distance without backlash (ISO 21771), inv α_wt = inv α_t + 2 tan α_n Σx/Σz: shifts
+are positive away from the axis of a gear, of ring teeth too, so that Σx is x1 + x2 of an external pair and x2 − x1 of
+an internal one, over z1 + z2 or z2 − z1. Tips of external pairs are shortened so that their clearance stays.
 """
 
 from __future__ import annotations
 
 import math
 from abc import ABC, abstractmethod
-from collections.abc import Iterator
-from contextlib import contextmanager
 from dataclasses import dataclass, replace
+from functools import cached_property
 from itertools import count
+from typing import ClassVar
 
 import numpy as np
 
-from tbm_msgs_py.base.errors import MachineError
+from tbm_dynamics.mesh.tooth import ROUNDING, GearError, Tooth, degrees, inverse_involute, involute, transverse
 
-# Keeps a limit that is a whole number of teeth, 8 at 30°, from being missed by rounding.
-_ROUNDING = 1e-9
-
-
-class GearError(MachineError):
-    """Gears that cannot mesh: one line with what, the value and what is allowed."""
+LARGEST_ANGLE = math.radians(45.0)
+"""Working pressure angle, beyond which no gears run: profile shifts that are far too large."""
 
 
-@contextmanager
-def named(gears: str) -> Iterator[None]:
-    """Put a name in front of what is wrong with gears."""
-    try:
-        yield
-    except GearError as error:
-        raise GearError(f"{gears}: {error}") from None
+class GearPair(ABC):
+    """What both kinds of pair have in common; the gear that the pinion drives is a wheel or a ring."""
 
-
-class _Pair(ABC):
-    """What both kinds of pair have in common: the driving pinion."""
+    turning: ClassVar[float]
+    """Sign of the turn of the driven gear when the pinion turns forwards."""
 
     pinion_teeth: int
     module: float
     pressure_angle: float
+    helix: float
+    pinion_shift: float
+    driven_shift: float
 
     @property
-    def pinion_pitch_radius(self) -> float:
-        """Pinion pitch radius (m)."""
-        return self.module * self.pinion_teeth / 2.0
+    @abstractmethod
+    def driven_teeth(self) -> int:
+        """Teeth of the driven gear."""
 
     @property
-    def pinion_base_radius(self) -> float:
-        """Pinion base radius (m)."""
-        return self.pinion_pitch_radius * math.cos(self.pressure_angle)
-
-    @property
-    def base_pitch(self) -> float:
-        """Distance of the flanks along the line of action (m)."""
-        return math.pi * self.module * math.cos(self.pressure_angle)
+    @abstractmethod
+    def pinion(self) -> Tooth:
+        """Teeth of the pinion."""
 
     @property
     @abstractmethod
     def path_start(self) -> float:
         """Radius of curvature of the pinion flank where contact starts (m)."""
 
-    @property
     @abstractmethod
+    def check(self) -> None:
+        """Raise what keeps the pair from meshing, a GearError."""
+
+    @property
+    def transverse_angle(self) -> float:
+        """Transverse pressure angle α_t (rad)."""
+        return transverse(self.pressure_angle, self.helix)
+
+    @cached_property
+    def working_angle(self) -> float:
+        """Transverse working pressure angle α_wt (rad)."""
+        shifts = self.driven_shift - self.turning * self.pinion_shift
+        if shifts == 0.0:
+            return self.transverse_angle
+        value = involute(self.transverse_angle) + 2.0 * math.tan(self.pressure_angle) * shifts / self._teeth
+        if not 0.0 < value < involute(LARGEST_ANGLE):
+            raise GearError(
+                f"profile shifts {self.pinion_shift:g} and {self.driven_shift:g} of {self.pinion_teeth} and "
+                f"{self.driven_teeth} teeth: their working pressure angle must be above 0 and below "
+                f"{degrees(LARGEST_ANGLE)}"
+            )
+        return inverse_involute(value)
+
+    @property
+    def _teeth(self) -> float:
+        """Σz: z1 + z2 of an external pair, z2 − z1 of an internal one."""
+        return self.driven_teeth - self.turning * self.pinion_teeth
+
+    @property
+    def centre_distance(self) -> float:
+        """Working centre distance (m)."""
+        plain = self.module / math.cos(self.helix) * self._teeth / 2.0
+        return plain * (math.cos(self.transverse_angle) / math.cos(self.working_angle))
+
+    @property
+    def pinion_base_radius(self) -> float:
+        """Pinion base radius (m)."""
+        return self.base_pitch * self.pinion_teeth / (2.0 * math.pi)
+
+    @property
+    def pinion_pitch_radius(self) -> float:
+        """Pinion pitch radius, at which the pair works (m)."""
+        return self.centre_distance * self.pinion_teeth / self._teeth
+
+    @property
+    def driven_base_radius(self) -> float:
+        """Base radius of the driven gear (m)."""
+        return self.base_pitch * self.driven_teeth / (2.0 * math.pi)
+
+    @property
+    def driven_pitch_radius(self) -> float:
+        """Pitch radius of the driven gear (m)."""
+        return self.centre_distance * self.driven_teeth / self._teeth
+
+    @property
+    def base_pitch(self) -> float:
+        """Transverse distance of the flanks along the line of action (m)."""
+        return math.pi * self.module / math.cos(self.helix) * math.cos(self.transverse_angle)
+
+    @property
+    def between_base_circles(self) -> float:
+        """Length of the line of action between the points where it touches the base circles (m)."""
+        return self.centre_distance * math.sin(self.working_angle)
+
+    @property
     def contact_ratio(self) -> float:
-        """Transverse contact ratio ε."""
+        """Transverse contact ratio ε_α; GearError where a ring has no flank at its tip."""
+        return (self.pinion.tip_curvature - self.path_start) / self.base_pitch
+
+    def overlap_ratio(self, width: float) -> float:
+        """Overlap ratio ε_β of helical teeth of a common face width (m), b sin β/(π m_n)."""
+        return width * math.sin(abs(self.helix)) / (math.pi * self.module)
 
     @property
     def pitch_phase(self) -> float:
         """Mesh cycles from where a tooth pair enters to where it touches at the pitch point."""
-        return (self.pinion_pitch_radius * math.sin(self.pressure_angle) - self.path_start) / self.base_pitch
+        return (self.pinion_pitch_radius * math.sin(self.working_angle) - self.path_start) / self.base_pitch
+
+    def line_of_action(self, angle: float) -> np.ndarray:
+        """Force on the driven gear per force in the transverse section, pinion at `angle` (rad) around x, shape (3,).
+
+        Tangential in the turning direction, and radial: an internal mesh pushes the ring away, an external one towards
+        its axis. Along x it is tan β_b, forwards where the helix is positive.
+        """
+        radial = np.array([0.0, math.cos(angle), math.sin(angle)])
+        tangential = np.array([0.0, -math.sin(angle), math.cos(angle)])
+        across = math.cos(self.working_angle) * tangential + self.turning * math.sin(self.working_angle) * radial
+        forwards = np.array([math.tan(self.helix) * math.cos(self.transverse_angle), 0.0, 0.0])
+        return np.asarray(across + forwards)
 
 
 @dataclass(frozen=True)
-class ExternalPair(_Pair):
+class ExternalPair(GearPair):
     """A pinion driving an external wheel.
 
     Parameters
     ----------
     pinion_teeth, wheel_teeth : int
-    module : float
-        m.
-    pressure_angle : float
-        rad.
+    module, pressure_angle : float
+        In the normal section, m and rad.
+    helix : float
+        Helix angle at the reference circles, rad.
+    pinion_shift, driven_shift : float
+        Profile shifts, modules.
     """
+
+    turning: ClassVar[float] = -1.0
 
     pinion_teeth: int
     wheel_teeth: int
     module: float
     pressure_angle: float
+    helix: float = 0.0
+    pinion_shift: float = 0.0
+    driven_shift: float = 0.0
+
+    @property
+    def driven_teeth(self) -> int:
+        """Teeth of the wheel."""
+        return self.wheel_teeth
 
     @property
     def wheel_pitch_radius(self) -> float:
         """Wheel pitch radius (m)."""
-        return self.module * self.wheel_teeth / 2.0
+        return self.driven_pitch_radius
 
     @property
     def wheel_base_radius(self) -> float:
         """Wheel base radius (m)."""
-        return self.wheel_pitch_radius * math.cos(self.pressure_angle)
+        return self.driven_base_radius
 
     @property
-    def centre_distance(self) -> float:
-        """Centre distance (m)."""
-        return self.pinion_pitch_radius + self.wheel_pitch_radius
+    def pinion(self) -> Tooth:
+        """Teeth of the pinion."""
+        return self._tooth(self.pinion_teeth, self.pinion_shift)
+
+    @property
+    def wheel(self) -> Tooth:
+        """Teeth of the wheel."""
+        return self._tooth(self.wheel_teeth, self.driven_shift)
+
+    def _tooth(self, teeth: int, shift: float) -> Tooth:
+        return Tooth(teeth, self.module, self.pressure_angle, self.helix, shift, self._shortening)
+
+    @property
+    def _shortening(self) -> float:
+        """Modules by which tips are shortened: gears with profile shifts are closer than the shifts set them apart."""
+        plain = self.module / math.cos(self.helix) * self._teeth / 2.0
+        return self.pinion_shift + self.driven_shift - (self.centre_distance - plain) / self.module
 
     @property
     def path_start(self) -> float:
         """Radius of curvature of the pinion flank where contact starts, at the wheel's tip (m)."""
-        reach = math.sqrt((self.wheel_pitch_radius + self.module) ** 2 - self.wheel_base_radius**2)
-        return self.centre_distance * math.sin(self.pressure_angle) - reach
-
-    @property
-    def contact_ratio(self) -> float:
-        """Transverse contact ratio ε."""
-        end = math.sqrt((self.pinion_pitch_radius + self.module) ** 2 - self.pinion_base_radius**2)
-        return (end - self.path_start) / self.base_pitch
+        return self.between_base_circles - self.wheel.tip_curvature
 
     def check(self) -> None:
         """Raise what keeps the pair from meshing.
 
-        Contact below a base circle needs no check of its own: no wheel reaches deeper than the rack of the undercut.
+        Without profile shift no wheel reaches below a base circle, which is deeper than the rack of the undercut.
 
         Raises
         ------
         GearError
-            Undercut, a contact ratio out of (1, 2), or a pointed tooth.
+            Undercut, contact below a base circle, a contact ratio out of (1, 2), or a pointed tooth.
         """
-        for name, teeth in (("pinion", self.pinion_teeth), ("wheel", self.wheel_teeth)):
-            _check_undercut(name, teeth, self.pressure_angle)
+        gears = (("pinion", self.pinion), ("wheel", self.wheel))
+        for name, gear in gears:
+            gear.check_undercut(name)
+        for (name, gear), (_, other) in zip(gears, gears[::-1], strict=True):
+            if other.tip_curvature > self.between_base_circles + ROUNDING * self.module:
+                raise GearError(
+                    f"{name} of {gear.teeth} teeth would touch below its base circle, allowed: other profile shifts"
+                )
         _check_contact_ratio(self.contact_ratio)
-        for name, teeth in (("pinion", self.pinion_teeth), ("wheel", self.wheel_teeth)):
-            _check_tip(name, teeth, self.pressure_angle)
+        for name, gear in gears:
+            gear.check_tip(name)
 
 
 @dataclass(frozen=True)
-class InternalPair(_Pair):
-    """A pinion inside a ring gear that it drives.
+class InternalPair(GearPair):
+    """A pinion inside a ring gear that it drives; parameters as of an external pair."""
 
-    Parameters
-    ----------
-    pinion_teeth, ring_teeth : int
-    module : float
-        m.
-    pressure_angle : float
-        rad.
-    """
+    turning: ClassVar[float] = 1.0
 
     pinion_teeth: int
     ring_teeth: int
     module: float
     pressure_angle: float
+    helix: float = 0.0
+    pinion_shift: float = 0.0
+    driven_shift: float = 0.0
+
+    @property
+    def driven_teeth(self) -> int:
+        """Teeth of the ring."""
+        return self.ring_teeth
 
     @property
     def ring_pitch_radius(self) -> float:
         """Ring pitch radius (m)."""
-        return self.module * self.ring_teeth / 2.0
+        return self.driven_pitch_radius
 
     @property
     def ring_base_radius(self) -> float:
         """Ring base radius (m)."""
-        return self.ring_pitch_radius * math.cos(self.pressure_angle)
+        return self.driven_base_radius
 
     @property
-    def centre_distance(self) -> float:
-        """Centre distance (m)."""
-        return self.ring_pitch_radius - self.pinion_pitch_radius
+    def ring_tip_radius(self) -> float:
+        """Ring tip radius (m)."""
+        reference = self.module / math.cos(self.helix) * self.ring_teeth / 2.0
+        return reference - self.module * (1.0 - self.driven_shift)
+
+    @property
+    def pinion(self) -> Tooth:
+        """Teeth of the pinion."""
+        return Tooth(self.pinion_teeth, self.module, self.pressure_angle, self.helix, self.pinion_shift)
 
     @property
     def path_start(self) -> float:
         """Radius of curvature of the pinion flank where contact starts, at the ring's tip (m); below 0: none there."""
-        return self._ring_tip_curvature() - self.centre_distance * math.sin(self.pressure_angle)
-
-    @property
-    def contact_ratio(self) -> float:
-        """Transverse contact ratio ε of the internal mesh; GearError where the ring has no flank at its tip."""
-        pinion_tip = self.pinion_pitch_radius + self.module
-        path = (
-            math.sqrt(pinion_tip**2 - self.pinion_base_radius**2)
-            - self._ring_tip_curvature()
-            + self.centre_distance * math.sin(self.pressure_angle)
-        )
-        return path / self.base_pitch
-
-    def line_of_action(self, angle: float) -> np.ndarray:
-        """Direction of the driving force on the ring from the pinion at `angle` (rad) around x, shape (3,).
-
-        Tangential in the turning direction, and outward: an internal mesh pushes the ring away.
-        """
-        radial = np.array([0.0, math.cos(angle), math.sin(angle)])
-        tangential = np.array([0.0, -math.sin(angle), math.cos(angle)])
-        return math.cos(self.pressure_angle) * tangential + math.sin(self.pressure_angle) * radial
+        return self._ring_tip_curvature() - self.between_base_circles
 
     def check(self) -> None:
         """Raise what keeps the pair from meshing.
@@ -205,28 +288,37 @@ class InternalPair(_Pair):
         """
         if self.ring_teeth <= self.pinion_teeth:
             raise GearError(f"ring of {self.ring_teeth} teeth: must have more than the pinion's {self.pinion_teeth}")
-        _check_undercut("pinion", self.pinion_teeth, self.pressure_angle)
-        if self.path_start < -_ROUNDING * self.module:
-            # ρ_start = 0 solved for the pinion's teeth.
-            reach = 2.0 * self._ring_tip_curvature() / (self.module * math.sin(self.pressure_angle))
-            least = math.ceil(self.ring_teeth - reach - _ROUNDING)
+        self.pinion.check_undercut("pinion")
+        if self.path_start < -ROUNDING * self.module:
             raise GearError(
                 f"contact in a ring of {self.ring_teeth} teeth would start below the base circle of the pinion of "
                 f"{self.pinion_teeth} teeth, {-self.path_start * 1e3:.3g} mm along the line of action: "
-                f"at least {least} pinion teeth"
+                f"{self._touching()}"
             )
         _check_contact_ratio(self.contact_ratio)
-        _check_tip("pinion", self.pinion_teeth, self.pressure_angle)
+        self.pinion.check_tip("pinion")
         self._check_tips_pass()
+
+    def _touching(self) -> str:
+        """Return what would let contact start on the pinion's flank."""
+        more = (replace(self, pinion_teeth=teeth) for teeth in range(self.pinion_teeth + 1, self.ring_teeth))
+        try:
+            least = next((pair for pair in more if pair.path_start >= -ROUNDING * self.module), None)
+        except GearError:
+            least = None
+        return "other profile shifts" if least is None else f"at least {least.pinion_teeth} pinion teeth"
 
     def _ring_tip_curvature(self) -> float:
         """Radius of curvature of the ring's flank at its tip (m)."""
-        square = (self.ring_pitch_radius - self.module) ** 2 - self.ring_base_radius**2
+        square = self.ring_tip_radius**2 - self.ring_base_radius**2
         if square < 0.0:
-            least = math.ceil(2.0 / (1.0 - math.cos(self.pressure_angle)) - _ROUNDING)
+            allowed = "a larger profile shift"
+            if self.driven_shift == 0.0:
+                least = 2.0 * math.cos(self.helix) / (1.0 - math.cos(self.transverse_angle))
+                allowed = f"at least {math.ceil(least - ROUNDING)} teeth"
             raise GearError(
                 f"ring of {self.ring_teeth} teeth has its tip circle inside its base circle at "
-                f"{_degrees(self.pressure_angle)}: at least {least} teeth"
+                f"{degrees(self.pressure_angle)}: {allowed}"
             )
         return math.sqrt(square)
 
@@ -243,13 +335,15 @@ class InternalPair(_Pair):
     def _tip_gap(self) -> float:
         """Angle at the ring (rad) between the two tips where the tip circles cross; negative: they overlap.
 
-        z1/z2 θ1 + inv α − inv α_a2 − θ2, Stock Drive Products, Elements of Metric Gear Technology, equations (5-6) and
-        (5-7) (there "trochoid interference"; Maag and Colbourne: tip interference), working pressure angle α.
+        z1/z2 θ1 + inv α_w − inv α_a2 − θ2, Stock Drive Products, Elements of Metric Gear Technology, equations (5-6)
+        and (5-7) (there "trochoid interference"; Maag and Colbourne: tip interference), working pressure angle α_w.
         """
         if self.ring_teeth - self.pinion_teeth <= 2:
             return -math.inf  # the tip circles never part
-        distance, angle = self.centre_distance, involute(self.pressure_angle)
-        pinion, ring = self.pinion_pitch_radius + self.module, self.ring_pitch_radius - self.module
+        distance, angle = self.centre_distance, involute(self.working_angle)
+        pinion, ring = self.pinion.tip_radius, self.ring_tip_radius
+        if pinion + distance <= ring:
+            return math.inf  # the tip circles do not cross
         tip = involute(math.acos(self.pinion_base_radius / pinion))
         theta1 = math.acos((ring**2 - pinion**2 - distance**2) / (2.0 * distance * pinion)) + tip - angle
         theta2 = math.acos((distance**2 + ring**2 - pinion**2) / (2.0 * distance * ring))
@@ -257,34 +351,6 @@ class InternalPair(_Pair):
         return self.pinion_teeth / self.ring_teeth * theta1 + angle - ring_tip - theta2
 
 
-def involute(angle: float) -> float:
-    """Involute function of a pressure angle (rad), inv α = tan α − α."""
-    return math.tan(angle) - angle
-
-
-def _degrees(angle: float) -> str:
-    return f"{math.degrees(angle):.4g} deg"
-
-
-def _check_undercut(name: str, teeth: int, pressure_angle: float) -> None:
-    """Refuse a gear whose flank a rack with an addendum of one module cuts away, z < 2/sin²α (ISO 21771)."""
-    least = 2.0 / math.sin(pressure_angle) ** 2 - _ROUNDING
-    if teeth < least:
-        raise GearError(
-            f"{name} of {teeth} teeth is undercut at {_degrees(pressure_angle)}: at least {math.ceil(least)} teeth"
-        )
-
-
 def _check_contact_ratio(ratio: float) -> None:
     if not 1.0 < ratio < 2.0:
         raise GearError(f"contact ratio {ratio:.3f}: must lie between 1 and 2")
-
-
-def _check_tip(name: str, teeth: int, pressure_angle: float) -> None:
-    tip = math.acos(teeth / (teeth + 2.0) * math.cos(pressure_angle))
-    half = math.pi / (2.0 * teeth) + involute(pressure_angle) - involute(tip)
-    if half <= 0.0:
-        raise GearError(
-            f"{name} of {teeth} teeth is pointed at {_degrees(pressure_angle)}: its tip would be "
-            f"{half * (teeth + 2.0):.3g} modules thick, must be more than 0"
-        )

@@ -12,60 +12,16 @@ share that ISO 6336-1:2006, equation (82), leaves a gear with many teeth, consta
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 
 import numpy as np
 
-from tbm_dynamics.mesh.geometry import ExternalPair, InternalPair, involute
+from tbm_dynamics.mesh.geometry import ExternalPair, GearPair, InternalPair
+from tbm_dynamics.mesh.tooth import Tooth
 
-# ISO 6336-1: q' = 0.04723 + 0.15551/z1 + 0.25791/z2 + … (mm·µm/N); half of the constant belongs to either gear.
+# ISO 6336-1's q' with many teeth on both gears (m²/N); half of it belongs to either gear.
 _ISO_CONSTANT = 0.04723e-9
-_ISO_WHEEL = 0.25791e-9
 # C_M: measured teeth against theoretical ones, c' = C_M/q'.
 _ISO_CORRECTION = 0.8
-
-
-@dataclass(frozen=True)
-class Tooth:
-    """An external involute tooth without profile shift; lengths in m.
-
-    Attributes
-    ----------
-    teeth : int
-    module, pressure_angle : float
-        m, rad.
-    """
-
-    teeth: int
-    module: float
-    pressure_angle: float
-
-    @property
-    def base_radius(self) -> float:
-        """Base circle (m)."""
-        return self.module * self.teeth / 2.0 * math.cos(self.pressure_angle)
-
-    @property
-    def tip_radius(self) -> float:
-        """Addendum of one module (m)."""
-        return self.module * (self.teeth / 2.0 + 1.0)
-
-    @property
-    def root_radius(self) -> float:
-        """Dedendum of 1.25 modules (m)."""
-        return self.module * (self.teeth / 2.0 - 1.25)
-
-    @property
-    def form_radius(self) -> float:
-        """Where the involute starts when a rack with an addendum of one module cuts the tooth (m)."""
-        pitch = self.module * self.teeth / 2.0
-        curvature = pitch * math.sin(self.pressure_angle) - self.module / math.sin(self.pressure_angle)
-        return math.hypot(self.base_radius, max(curvature, 0.0))
-
-    def half_angle(self, radius: float | np.ndarray) -> np.ndarray:
-        """Half the angle of the tooth at a radius (rad)."""
-        flank = np.arccos(np.clip(self.base_radius / np.asarray(radius), None, 1.0))
-        return math.pi / (2 * self.teeth) + involute(self.pressure_angle) - (np.tan(flank) - flank)
 
 
 def tooth_compliance(tooth: Tooth, radius: np.ndarray, width: float, elasticity: float, poisson: float) -> np.ndarray:
@@ -95,21 +51,30 @@ def contact_compliance(width: float, elasticity: float, poisson: float) -> float
     return 4.0 * (1.0 - poisson**2) / (math.pi * elasticity * width)
 
 
+def iso_flexibility(pinion_teeth: float, wheel_teeth: float, shifts: tuple[float, float] = (0.0, 0.0)) -> float:
+    """How far a pair of teeth yields in theory per force and width, q' of ISO 6336-1:2006, equation (82), m²/N.
+
+    `shifts` are the profile shift coefficients of pinion and wheel; infinitely many teeth yield least.
+    """
+    (z1, z2), (x1, x2) = (pinion_teeth, wheel_teeth), shifts
+    flexibility = _ISO_CONSTANT + 0.15551e-9 / z1 + 0.25791e-9 / z2
+    flexibility -= 0.00635e-9 * x1 + 0.11654e-9 * x1 / z1 + 0.00193e-9 * x2 + 0.24188e-9 * x2 / z2
+    return flexibility + 0.00529e-9 * x1**2 + 0.00182e-9 * x2**2
+
+
 def ring_compliance(teeth: int, width: float) -> float:
     """Deflection of an internal tooth per normal force, ISO 6336-1's share of a gear, m/N."""
-    return (_ISO_CONSTANT / 2.0 + _ISO_WHEEL / teeth) / (_ISO_CORRECTION * width)
+    return (iso_flexibility(math.inf, teeth) - _ISO_CONSTANT / 2.0) / (_ISO_CORRECTION * width)
 
 
-def mesh_stiffness(
-    pair: ExternalPair | InternalPair, width: float, elasticity: float, poisson: float, phase: np.ndarray
-) -> np.ndarray:
+def mesh_stiffness(pair: GearPair, width: float, elasticity: float, poisson: float, phase: np.ndarray) -> np.ndarray:
     """Stiffness of all tooth pairs in contact at phases of the mesh cycle, shape of `phase`, N/m.
 
     Phase 0 is where a pair enters; with a contact ratio ε two pairs carry up to ε − 1, one after it.
 
     Parameters
     ----------
-    pair : ExternalPair or InternalPair
+    pair : GearPair
     width : float
         Common face width (m).
     elasticity, poisson : float
@@ -123,9 +88,7 @@ def mesh_stiffness(
     return total
 
 
-def pair_stiffness(
-    pair: ExternalPair | InternalPair, width: float, elasticity: float, poisson: float, along: np.ndarray
-) -> np.ndarray:
+def pair_stiffness(pair: GearPair, width: float, elasticity: float, poisson: float, along: np.ndarray) -> np.ndarray:
     """Stiffness of one tooth pair, mesh cycles `along` after it has entered, 0 when it has left; see above."""
     ratio = pair.contact_ratio
     curvature = pair.path_start + np.minimum(along, ratio) * pair.base_pitch
@@ -134,18 +97,16 @@ def pair_stiffness(
 
 
 def _pair_compliance(
-    pair: ExternalPair | InternalPair, curvature: np.ndarray, width: float, elasticity: float, poisson: float
+    pair: GearPair, curvature: np.ndarray, width: float, elasticity: float, poisson: float
 ) -> np.ndarray:
     """Deflection of a tooth pair per normal force at the pinion flank's radii of curvature (m), m/N."""
     fixed = contact_compliance(width, elasticity, poisson)
     if isinstance(pair, InternalPair):
         fixed += ring_compliance(pair.ring_teeth, width)
-    pinion = Tooth(pair.pinion_teeth, pair.module, pair.pressure_angle)
-    radius = np.hypot(pinion.base_radius, curvature)
-    compliance = fixed + tooth_compliance(pinion, radius, width, elasticity, poisson)
+    radius = np.hypot(pair.pinion_base_radius, curvature)
+    compliance = fixed + tooth_compliance(pair.pinion, radius, width, elasticity, poisson)
     if isinstance(pair, ExternalPair):
-        wheel = Tooth(pair.wheel_teeth, pair.module, pair.pressure_angle)
         # Between the points where the line of action touches the base circles the radii of curvature add up.
-        radius = np.hypot(wheel.base_radius, pair.centre_distance * math.sin(pair.pressure_angle) - curvature)
-        compliance = compliance + tooth_compliance(wheel, radius, width, elasticity, poisson)
+        radius = np.hypot(pair.driven_base_radius, pair.between_base_circles - curvature)
+        compliance = compliance + tooth_compliance(pair.wheel, radius, width, elasticity, poisson)
     return compliance

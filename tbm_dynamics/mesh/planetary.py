@@ -25,9 +25,10 @@ import numpy as np
 from pydantic import Field
 
 from tbm_dynamics.mesh.error import composite_tolerances
-from tbm_dynamics.mesh.geometry import ExternalPair, GearError, InternalPair, named
+from tbm_dynamics.mesh.geometry import ExternalPair, InternalPair
 from tbm_dynamics.mesh.ishikawa import mesh_stiffness
 from tbm_dynamics.mesh.stiffness import HARMONICS, PATTERN_PARTS, rounded_variation
+from tbm_dynamics.mesh.tooth import GearError, named
 from tbm_dynamics.mesh.waves import series, shifted
 from tbm_msgs_py.base.fields import FrozenModel, Positive, Source
 

@@ -137,6 +137,6 @@ def simulate(
         mesh_force=whole.mesh_force,
         ring_node=drive.ring_node,
         pinion_node=drive.pinion_nodes_from + 1,
-        static_mesh_force=run.torque / (drive.count * gear_pair(drive).ring_base_radius),
+        static_mesh_force=run.torque / (drive.count * gear_pair(drive).driven_base_radius),
         states=run.simulator.states,
     )

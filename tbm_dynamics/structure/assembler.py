@@ -10,12 +10,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from tbm_dynamics.structure.beam import Section, along_direction, beam_mass, beam_stiffness, circular_section
-from tbm_dynamics.structure.connection import spring_rows, spring_stiffness
+from tbm_dynamics.structure.connection import rigid_arm, spring_rows, spring_stiffness
 from tbm_msgs_py.base.errors import MachineError
 
 if TYPE_CHECKING:
     from tbm_dynamics.machine.description import Connection, MachineDescription
-    from tbm_dynamics.machine.drive import ConnectionType, SixStiffnesses
+    from tbm_dynamics.machine.springs import ConnectionType, Springs
+    from tbm_dynamics.mesh.geometry import GearPair
 
 
 @dataclass
@@ -91,31 +92,35 @@ class Assembler:
         self.M[place] += along_direction(mass, vector)
         self.add_stiffness(nodes, along_direction(stiffness, vector), self.damping("steel"))
 
-    def add_spring(
-        self, first: int, second: int | str, stiffness: SixStiffnesses, kind: ConnectionType, factor: float = 1.0
-    ) -> None:
-        """Add six springs, times a factor, at the place of the first node, to the second or the ground."""
+    def add_connection(self, first: int, second: int | str, springs: Springs, factor: float = 1.0) -> None:
+        """Add springs, times a factor, and dampers at the place of the first node, to the second or the ground."""
         place = self.positions[first]
         grounded = isinstance(second, str)
         rows = spring_rows(place, place, None if grounded else self.positions[int(second)])
         nodes = (first,) if grounded else (first, int(second))
-        self.add_stiffness(nodes, spring_stiffness(rows, factor * np.array(stiffness)), self.damping(kind))
+        own = springs.damps or springs.type == "other"
+        self.add_stiffness(
+            nodes,
+            spring_stiffness(rows, factor * springs.stiffness_rows),
+            0.0 if own else self.damping(springs.type),
+        )
+        if springs.damps:
+            self.C[np.ix_(self.dofs(*nodes), self.dofs(*nodes))] += spring_stiffness(rows, springs.damping_rows)
 
-    def add_connection(self, connection: Connection) -> None:
-        """Add a connection of the machine file."""
-        first, second = connection.between
-        self.add_spring(first, second, connection.stiffness, connection.type)
+    def turn_against(self, connection: Connection) -> None:
+        """Make the damper about x of a connection with a turning inertia one of a true ratio."""
         if connection.turning_inertia is not None:
-            about_x = self.index[first] + 3
-            proportional = self.damping(connection.type) * connection.stiffness[3]
-            self.C[about_x, about_x] += self.turning_damping(connection) - proportional
+            about_x = self.index[connection.between[0]] + 3
+            self.C[about_x, about_x] += self.turning_damping(connection)
+            if not connection.damps:
+                self.C[about_x, about_x] -= self.damping(connection.type) * connection.stiffness_rows[3, 3]
 
     def turning_damping(self, connection: Connection) -> float:
-        """c = 2ζ√(kJ) about x (N·m·s/rad) of a connection with a turning inertia J, ζ being its type's ratio; else 0."""
+        """C = 2ζ√(kJ) about x (N·m·s/rad) of a connection with a turning inertia J, ζ being its type's ratio; else 0."""
         if connection.turning_inertia is None:
             return 0.0
         ratio = float(getattr(self.description.connection_damping, connection.type))
-        return 2.0 * ratio * math.sqrt(connection.stiffness[3] * connection.turning_inertia)
+        return 2.0 * ratio * math.sqrt(connection.stiffness_rows[3, 3] * connection.turning_inertia)
 
     def damping(self, kind: ConnectionType) -> float:
         """β of C_e = β K_e (s) of a type of connection, or of steel, in the reading of the machine file."""
@@ -128,3 +133,16 @@ class Assembler:
         turning = np.zeros(len(self.M))
         turning[[self.index[node] + 3 for node in nodes]] = 1.0
         return float(turning @ self.M @ turning)
+
+    def mesh_row(self, pinion: int, driven: int, pair: GearPair, angle: float) -> np.ndarray:
+        """Compression of a mesh along its line of action per unit motion, (n,).
+
+        The pinion is at `angle` (rad) around the driven gear, which its flank turns about x.
+        """
+        out = np.array([0.0, math.cos(angle), math.sin(angle)])
+        to_contact = pair.turning * pair.pinion_pitch_radius * out
+        place, line = self.positions[pinion] + to_contact, pair.line_of_action(angle)
+        row = np.zeros(len(self.M))
+        row[self.dofs(pinion)] = line @ rigid_arm(to_contact)[:3]
+        row[self.dofs(driven)] = -line @ rigid_arm(place - self.positions[driven])[:3]
+        return row

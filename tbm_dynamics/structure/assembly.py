@@ -16,6 +16,7 @@ from tbm_dynamics.structure.drive import (
     drive_nodes,
     drive_positions,
     drive_unit,
+    gear_pair,
     motor_row,
     turn,
 )
@@ -63,7 +64,8 @@ def _assembled(description: MachineDescription, load_scale: np.ndarray, point: O
         for body in subsystem.bodies:
             assembler.add_body(body.node, body.mass, body.inertia)
     for connection in description.all_connections():
-        assembler.add_connection(connection)
+        assembler.add_connection(*connection.between, connection)
+        assembler.turn_against(connection)
     ring_inertia = assembler.polar_inertia(description.driveshaft.ring_shaft_nodes)
     unit = drive_unit(description)
     drives, rows = _add_drives(assembler, unit)
@@ -90,8 +92,8 @@ def _assembled(description: MachineDescription, load_scale: np.ndarray, point: O
 def _add_drives(assembler: Assembler, unit: DriveUnit) -> tuple[Drives, np.ndarray]:
     """Turn the drive to every place: where the drives are, and the rows of their couplings (2p, n)."""
     description, drive = assembler.description, assembler.description.driveshaft
-    kinds = [(one.seat_stiffness, not one.off) for one in description.each_drive]
-    units = {(seat, powered): drive_unit(description, seat, powered=powered) for seat, powered in set(kinds)}
+    kinds = [(one.seat_stiffness, one.mount_stiffness, not one.off) for one in description.each_drive]
+    units = {kind: drive_unit(description, *kind) for kind in set(kinds)}
     angles = np.array(description.drive_angles)
     rows = np.zeros((2, drive.count, len(assembler.M)))
     for i, angle in enumerate(angles):
@@ -115,14 +117,14 @@ def _cylinders(assembler: Assembler) -> Cylinders | None:
             first, second = connection.between
             row = np.zeros(len(assembler.M))
             row[assembler.index[first]], row[assembler.index[int(second)]] = 1.0, -1.0
-            return Cylinders(row, connection.stiffness[0])
+            return Cylinders(row, float(connection.stiffness_rows[0, 0]))
     return None
 
 
 def _motor_pattern(assembler: Assembler) -> np.ndarray:
     """Generalised force (n,) of the motors, which share the torque by their weights."""
     drive, each = assembler.description.driveshaft, assembler.description.each_drive
-    unit = drive.gear.pinion_teeth / drive.gear.ring_teeth / sum(one.weight for one in each)
+    unit = gear_pair(drive).turning * drive.gear.pinion_teeth / drive.gear.ring_teeth / sum(one.weight for one in each)
     pattern = np.zeros(len(assembler.M))
     for i, one in enumerate(each):
         pattern += unit * one.weight * motor_row(assembler, drive_nodes(drive, i)[-1], drive)

@@ -23,5 +23,5 @@ def spring_rows(place: np.ndarray, first: np.ndarray, second: np.ndarray | None)
 
 
 def spring_stiffness(rows: np.ndarray, stiffness: np.ndarray) -> np.ndarray:
-    """Element stiffness rowsᵀ diag(k) rows of six stiffnesses (N/m, N·m/rad)."""
-    return np.asarray(rows.T @ (stiffness[:, None] * rows))
+    """Element stiffness rowsᵀ k rows of six stiffnesses (6,) or a matrix of them (6, 6), N/m and N·m/rad."""
+    return np.asarray(rows.T @ ((stiffness[:, None] * rows) if stiffness.ndim == 1 else stiffness @ rows))

@@ -11,10 +11,11 @@ import numpy as np
 
 from tbm_dynamics.mesh.error import composite_tolerances
 from tbm_dynamics.mesh.faults import FaultSeries, lost_stiffness
-from tbm_dynamics.mesh.geometry import InternalPair, named
+from tbm_dynamics.mesh.geometry import GearPair
 from tbm_dynamics.mesh.ishikawa import mesh_stiffness
 from tbm_dynamics.mesh.planetary import GOLDEN, PlanetaryStage, StageLaw, stage_law
 from tbm_dynamics.mesh.stiffness import HARMONICS, PATTERN_PARTS, rounded_variation
+from tbm_dynamics.mesh.tooth import named
 from tbm_dynamics.mesh.waves import Waves, shifted
 from tbm_dynamics.structure.drive import DriveUnit, gear_pair
 
@@ -86,7 +87,7 @@ def build_couplings(
     mesh, gearbox = drive.mesh, 1.0 / waves.gearbox_compliance
     own = (one.backlash for one in description.each_drive)
     backlash = np.array([mesh.backlash if value is None else value for value in own])
-    mass = 1.0 / (1.0 / unit.pinion_mesh_mass + pair.ring_base_radius**2 / ring_inertia)
+    mass = 1.0 / (1.0 / unit.pinion_mesh_mass + pair.driven_base_radius**2 / ring_inertia)
     mesh_damping = 2.0 * mesh.damping_ratio * np.sqrt(waves.mesh_stiffness * mass)
     return Couplings(
         rows=rows,
@@ -94,7 +95,7 @@ def build_couplings(
         damping=np.concatenate([mesh_damping, gearbox**2 * _gearbox_loss(unit, drive, waves)]),
         half_gap=np.concatenate([backlash / 2.0, np.zeros_like(backlash)]),
         waves=waves,
-        ring_teeth=pair.ring_teeth,
+        ring_teeth=pair.driven_teeth,
     )
 
 
@@ -108,13 +109,14 @@ def _gearbox_loss(unit: DriveUnit, drive: DriveTemplate, waves: Waves) -> float:
     return unit.shaft_damping * shaft + 2.0 * drive.mesh.damping_ratio * math.sqrt(unit.gearbox_inertia * stages**3)
 
 
-def _waves(description: MachineDescription, pair: InternalPair, stages: Sequence[PlanetaryStage]) -> Waves:
+def _waves(description: MachineDescription, pair: GearPair, stages: Sequence[PlanetaryStage]) -> Waves:
     drive, steel = description.driveshaft, description.steel
     middles = (np.arange(PATTERN_PARTS) + 0.5) / PATTERN_PARTS
     pattern = mesh_stiffness(pair, drive.gear.face_width, steel.elasticity, steel.poisson, middles)
     mesh, each = drive.mesh, description.each_drive
-    variation = mesh.mean_stiffness * mesh.variation * rounded_variation(pattern)
-    phases = np.mod(pair.ring_teeth * np.array(description.drive_angles) / (2.0 * math.pi), 1.0)
+    overlap = pair.overlap_ratio(drive.gear.face_width)
+    variation = mesh.mean_stiffness * mesh.variation * rounded_variation(pattern, overlap)
+    phases = np.mod(pair.driven_teeth * np.array(description.drive_angles) / (2.0 * math.pi), 1.0)
     touching = np.array([one.tooth_stiffness * (1.0 - one.misalignment) for one in each])
     engaged = np.array([_UNCOUPLED if one.off == "uncoupled" else 1.0 for one in each])
     boxes = _gearboxes(
@@ -150,7 +152,7 @@ def _waves(description: MachineDescription, pair: InternalPair, stages: Sequence
 
 
 def _faults(
-    description: MachineDescription, pair: InternalPair, phases: np.ndarray, scale: np.ndarray
+    description: MachineDescription, pair: GearPair, phases: np.ndarray, scale: np.ndarray
 ) -> tuple[FaultSeries, ...]:
     """Faults of teeth; `scale` (p,) is each mesh's mean stiffness over Ishikawa's."""
     width, steel = description.driveshaft.gear.face_width, description.steel
@@ -167,11 +169,14 @@ def _faults(
 
 
 def _pinion_errors(
-    drive: DriveTemplate, each: Sequence[DriveOverride], pair: InternalPair, phases: np.ndarray
+    drive: DriveTemplate, each: Sequence[DriveOverride], pair: GearPair, phases: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
     """Coefficients of the pinions' error at the mesh and at the shaft phase, each (2, p), m."""
     tooth, total = composite_tolerances(
-        drive.gear.module, 2.0 * pair.pinion_pitch_radius, pair.contact_ratio, drive.gear.accuracy_grade
+        drive.gear.module,
+        2.0 * pair.pinion.reference_radius,
+        pair.contact_ratio + pair.overlap_ratio(drive.gear.face_width),
+        drive.gear.accuracy_grade,
     )
     half = 0.5 * drive.mesh.error_factor
     run_out = np.mod(-GOLDEN * np.arange(drive.count), 1.0)

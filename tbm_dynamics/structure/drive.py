@@ -12,9 +12,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from tbm_dynamics.mesh.geometry import InternalPair
+from tbm_dynamics.mesh.geometry import GearPair
 from tbm_dynamics.structure.assembler import Assembler
-from tbm_dynamics.structure.connection import rigid_arm
 
 if TYPE_CHECKING:
     from tbm_dynamics.machine.description import MachineDescription
@@ -51,10 +50,9 @@ class DriveUnit:
     shaft_damping: float
 
 
-def gear_pair(drive: DriveTemplate) -> InternalPair:
+def gear_pair(drive: DriveTemplate) -> GearPair:
     """Geometry of the pinion–ring pair of a drive template."""
-    gear = drive.gear
-    return InternalPair(gear.pinion_teeth, gear.ring_teeth, gear.module, math.radians(gear.pressure_angle_deg))
+    return drive.gear.pair
 
 
 def drive_nodes(drive: DriveTemplate, i: int) -> tuple[int, ...]:
@@ -78,8 +76,13 @@ def turn(angle: float) -> np.ndarray:
     return np.array([[1.0, 0.0, 0.0], [0.0, c, s], [0.0, -s, c]])
 
 
-def drive_unit(description: MachineDescription, seat: float = 1.0, *, powered: bool = True) -> DriveUnit:
-    """Build the drive at angle 0, with or without power on its motor; `seat` is a factor on its seats' stiffness."""
+def drive_unit(
+    description: MachineDescription, seat: float = 1.0, mount: float = 1.0, powered: bool = True
+) -> DriveUnit:
+    """Build the drive at angle 0, with or without power on its motor.
+
+    `seat` and `mount` are factors on the stiffness of its pinion's seats and of the gearbox on its mount.
+    """
     drive = description.driveshaft
     places = description.structural_nodes()
     ends = {node: np.array(places[node], dtype=float) for node in (drive.ring_node, drive.mount_node)}
@@ -92,10 +95,10 @@ def drive_unit(description: MachineDescription, seat: float = 1.0, *, powered: b
     reflected = about * ratio**2
     unit.add_body(rotor, drive.rotor.mass, (reflected, across[0], across[1]))
     for node in (output, rotor):
-        unit.add_spring(node, drive.mount_node, drive.gearbox_mount.stiffness, drive.gearbox_mount.type)
+        unit.add_connection(node, drive.mount_node, drive.gearbox_mount, mount)
     for node in (front, rear):
-        unit.add_spring(node, drive.mount_node, drive.pinion_bearing.stiffness, drive.pinion_bearing.type, seat)
-    unit.add_spring(rear, output, drive.spline.stiffness, drive.spline.type)
+        unit.add_connection(node, drive.mount_node, drive.pinion_bearing, seat)
+    unit.add_connection(rear, output, drive.spline)
     if powered:
         held = motor_row(unit, rotor, drive)
         unit.C += drive.motor.damping * np.outer(held, held)
@@ -105,23 +108,16 @@ def drive_unit(description: MachineDescription, seat: float = 1.0, *, powered: b
         M=unit.M,
         C=unit.C,
         K=unit.K,
-        rows=np.array([_mesh_row(unit, drive, pair), _gearbox_row(unit, output, rotor, drive)]),
+        rows=np.array([_mesh_row(unit, drive, pair), pair.turning * _gearbox_row(unit, output, rotor, drive)]),
         pinion_mesh_mass=unit.polar_inertia((front, middle, rear)) / pair.pinion_base_radius**2,
         gearbox_inertia=reflected * turning / (reflected + turning),
         shaft_damping=unit.damping("steel"),
     )
 
 
-def _mesh_row(unit: Assembler, drive: DriveTemplate, pair: InternalPair) -> np.ndarray:
-    """Compression of the mesh along its line of action."""
-    pinion = drive_nodes(drive, 0)[1]
-    to_contact = np.array([0.0, pair.pinion_pitch_radius, 0.0])
-    place = unit.positions[pinion] + to_contact
-    line = pair.line_of_action(0.0)
-    row = np.zeros(len(unit.M))
-    row[unit.dofs(pinion)] = line @ rigid_arm(to_contact)[:3]
-    row[unit.dofs(drive.ring_node)] = -line @ rigid_arm(place - unit.positions[drive.ring_node])[:3]
-    return row
+def _mesh_row(unit: Assembler, drive: DriveTemplate, pair: GearPair) -> np.ndarray:
+    """Compression of the mesh along its line of action in the transverse section."""
+    return unit.mesh_row(drive_nodes(drive, 0)[1], drive.ring_node, pair, 0.0)
 
 
 def _gearbox_row(unit: Assembler, output: int, rotor: int, drive: DriveTemplate) -> np.ndarray:

@@ -1,7 +1,8 @@
 """Stress of the virtual shafts under steady loads: whether a section that was assumed could carry them.
 
-Of each beam element, from its end forces K_e u_e: the normal stress |N|/A + M r/I at the outer fibre with the shear stress
-|T| r/J of torsion, together σ_v = √(σ² + 3τ²) (von Mises; Niemann, Maschinenelemente 1). Shear forces are left out.
+Of each beam element, from its end forces K_e u_e: the normal stress |N|/A + M r/I at the outer fibre with the shear
+stress |T| r/J of torsion, together σ_v = √(σ² + 3τ²) (von Mises; Niemann, Maschinenelemente 1). Shear forces are left
+out.
 """
 
 from __future__ import annotations
@@ -27,7 +28,7 @@ class ShaftStress:
 
 
 def hardest_point(machine: Machine) -> OperatingPoint:
-    """The largest torque and thrust that the machine is allowed, together; its operating point without limits."""
+    """Return the largest allowed torque and thrust together, or the operating point of a machine without limits."""
     limits, point = machine.description.operating_limits, machine.operating_point
     if limits is None:
         return point

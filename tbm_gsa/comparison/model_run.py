@@ -6,7 +6,9 @@ import numpy as np
 
 from tbm_dynamics import Machine
 from tbm_dynamics.integration import DEFAULT_STEP
+from tbm_dynamics.integration.simulator import MethodName
 from tbm_dynamics.streaming.simulation import ModelRun
+from tbm_gsa.signals.conditioning import LOW_PASS_LIMIT_HZ
 from tbm_gsa.signals.reduction import ReducedSignal, SignalReducer
 from tbm_msgs_py.base.progress import ShareDone
 
@@ -17,6 +19,7 @@ def run_model(
     seed: int,
     reducers: Mapping[str, SignalReducer],
     progress: ShareDone = lambda _: None,
+    high_hz: float = LOW_PASS_LIMIT_HZ,
 ) -> dict[str, ReducedSignal]:
     """Simulate a machine at its operating point and reduce the accelerations of test points, at the default step.
 
@@ -31,9 +34,12 @@ def run_model(
         By test point.
     progress : callable
         Called with the share that is done, 0 to 1.
+    high_hz : float
+        Up to which the accelerations are wanted: what the reduced basis does not hold comes from the full system.
     """
     places = [machine.description.sensor_places[point] for point in reducers]
-    run = ModelRun(machine, duration, seed, [place.node for place in places])
+    method: MethodName = "reduced" if high_hz <= LOW_PASS_LIMIT_HZ else "full"
+    run = ModelRun(machine, duration, seed, [place.node for place in places], method=method)
     for chunk in run.chunks(progress=progress):
         time = np.arange(chunk.first_step, chunk.first_step + len(chunk.mesh_force), dtype=np.float64) * DEFAULT_STEP
         for k, (place, reducer) in enumerate(zip(places, reducers.values(), strict=True)):

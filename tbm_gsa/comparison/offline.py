@@ -19,7 +19,7 @@ from tbm_gsa.comparison.results import (
     finite_interval,
     rounded,
 )
-from tbm_gsa.signals.conditioning import Band, common_band
+from tbm_gsa.signals.conditioning import LOW_PASS_LIMIT_HZ, LOW_PASS_SHARE, Band, common_band
 from tbm_gsa.signals.estimates import STATISTICS, SignalStatistics, estimate, level_shares
 from tbm_gsa.signals.intervals import error_interval
 from tbm_gsa.signals.reduction import ReducedSignal, Series
@@ -27,6 +27,8 @@ from tbm_gsa.signals.settings import Settings, band_name
 from tbm_gsa.signals.statistics import coverage, kurtosis, ratio, relative_error, rms
 from tbm_msgs_py.base.errors import InputError
 from tbm_msgs_py.base.units import STANDARD_GRAVITY
+
+_DRIFT = 1e-3  # of a sensor's clock, whose nominal rate carries the band
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,9 +54,25 @@ class PointComparison:
 
 
 def compared_band(field_rate_hz: float, model_rate_hz: float, settings: Settings) -> Band:
-    """Band that both signals carry, or up to what the settings say."""
+    """Band that both signals carry, or up to what the settings say.
+
+    Raises
+    ------
+    InputError
+        One of the signals does not carry that.
+    """
     band = common_band(field_rate_hz, model_rate_hz)
-    return band if settings.high_hz is None else Band(band.low, settings.high_hz)
+    if settings.high_hz is None:
+        return band
+    most = LOW_PASS_SHARE * min(field_rate_hz, model_rate_hz)
+    if settings.high_hz > most * (1.0 + _DRIFT):
+        raise InputError(f"band up to {settings.high_hz:g} Hz, allowed: up to {most:.5g}, 0.4 of the sampling rate")
+    return Band(band.low, settings.high_hz)
+
+
+def highest_hz(settings: Settings) -> float:
+    """Upper limit of the band of signals whose rates do not limit it, Hz."""
+    return LOW_PASS_LIMIT_HZ if settings.high_hz is None else settings.high_hz
 
 
 def compare_signals(
@@ -195,6 +213,7 @@ def _windows(
     computed = np.array([model_rms.get(one) for one in level], dtype=np.float64)
     root = rms(table.count, table.moments)[:, axis]
     bands = np.sqrt(ratio(table.bands[:, :, axis], table.count[:, None]))
+    bands[:, [low >= field.band.high for low, _ in settings.bands]] = math.nan
     columns = {
         "coverage": np.minimum(1.0, table.count / (field.rate_hz * length)),
         "relative_error": relative_error(root, computed),

@@ -26,7 +26,7 @@ DIGITS = 8  # significant ones of what is written by the thousand
 
 OperatingKind = Literal["steady", "transient", "standstill", "outside"]
 """The last of what a comparison of a stretch of a recording leaves out."""
-LineKind = Literal["load", "mesh", "axial"]
+LineKind = Literal["load", "mesh", "sideband", "shaft", "axial"]
 BandName = Annotated[str, Field(max_length=40, pattern=BAND)]
 Duration = Annotated[float, Field(ge=1.0, le=3600.0)]
 Numbers = tuple[Number | None, ...]
@@ -200,7 +200,7 @@ class DwellResult(Part):
 
 
 class ExpectedLine(Part):
-    """Line of the loads, mesh frequency or its double, or axial natural frequency."""
+    """Line of the loads, of a mesh, its gears or a shaft, or axial natural frequency."""
 
     name: TextLine
     frequency_hz: Size
@@ -263,7 +263,7 @@ class RecordingResult(Part):
 
 @dataclass(frozen=True)
 class AxialRow:
-    """A row of the paper's Table 2: RMS of the axial acceleration in g; None where nothing was measured."""
+    """RMS of the axial acceleration of a test point in g; None where nothing was measured."""
 
     point: str
     node: int
@@ -319,7 +319,7 @@ class ComparisonResult(Part):
 
     @property
     def axial_rows(self) -> list[AxialRow]:
-        """Rows of the paper's Table 2 for every compared point, along the power flow."""
+        """Axial accelerations of every compared point, along the power flow."""
         return [
             AxialRow(point, self.nodes[point], axes["x"].model_rms_g, axes["x"].field_rms_g, axes["x"].relative_error)
             for point, axes in self.points.items()

@@ -6,12 +6,13 @@ from functools import partial
 from pathlib import Path
 
 from tbm_dynamics import Machine, MachineError, load_machine
+from tbm_gsa.comparison.bands import bands_of_levels, machine_bands
 from tbm_gsa.comparison.change_times import change_times
 from tbm_gsa.comparison.expected import lines_of_levels
 from tbm_gsa.comparison.field_side import FieldSide, reduce_field
 from tbm_gsa.comparison.levels import NeverDrivenError, OperatingHistory, machine_history, recorded_history
 from tbm_gsa.comparison.model_run import run_model
-from tbm_gsa.comparison.offline import PointComparison, compare_signals
+from tbm_gsa.comparison.offline import PointComparison, compare_signals, highest_hz
 from tbm_gsa.comparison.results import (
     ComparisonResult,
     DwellResult,
@@ -22,6 +23,7 @@ from tbm_gsa.comparison.results import (
 )
 from tbm_gsa.comparison.units import operating_doubts, unit_doubt
 from tbm_gsa.provenance import machine_file, package_versions
+from tbm_gsa.signals.conditioning import LOW_PASS_SHARE
 from tbm_gsa.signals.intervals import CONFIDENCE
 from tbm_gsa.signals.reduction import ReducedSignal, Series, SignalReducer, one_level
 from tbm_gsa.signals.settings import MODEL_RATE_HZ, Settings
@@ -37,6 +39,7 @@ from tbm_msgs_py.recordings.recording_health import PointHealth
 LONGEST_MODEL_S = 3600.0
 SHORTEST_MODEL_S = 1.0
 SHORTEST_WINDOW_S, LONGEST_WINDOW_S = 0.01, 86_400.0
+LOWEST_HIGH_HZ = 10.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -104,9 +107,8 @@ def compare_recording(
     reader = open_recording(bag, mapping)
     shared = _shared_points(reader, described)
     placed = described.with_offsets(_stated_offsets(reader, shared))
-    field, history = _read(reader, described, shared, chosen, progress, span)
-    machines = _machines(reader.path, history, placed)
-    lines = lines_of_levels(machines)
+    field, history, machines, chosen = _read(reader, placed, shared, chosen, progress, span)
+    lines = lines_of_levels(machines, highest_hz(chosen))
     chosen = _with_lines(chosen, lines)
     predicted = _model_side(machines, field.signals, chosen, (model_duration, seed), progress)
     _check_stretch(span, field, predicted, chosen.window_s)
@@ -214,6 +216,11 @@ def _checked(settings: Settings, model_duration: float, seed: int, span: tuple[f
         raise InputError(f"model_duration {model_duration:g} s, allowed: {SHORTEST_MODEL_S:g} to {LONGEST_MODEL_S:g} s")
     if not SHORTEST_WINDOW_S <= settings.window_s <= LONGEST_WINDOW_S:
         raise InputError(f"window {settings.window_s:g} s, allowed: {SHORTEST_WINDOW_S:g} to {LONGEST_WINDOW_S:g} s")
+    if settings.high_hz is not None and not LOWEST_HIGH_HZ <= settings.high_hz <= LOW_PASS_SHARE * MODEL_RATE_HZ:
+        raise InputError(
+            f"upper limit of the band {settings.high_hz:g} Hz, allowed: {LOWEST_HIGH_HZ:g} to "
+            f"{LOW_PASS_SHARE * MODEL_RATE_HZ:g}, 0.4 of the model's sampling rate"
+        )
     if not 0 <= seed < 2**31:
         raise InputError(f"seed {seed}, allowed: 0 to {2**31 - 1}")
     return settings
@@ -243,16 +250,20 @@ def _read(
     settings: Settings,
     progress: Progress,
     span: tuple[float, float] | None,
-) -> tuple[FieldSide, OperatingHistory]:
-    """Read the recorded side, and how the machine was driven."""
-    field = reduce_field(reader, points, settings, progress=lambda done: progress(f"reading, {done:.0f} s", None))
+) -> tuple[FieldSide, OperatingHistory, dict[int, Machine], Settings]:
+    """Read the recorded side, how the machine was driven, what it is then, and settings with the bands of that."""
+    chosen = settings if settings.bands else replace(settings, bands=machine_bands([machine], highest_hz(settings)))
+    field = reduce_field(reader, points, chosen, progress=lambda done: progress(f"reading, {done:.0f} s", None))
     history = _history(reader, machine, field, span)
-    if len(history.segments) > 1:
-        # Now that the levels are known, once more: each has a spectrum of its own.
+    machines = _machines(reader.path, history, machine)
+    bands = settings.bands or bands_of_levels(chosen.bands, machines.values(), highest_hz(settings))
+    if len(history.segments) > 1 or bands != chosen.bands:
+        # Now that the levels are known, once more: each has a spectrum of its own, and gears mesh elsewhere.
+        chosen = replace(chosen, bands=bands)
         field = reduce_field(
-            reader, points, settings, history, field.shifts, lambda done: progress(f"levels, {done:.0f} s", None)
+            reader, points, chosen, history, field.shifts, lambda done: progress(f"levels, {done:.0f} s", None)
         )
-    return field, history
+    return field, history, machines, chosen
 
 
 def _history(
@@ -300,7 +311,7 @@ def _model_side(
             for point, signal in field.items()
         }
         name = "model" if len(machines) == 1 else f"model, level {level + 1} of {len(machines)}"
-        runs.append(run_model(machines[level], *run, reducers, partial(progress, name)))
+        runs.append(run_model(machines[level], *run, reducers, partial(progress, name), highest_hz(settings)))
     return {point: ReducedSignal.joined([signals[point] for signals in runs]) for point in field} if runs else {}
 
 

@@ -10,7 +10,7 @@ import numpy as np
 from tbm_gsa.signals.band_weights import band_weights
 from tbm_gsa.signals.conditioning import Band, Frame, common_band, compared_axes
 from tbm_gsa.signals.reduction import ReducedSignal
-from tbm_gsa.signals.settings import MODEL_RATE_HZ, Settings, band_name
+from tbm_gsa.signals.settings import MODEL_RATE_HZ, band_name
 from tbm_gsa.signals.spectrum import mixed_spectrum
 from tbm_msgs_py.base.arrays import Array
 from tbm_msgs_py.base.errors import InputError
@@ -72,7 +72,7 @@ class BandReading:
     """
 
     sensors: Mapping[str, Sensor]
-    bands: tuple[tuple[float, float], ...] = Settings.bands
+    bands: tuple[tuple[float, float], ...]
     rate_hz: float = MODEL_RATE_HZ
     band: Band = field(default_factory=lambda: common_band(MODEL_RATE_HZ))
     segment_s: float = 4.0

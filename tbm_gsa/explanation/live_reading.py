@@ -2,7 +2,7 @@
 
 # Annotations as they are, no texts: documents with these classes in them look names up elsewhere with pydantic 2.5.
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Self
 
@@ -13,7 +13,6 @@ from tbm_gsa.explanation.curve_cache import rounded
 from tbm_gsa.explanation.observed import ROUNDED, Observed
 from tbm_gsa.signals.conditioning import Band, compared_axes, power_gain
 from tbm_gsa.signals.noise_floor import spectrum_floor
-from tbm_gsa.signals.settings import Settings
 from tbm_gsa.signals.spans import SpanSpectrum
 from tbm_msgs_py.base.arrays import Array
 from tbm_msgs_py.base.errors import InputError
@@ -49,8 +48,8 @@ class LiveReading:
     coverage: tuple[float, ...]
 
     @classmethod
-    def of(cls, spectra: Spectra, sensors: Sensors) -> Self:
-        """Return the reading of the points of a span; noise that a mapping does not state is that of the span.
+    def of(cls, spectra: Spectra, sensors: Sensors, bands: Sequence[tuple[float, float]]) -> Self:
+        """Return the reading of the points of a span in bands (Hz); noise that a mapping does not state is the span's.
 
         Raises
         ------
@@ -59,13 +58,13 @@ class LiveReading:
         """
         first = next(iter(spectra.values()))
         rate, high = (min(values) for values in zip(*((s.rate_hz, s.band.high) for s in spectra.values()), strict=True))
-        bands = tuple(limits for limits in Settings.bands if limits[1] <= high)
-        if not bands:
+        below = tuple(limits for limits in bands if limits[1] <= high)
+        if not below:
             raise InputError(f"no band below {high:g} Hz, where the slowest sensor ends: nothing to watch")
         low = max(one.band.low for one in spectra.values())
         places = {point: _place(sensors[point]) for point in spectra}
         band = Band(rounded(low, ROUNDED), rounded(high, ROUNDED))
-        reading = BandReading(places, bands, rounded(rate, ROUNDED), band)
+        reading = BandReading(places, below, rounded(rate, ROUNDED), band)
         used = tuple(k for k, one in enumerate(reading.statistics) if _measures(sensors[one.point], one))
         if not used:
             raise InputError("no axis of a sensor that measures in a band: nothing to watch")

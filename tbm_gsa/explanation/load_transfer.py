@@ -127,7 +127,7 @@ def machine_motion(machine: Machine, reading: BandReading) -> MachineMotion:
     InputError
         A test point that the machine does not have.
     """
-    system, density = machine.assemble(), load_density(machine.description.loads)
+    system, density = machine.assemble(), load_density(machine.driven_loads)
     places = _places(machine, reading.sensors)
     observe = np.vstack([place.rows(system) for place in places])
     response, scale = FrequencyResponse(system, observe), machine.load_scale()

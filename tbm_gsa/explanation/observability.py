@@ -109,6 +109,10 @@ def observability(
     """
     chosen = settings or ObservationSettings()
     _check(chosen)
+    if not machine.driven_loads.bands:
+        raise InputError(
+            f"loads of {machine.name}: nothing fluctuates at its operating point, allowed: regions or lines"
+        )
     spots = _spots(machine, sensors, candidates)
     equipped, reading = _equipped(machine, [spot for _, spot in spots.values()], list(spots))
     seen = _Observation.of(machine, equipped, reading, chosen, run)
@@ -175,7 +179,8 @@ def _equipped(machine: Machine, spots: Sequence[SensorSpot], names: Sequence[str
         name: SensorPlace(node=spot.node, offset=spot.offset).shortest for name, spot in zip(names, spots, strict=True)
     }
     equipped = Machine(machine.base.model_copy(update={"test_points": places}), machine.inputs, machine.origin)
-    return equipped, BandReading({name: Sensor(spot.frame) for name, spot in zip(names, spots, strict=True)})
+    sensors = {name: Sensor(spot.frame) for name, spot in zip(names, spots, strict=True)}
+    return equipped, BandReading(sensors, machine.driven_loads.bands)
 
 
 def _powers(reading: BandReading, factors: Array, machine: Machine) -> Array:

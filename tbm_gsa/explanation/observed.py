@@ -10,6 +10,7 @@ from typing import Final, Self
 
 import numpy as np
 
+from tbm_dynamics import Machine
 from tbm_dynamics.loads.description import LoadFactors
 from tbm_gsa.comparison.change_times import SHORTEST_S
 from tbm_gsa.comparison.results import ComparisonResult, SpectrumResult
@@ -107,8 +108,8 @@ class Observed:
         return {one.name: str(reasons[place]) for place, one in enumerate(self.reading.statistics) if place not in used}
 
 
-def observed(comparison: ComparisonResult) -> Observed:
-    """Read the band powers of a comparison.
+def observed(comparison: ComparisonResult, machine: Machine) -> Observed:
+    """Read the band powers of a comparison with a machine: of its loads' bands, or of others that were asked for.
 
     Raises
     ------
@@ -124,7 +125,7 @@ def observed(comparison: ComparisonResult) -> Observed:
             f"a verdict needs {FEWEST_POINTS} test points, for of one nothing tells the machine from its sensor; "
             f"the comparison has {', '.join(comparison.points)}"
         )
-    reading = _reading(comparison)
+    reading = _reading(comparison, machine.driven_loads.bands)
     spectra = [comparison.spectra[point][axis].field for point in reading.sensors for axis in comparison.spectra[point]]
     recorded = np.array([0.5 * reading.segment_s * (one.segments + 1.0) for one in spectra])
     if recorded.min() < SHORTEST_S:
@@ -143,12 +144,15 @@ def observed(comparison: ComparisonResult) -> Observed:
     return Observed.of(reading, powers, floor, stated, duration, np.repeat(recorded / duration, count))
 
 
-def _reading(comparison: ComparisonResult) -> BandReading:
+def _reading(comparison: ComparisonResult, loaded: tuple[tuple[float, float], ...]) -> BandReading:
     limits = comparison.bands.values()
     high_hz = min(band.high_hz for band in limits)
     first = next(iter(next(iter(comparison.points.values())).values()))
     bands = [_limits(name) for name in first.field_band_rms]
     bands = [band for band in bands if band[1] <= high_hz]
+    own = [band for band in loaded if band[1] <= high_hz]
+    if own and set(own) <= set(bands):
+        bands = own  # what lies between them is of the gears, for the eye
     if not bands:
         raise StudyError(f"a verdict needs a band below {high_hz:g} Hz, up to which the signals were compared")
     lowest = max(band.low_hz for band in limits)

@@ -89,9 +89,10 @@ def explain(comparison: ComparisonResult, folder: str | Path, options: ExplainOp
     StudyError
         A machine file that has changed since the comparison, or what a verdict needs and the recording lacks.
     """
+    machine = compared_machine(comparison)
     source = ExplanationSource(
-        observed(comparison),
-        compared_machine(comparison),
+        observed(comparison, machine),
+        machine,
         RecordingFile(path=comparison.recording.path, sha256=comparison.recording.sha256),
         comparison.machine_file,
         comparison.operating_point,

@@ -1,7 +1,11 @@
-"""The cutterhead loads as the paper's Table 1 and Figure 4 show them: machine → their summary and signals."""
+"""The cutterhead loads beside what is stated of them, as Table 1 and Figure 4 show them: machine → summary, signals.
+
+Of components whose source is `table1` the paper states means and frequencies, of others the machine file.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Final
 
@@ -9,6 +13,7 @@ import numpy as np
 import scipy  # its parts load on first use
 
 from tbm_dynamics import Machine
+from tbm_dynamics.loads.description import COMPONENTS, LoadComponent
 from tbm_dynamics.loads.stepper import LoadModel, load_stepper
 from tbm_gsa.paper.published import TABLE_1, LoadRow
 from tbm_gsa.provenance import machine_file
@@ -29,46 +34,61 @@ RESOLUTION_HZ: Final = 0.25
 
 
 class LineSummary(Part):
-    """A line of Table 1 and where it was found, Hz; None where none stands out within `NEAR_HZ`."""
+    """A stated line and where it was found, Hz; None where none stands out within `NEAR_HZ`."""
 
-    paper_hz: float
+    stated_hz: float
+    paper_hz: float | None
     found_hz: float | None
 
 
 class ComponentSummary(Part):
-    """One component of the loads beside its row of Table 1.
+    """One component of the loads beside what is stated of it.
 
     Attributes
     ----------
     mean, rms : float
         N or N·m; the RMS is that of the fluctuation.
     in_regions : float
-        Share of the fluctuation's power in Table 1's regions.
+        Share of the fluctuation's power in the stated regions.
     lines : tuple of LineSummary
-    paper_mean : float
+    stated_mean : float
         Magnitude, N or N·m.
+    paper_mean : float or None
+        The same if the paper states it.
     """
 
     mean: float
     rms: float
     in_regions: float
     lines: tuple[LineSummary, ...]
-    paper_mean: float
+    stated_mean: float
+    paper_mean: float | None
 
     @classmethod
-    def of(cls, values: Array, paper: LoadRow) -> ComponentSummary:
-        """Component of a signal (n,), N or N·m at `RATE_HZ`, beside a row of Table 1."""
+    def of(cls, values: Array, stated: LoadRow) -> ComponentSummary:
+        """Component of a signal (n,), N or N·m at `RATE_HZ`, beside what is stated."""
+        of_paper = any(stated is row for row in TABLE_1.values())
         frequency, power = scipy.signal.periodogram(values, RATE_HZ, "hann", detrend="constant")
         total = float(power.sum())
-        inside = np.any([(frequency >= low) & (frequency <= high) for low, high in paper.regions], axis=0)
+        inside = np.any(
+            [
+                np.zeros(len(frequency), dtype=bool),
+                *((frequency >= low) & (frequency <= high) for low, high in stated.regions),
+            ],
+            axis=0,
+        )
         return cls(
             mean=float(values.mean()),
             rms=float(values.std()),
             in_regions=float(power[inside].sum() / total) if total else 0.0,
             lines=tuple(
-                LineSummary(paper_hz=line, found_hz=found_line(frequency, power, line)) for line in paper.lines
+                LineSummary(
+                    stated_hz=line, paper_hz=line if of_paper else None, found_hz=found_line(frequency, power, line)
+                )
+                for line in stated.lines
             ),
-            paper_mean=paper.mean,
+            stated_mean=stated.mean,
+            paper_mean=stated.mean if of_paper else None,
         )
 
 
@@ -91,6 +111,8 @@ class LoadRun:
     Attributes
     ----------
     summary : LoadSummary
+    stated : mapping of str to LoadRow
+        By component.
     time : ndarray, shape (n,)
         s.
     values : ndarray, shape (n, 6)
@@ -98,12 +120,13 @@ class LoadRun:
     """
 
     summary: LoadSummary
+    stated: Mapping[str, LoadRow]
     time: Array
     values: Array
 
 
 def load_run(machine: Machine, level: LoadModel = "spectral", duration: float = 600.0, seed: int = 0) -> LoadRun:
-    """Evaluate the loads of a machine at its operating point, beside Table 1.
+    """Evaluate the loads of a machine at its operating point, beside what is stated of them.
 
     Raises
     ------
@@ -118,7 +141,8 @@ def load_run(machine: Machine, level: LoadModel = "spectral", duration: float = 
     point = loads.reached(machine.operating_point)
     time = np.arange(round(duration * RATE_HZ)) / RATE_HZ
     values = loads.evaluate(point, point, time, point.speed * time)
-    components = {name: ComponentSummary.of(values[:, i], TABLE_1[name]) for i, name in enumerate(TABLE_1)}
+    stated = {name: _stated(name, getattr(machine.description.loads, name)) for name in COMPONENTS}
+    components = {name: ComponentSummary.of(values[:, i], row) for i, (name, row) in enumerate(stated.items())}
     summary = LoadSummary(
         machine=machine.name,
         machine_file=machine_file(machine),
@@ -128,7 +152,16 @@ def load_run(machine: Machine, level: LoadModel = "spectral", duration: float = 
         operating_point=point,
         components=components,
     )
-    return LoadRun(summary, time, values)
+    return LoadRun(summary, stated, time, values)
+
+
+def _stated(name: str, component: LoadComponent) -> LoadRow:
+    """Row of Table 1, if the file names it as the source, else what the file itself states."""
+    paper = TABLE_1[name]
+    if component.source == "table1":
+        return paper
+    regions = tuple(region.band for region in component.regions)
+    return LoadRow(paper.name, abs(component.mean), regions, tuple(line.frequency for line in component.lines))
 
 
 def found_line(frequency: Array, power: Array, wanted_hz: float) -> float | None:

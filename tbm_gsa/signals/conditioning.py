@@ -23,6 +23,7 @@ HIGH_PASS_HZ = 0.5
 LOW_PASS_LIMIT_HZ = 1000.0
 LOW_PASS_SHARE = 0.4  # of the lower sampling rate
 HIGH_PASS_ORDER, LOW_PASS_ORDER = 2, 4  # of one pass; there are two
+EDGE_GAIN = 0.25  # on a power at the ends of the band, of both passes
 SHORTEST_S = 1.0  # of a segment; the high-pass makes nothing of less
 CONTEXT_S = 10.0  # of signal on either side of what is filtered; what lies farther off changes less than 1e-6
 BLOCK_SAMPLES = 30_000  # fewest that are filtered at a time, but at least as long as a context

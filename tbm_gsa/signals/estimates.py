@@ -2,11 +2,12 @@
 
 import math
 from collections.abc import Callable, Collection, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import astuple, dataclass, replace
 from typing import Self
 
 import numpy as np
 
+from tbm_gsa.signals.conditioning import EDGE_GAIN, power_gain
 from tbm_gsa.signals.intervals import (
     Ends,
     around,
@@ -42,12 +43,13 @@ class SignalStatistics:
     ----------
     values : mapping of str to float
         By name: those of `STATISTICS` (velocity from 10 Hz on; NaN of a band that ends below), and the RMS by band, NaN
-        where no window was long enough for a Fourier transform.
+        of one beyond the compared band, or where no window was long enough for a Fourier transform.
     intervals : mapping of str to (float, float)
         95 % intervals by the same names.
     rms_width : float
         Half width of the interval of the RMS value's logarithm.
     lines : tuple of SpectralLine
+        As they were before the conditioning.
     spectrum : Spectrum
         Up to the end of the compared band.
     density_factors : (float, float)
@@ -121,7 +123,9 @@ def estimate(signal: ReducedSignal, shares: Mapping[int, float], settings: Setti
         "velocity_rms": value(table.velocity[:, None], _root_mean),
     }
     for i, limits in enumerate(settings.bands):
-        sums[band_name(*limits)] = value(table.bands[:, i : i + 1], _root_mean)
+        unknown = np.full(len(signal.axes), np.nan)
+        held = limits[0] < signal.band.high  # beyond it there is rounding noise only
+        sums[band_name(*limits)] = value(table.bands[:, i : i + 1], _root_mean) if held else (unknown, unknown)
     full = table.count >= 0.5 * table.count.max()
     statistics = {}
     for i, (axis, columns) in enumerate(signal.axes.items()):
@@ -129,12 +133,14 @@ def estimate(signal: ReducedSignal, shares: Mapping[int, float], settings: Setti
         (root, width), peak, peaks = found["rms"], float(table.peak[:, i].max()), peak_range(table.peak[full, i])
         values = {name: both[0] for name, both in found.items()}
         intervals = {name: around(*both) for name, both in found.items()}
-        spectrum = _up_to(mixed_spectrum(spectra, columns, signal.rate_hz), signal.band.high)
+        spectrum = mixed_spectrum(spectra, columns, signal.rate_hz)
+        lines = strongest_lines(_unfiltered(spectrum, signal), settings.line_count, astuple(signal.band))
+        spectrum = _up_to(spectrum, signal.band.high)
         statistics[axis] = SignalStatistics(
             values | {"peak": peak, "crest_factor": float(ratio(peak, root))},
             intervals | {"peak": peaks, "crest_factor": quotient_range(peak, root, peaks, width)},
             width,
-            match_lines(strongest_lines(spectrum, settings.line_count), settings.expected_lines),
+            match_lines(lines, settings.expected_lines),
             spectrum,
             density_factors(spectrum.segments),
         )
@@ -144,6 +150,12 @@ def estimate(signal: ReducedSignal, shares: Mapping[int, float], settings: Setti
 def _root_mean(count: Array, squares: Array) -> Array:
     """RMS (…, a) from counts (…) and sums of squares (…, 1, a)."""
     return np.sqrt(ratio(squares[..., 0, :], np.asarray(count)[..., None]))
+
+
+def _unfiltered(spectrum: Spectrum, signal: ReducedSignal) -> Spectrum:
+    """Spectrum before the conditioning, in its band: a line at either end of it is half as high behind the filter."""
+    gain = power_gain(signal.rate_hz, signal.band, spectrum.frequency)
+    return replace(spectrum, density=spectrum.density / np.maximum(gain, EDGE_GAIN))
 
 
 def _up_to(spectrum: Spectrum, high_hz: float) -> Spectrum:

@@ -21,7 +21,7 @@ class Settings:
     high_hz : float or None
         Upper limit of the band; by default what `common_band` gives.
     bands : tuple of (float, float)
-        Bands whose RMS is given, Hz.
+        Bands whose RMS is given, Hz; a comparison without any takes those of the machine.
     expected_lines : mapping of str to float
         Frequencies in Hz by name, e.g. the loads' lines and the mesh frequency.
     line_count : int
@@ -32,7 +32,7 @@ class Settings:
 
     window_s: float = 2.0
     high_hz: float | None = None
-    bands: tuple[tuple[float, float], ...] = ((0.5, 20.0), (100.0, 110.0), (125.0, 135.0), (200.0, 210.0))
+    bands: tuple[tuple[float, float], ...] = ()
     expected_lines: Mapping[str, float] = field(default_factory=dict)
     line_count: int = 5
     resolution_hz: float = 0.25

@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike
 from tbm_msgs_py.base.arrays import Array
 
 LINE_BINS = 2  # on either side: the main lobe of the Hann window
+LINE_TOLERANCE_HZ = 0.5  # between a line that is found and the expected one that it is
 
 
 @dataclass(frozen=True, eq=False)
@@ -104,16 +105,19 @@ def _hann(size: int) -> Array:
     return window
 
 
-def strongest_lines(spectrum: Spectrum, count: int, separation_hz: float = 1.0) -> tuple[SpectralLine, ...]:
-    """Find the highest peaks of a spectrum, highest first, at least `separation_hz` apart."""
+def strongest_lines(
+    spectrum: Spectrum, count: int, between_hz: tuple[float, float] = (0.0, np.inf), separation_hz: float = 1.0
+) -> tuple[SpectralLine, ...]:
+    """Find the highest peaks of a spectrum between two frequencies, highest first, at least `separation_hz` apart."""
     step = spectrum.frequency[1] - spectrum.frequency[0]
     peaks, _ = scipy.signal.find_peaks(spectrum.density, distance=max(1.0, separation_hz / step))
+    peaks = peaks[(spectrum.frequency[peaks] >= between_hz[0]) & (spectrum.frequency[peaks] <= between_hz[1])]
     highest = peaks[np.argsort(-spectrum.density[peaks], kind="stable")][:count]
     return tuple(_line(spectrum, index, step) for index in highest)
 
 
 def match_lines(
-    lines: Sequence[SpectralLine], expected: Mapping[str, float], tolerance_hz: float = 0.5
+    lines: Sequence[SpectralLine], expected: Mapping[str, float], tolerance_hz: float = LINE_TOLERANCE_HZ
 ) -> tuple[SpectralLine, ...]:
     """Lines with the names of those that are expected.
 

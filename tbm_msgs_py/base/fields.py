@@ -1,8 +1,17 @@
 """Types of the fields of files that people write: numbers, texts, and the base of their models."""
 
-from typing import Annotated, Final
+from typing import Annotated, ClassVar, Final
 
-from pydantic import AfterValidator, BaseModel, ConfigDict, Field, FiniteFloat, PositiveFloat
+from pydantic import (
+    AfterValidator,
+    BaseModel,
+    ConfigDict,
+    Field,
+    FiniteFloat,
+    PositiveFloat,
+    SerializerFunctionWrapHandler,
+    model_serializer,
+)
 
 from tbm_msgs_py.base.texts import LONGEST_LINE, LONGEST_NAME
 
@@ -11,6 +20,21 @@ class FrozenModel(BaseModel):
     """Base of every section of a file: immutable, and a misspelt key is an error."""
 
     model_config = ConfigDict(frozen=True, extra="forbid")
+
+
+class SparseModel(FrozenModel):
+    """Base of a section with `optional` keys that are not written while they have their default.
+
+    A digest of what a file says is then the one from before there were such keys.
+    """
+
+    optional: ClassVar[tuple[str, ...]] = ()
+
+    @model_serializer(mode="wrap")
+    def _stated(self, dump: SerializerFunctionWrapHandler) -> dict[str, object]:
+        data: dict[str, object] = dump(self)
+        defaults = {key: type(self).model_fields[key].default for key in self.optional}
+        return {key: value for key, value in data.items() if key not in defaults or getattr(self, key) != defaults[key]}
 
 
 def _printable(text: str) -> str:

@@ -15,10 +15,11 @@ MASS = 2.0
 STIFFNESS = MASS * NATURAL**2
 
 
-def gear_pair(damping_ratio, mean_force):
+def gear_pair(damping_ratio, mean_force, variation=0.0, speed=1.0):
     """Node 1 is the ring, held; node 2 the pinion, driven and loaded in `rx` on a base circle of 1 m.
 
-    The paper's damper acts in the gap too, so it is none of the mesh's. `mean_force` is in the paper's unit, k b.
+    The paper's damper acts in the gap too, so it is none of the mesh's. `mean_force` is in the paper's unit, k b. The
+    stiffness is k (1 + variation cos(speed t)).
     """
     size, mesh, gearbox = 12, 6 + 3, 6 + 4  # what the gearbox holds has nothing to do with the mesh
     idle = MASS * (20.0 * NATURAL) ** 2
@@ -41,7 +42,7 @@ def gear_pair(damping_ratio, mean_force):
                 turns=np.array([1.0]),
                 harmonics=(1,),
                 mesh_stiffness=STIFFNESS,
-                mesh_variation=np.zeros((2, 1)),
+                mesh_variation=np.array([[variation * STIFFNESS], [0.0]]),
                 gearbox_compliance=1.0 / idle,
                 gearbox_variation=np.zeros((0, 1)),
                 error=np.zeros((2, 2)),
@@ -52,5 +53,5 @@ def gear_pair(damping_ratio, mean_force):
         load_dofs=np.arange(6, 12),
         motor_pattern=motors,
         mean_load=np.zeros(6),
-        operating_point=OperatingPoint(speed=1.0, torque=mean_force * STIFFNESS * HALF_GAP, thrust=0.0),
+        operating_point=OperatingPoint(speed=speed, torque=mean_force * STIFFNESS * HALF_GAP, thrust=0.0),
     )

@@ -14,7 +14,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from machine_files import stage_of
 
-from tbm_dynamics.mesh.geometry import ExternalPair, GearError, InternalPair
+from tbm_dynamics.mesh.geometry import ExternalPair, InternalPair
+from tbm_dynamics.mesh.tooth import GearError
 
 MODULE = 0.007
 

@@ -55,6 +55,21 @@ def test_an_idle_drive_rests_on_its_coast_flank_others_drive():
     assert deflection == pytest.approx(np.array([150e-6, -200e-6, 150e-6, 150e-6]) + load / stiffness, rel=1e-6)
 
 
+def test_a_drive_may_sit_on_a_mount_of_its_own():
+    """Its gearbox and rotor are held as in a machine all of whose drives are."""
+    data = small()
+    mount = data["driveshaft"]["gearbox_mount"]
+    mount["stiffness"] = [0.6 * value for value in mount["stiffness"]]
+    one, none, all_ = (
+        built(m).assemble() for m in ({**small(), "drives": {2: {"mount_stiffness": 0.6}}}, small(), data)
+    )
+    first, second = one.drives.dofs
+    assert one.drives.odd in ((0,), (1,))
+    np.testing.assert_allclose(one.K[np.ix_(first, first)], none.K[np.ix_(first, first)])
+    np.testing.assert_allclose(one.K[np.ix_(second, second)], all_.K[np.ix_(second, second)])
+    assert not np.allclose(all_.K[np.ix_(second, second)], none.K[np.ix_(second, second)])
+
+
 @pytest.mark.parametrize("torque", [0.0, 1e-9])
 def test_without_torque_running_motors_hold_the_drive_flank(torque):
     machine = few({2: {"off": True}})
@@ -73,7 +88,7 @@ ODD = {
     "torque": {2: {"torque_share": 1.3}, 4: {"off": True, "torque_share": -0.4}},
     "angles": {2: {"angle": 60.0}, 3: {"angle": 220.0, "tooth": {"fault": "crack", "share": 0.4}}},
     "uncoupled": {2: {"off": "uncoupled"}},
-    "seats": {3: {"seat_stiffness": 0.5}, 1: {"tooth_stiffness": 0.8}},
+    "seats": {3: {"seat_stiffness": 0.5, "mount_stiffness": 0.6}, 1: {"tooth_stiffness": 0.8}},
 }
 COMPILED = "seats"  # for a pattern more, in 20 s
 

@@ -13,9 +13,9 @@ from hypothesis import strategies as st
 from machine_files import stage_of
 
 from tbm_dynamics.mesh.error import composite_tolerances
-from tbm_dynamics.mesh.geometry import GearError
 from tbm_dynamics.mesh.ishikawa import mesh_stiffness
 from tbm_dynamics.mesh.planetary import stage_law, tooth_stiffness
+from tbm_dynamics.mesh.tooth import GearError
 
 STEEL = (210e9, 0.3)
 CYCLES = np.arange(256) / 256

@@ -146,7 +146,7 @@ def test_on_the_cutter_level_the_discs_give_the_torque(machine):
         (OperatingPoint(0.3, 9e6, 9e6), "torque 9000 kN·m, allowed are up to 8410"),
         (OperatingPoint(0.3, 1e6, 3e7), "thrust 30000 kN, allowed are up to 23000"),
         (OperatingPoint(0.7, 6e6, 9e6), "power 4200 kW, allowed are up to 3500"),
-        (OperatingPoint(0.0, 1e6, 9e6), "speed must be positive"),
+        (OperatingPoint(-0.1, 1e6, 9e6), "speed must be positive, or 0 at a standstill"),
         (OperatingPoint(0.3, -1.0, 9e6), "torque and thrust not negative"),
     ],
 )

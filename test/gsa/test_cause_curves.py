@@ -74,7 +74,7 @@ def test_curves_come_from_the_disk_unless_damaged(machine, monkeypatch):
     assert len(computed) == 4
     # Another machine, operating point or reading has curves of its own.
     cached_curves(machine.with_inputs(x1=5.0), READING)
-    cached_curves(machine, BandReading({"girder": Sensor()}))
+    cached_curves(machine, BandReading({"girder": Sensor()}, ((0.5, 20.0),)))
     assert len(list(cache_folder().iterdir())) == 3
 
 

@@ -16,6 +16,7 @@ from tbm_gsa.comparison import ComparisonResult, Settings
 from tbm_gsa.comparison.workflow import compare_recording
 from tbm_gsa.sensitivity.study.evaluate import MachineEvaluation
 from tbm_msgs_py import RecordingError
+from tbm_msgs_py.base.errors import InputError
 
 HOSTILE = "<b>x$y_{"
 
@@ -123,9 +124,13 @@ def test_a_turning_sensor_and_a_synthetic_recording(tmp_path):
 
 def test_a_silent_sensor_and_a_window_that_does_not_fit(tmp_path):
     path = write_bag(tmp_path / "bag", {"shield": noise(3.0, 0.0)})
-    compared = compare_recording(path, model_duration=2.0, settings=Settings(window_s=60.0))
+    compared = compare_recording(path, "open380", model_duration=2.0, settings=Settings(window_s=60.0))
     assert compared.result.points["shield"]["x"].relative_error is None
-    assert "No window of 60 s fits into the recording." in compare_page(compared)
+    page = compare_page(compared)
+    assert "No window of 60 s fits into the recording." in page
+    # Of another machine, the page says nothing of the paper's.
+    assert all(f"{band} Hz" in page for band in ("0.5 to 20", "16 to 21", "60 to 120", "336 to 414"))
+    assert not [word for word in ("paper", "Table", "dz101", "125 to 135") if word in page]
 
 
 def test_the_command_prints_one_document_and_draws_the_same_page(bag, result, text, tmp_path):
@@ -148,9 +153,12 @@ def test_the_command_prints_the_table(bag, result):
     assert "0 lost" in done.stdout
 
 
-def test_a_window_of_the_command(bag):
-    windows = json.loads(run(bag, "--json", "--window", "1.5").stdout)["points"]["shield"]["z"]["windows"]
-    assert windows["start"] == [0.0, 1.5, 3.0, 4.5]
+def test_windows_and_bands_of_the_command(bag):
+    chosen = "--window", "1.5", "--bands", "1-5,60-90", "--high-hz", "500"
+    document = json.loads(run(bag, "--json", *chosen).stdout)
+    assert document["points"]["shield"]["z"]["windows"]["start"] == [0.0, 1.5, 3.0, 4.5]
+    assert list(document["points"]["shield"]["z"]["model_band_rms"]) == ["1-5_hz", "60-90_hz"]
+    assert document["bands"]["shield"]["high_hz"] == 500.0
 
 
 @pytest.mark.parametrize(
@@ -158,6 +166,9 @@ def test_a_window_of_the_command(bag):
     [
         (["nowhere.mcap"], RecordingError, "nowhere.mcap: no such file or folder"),
         (["{bag}", "--machine", "dz999"], MachineError, "dz999"),
+        (["{bag}", "--bands", "5-1200"], InputError, "band '5-1200', allowed: LOW-HIGH in Hz from 0.5 to 1000"),
+        (["{bag}", "--high-hz", "4001"], InputError, "band 4001 Hz, allowed: 10 to 4000, 0.4 of the model's"),
+        (["{bag}", "--high-hz", "801"], RecordingError, "band up to 801 Hz, allowed: up to 800, 0.4 of the sampling"),
         (["{bag}", "--mapping", "no.yaml"], RecordingError, "no.yaml"),
         (["{bag}", "--window", "0"], ValueError, "window 0 s"),
         (["{bag}", "--html", "no/such/folder/out.html"], ValueError, "no folder no/such/folder"),

@@ -30,7 +30,9 @@ def computed(amplitudes: tuple[float, float, float]) -> tuple[np.ndarray, np.nda
 @pytest.fixture(scope="module")
 def point():
     field = record(vibration(FIELD_RATE, (2.0, 1.0, 4.0), UPWARDS), start=1.7e9)
-    return compared(field, computed((1.0, 1.5, 4.0)), settings=Settings(expected_lines={"load": 130.3}))
+    return compared(
+        field, computed((1.0, 1.5, 4.0)), settings=Settings(bands=((125.0, 135.0),), expected_lines={"load": 130.3})
+    )
 
 
 def test_levels_and_equation_4(point):

@@ -14,7 +14,7 @@ from tbm_msgs_py.recordings.acceleration import AccelerationRecord
 from tbm_msgs_py.recordings.faults import Clock, FaultCounts, find_gaps, stuck_axes
 
 RATE, START_NS = 1000.0, 1_700_000_000_000_000_000
-CHOSEN = Settings()
+CHOSEN = Settings(bands=((0.5, 20.0), (100.0, 110.0)))
 TIME = np.arange(150_000) / RATE
 KEPT = (TIME < 47.3) | (TIME >= 48.0)
 VALUES = np.random.default_rng(2).standard_normal((150_000, 3)) + np.array([0.0, 0.0, 9.81])

@@ -254,7 +254,7 @@ def test_a_band_that_a_sensor_does_not_cover_is_not_measured(compared, monkeypat
     monkeypatch.setattr("tbm_gsa.explanation.observed.SHORTEST_S", 8.0)
     document = json.loads(json.dumps(compared))
     document["recording"]["points"]["girder"]["band_hz"] = [30.0, 450.0]
-    seen = observed(form(document))
+    seen = observed(form(document), load_machine("dz101"))
     missing = {one.name for one, floor in zip(seen.reading.statistics, seen.floor, strict=True) if np.isnan(floor)}
     assert missing == {f"rms_0.5-20_hz_girder_{axis}" for axis in "xyz"}
 
@@ -371,7 +371,7 @@ def test_what_a_verdict_needs_is_said(compared, lacking):
     document = json.loads(json.dumps(compared))
     LACKING[lacking](document)
     with pytest.raises(StudyError, match=f"^a verdict needs {lacking}"):
-        observed(form(document))
+        observed(form(document), load_machine("dz101"))
 
 
 @pytest.mark.parametrize(
@@ -381,7 +381,7 @@ def test_documents_that_are_none(compared, change):
     broken = json.loads(json.dumps(compared))
     change(broken)
     with pytest.raises(StudyError, match=r"bands: missing|bands: other test points|points: 3, allowed"):
-        observed(form(broken))
+        observed(form(broken), load_machine("dz101"))
 
 
 def test_a_machine_that_has_changed_since(compared, tmp_path, monkeypatch):

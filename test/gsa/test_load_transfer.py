@@ -26,7 +26,8 @@ from tbm_gsa.signals.settings import Settings
 from tbm_msgs_py.base.errors import InputError
 
 POINTS = ("cutterhead", "shield", "walkway", "girder", "gripper")
-READING = BandReading({point: Sensor() for point in POINTS})
+BANDS = load_machine("dz101").description.loads.bands
+READING = BandReading({point: Sensor() for point in POINTS}, BANDS)
 NAMES = [statistic.name for statistic in READING.statistics]
 START_S = 2.0  # of a run, left out
 ROCK = np.array([2.0, 0.6, 1.6, 1.0, 0.7, 1.5])
@@ -226,12 +227,13 @@ def test_a_recording_shorter_than_a_segment_is_refused(scatter):
 
 def test_a_point_that_the_machine_has_not_is_refused(machine):
     with pytest.raises(InputError, match="test point 'roof': machine dz101 has cutterhead, shield"):
-        machine_motion(machine, BandReading({"roof": Sensor()}))
+        machine_motion(machine, BandReading({"roof": Sensor()}, BANDS))
 
 
 def test_a_sensor_off_the_axis_feels_the_torque(machine):
     on, off = (
-        load_transfer(machine, BandReading({"cutterhead": Sensor(offset=(0.0, 0.0, height))})) for height in (0.0, 2.0)
+        load_transfer(machine, BandReading({"cutterhead": Sensor(offset=(0.0, 0.0, height))}, BANDS))
+        for height in (0.0, 2.0)
     )
     group, side = (
         LOAD_GROUPS.index("torsion_high"),
@@ -242,7 +244,7 @@ def test_a_sensor_off_the_axis_feels_the_torque(machine):
 
 def test_a_turning_sensor_shows_both_directions_together(machine, motion):
     fixed = motion.transfer().gain[:, : 3 * 4].reshape(6, 3, 4)
-    turning = load_transfer(machine, BandReading({"cutterhead": Sensor("rotating")}))
+    turning = load_transfer(machine, BandReading({"cutterhead": Sensor("rotating")}, BANDS))
     assert [s.axis for s in turning.statistics[::4]] == ["x", "yz"]
     np.testing.assert_allclose(turning.gain[:, 4:], fixed[:, 1] + fixed[:, 2])
 

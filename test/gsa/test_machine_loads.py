@@ -96,6 +96,15 @@ def test_the_command_prints_and_draws_the_loads(command):
     assert max(map(len, out.splitlines())) <= 80
 
 
+def test_loads_of_another_machine_are_held_against_its_file(command):
+    code, out, _ = command("machine loads --machine open380 --duration 20 --json")
+    rows = json.loads(out)["components"]
+    assert (code, rows["fx"]["paper_mean"], rows["fx"]["stated_mean"]) == (0, None, 5.0e6)
+    assert [(line["stated_hz"], line["paper_hz"]) for line in rows["fx"]["lines"]] == [(1.5, None), (67.0, None)]
+    assert all(row["in_regions"] > 0.7 for row in rows.values())
+    assert "Table 1" not in command("machine loads --machine open380 --duration 20")[1]
+
+
 @pytest.mark.parametrize(
     ("line", "message"),
     [

@@ -142,7 +142,7 @@ def test_the_smallest_change_is_found_in_recordings(code):
     machine, noise_density, runs = load_machine("dz101"), 100e-6 * 9.80665, 8
     points, settings = ("cutterhead", "shield", "walkway", "girder", "gripper"), ObservationSettings()
     told = observability(machine, [SensorChoice(point) for point in points])
-    reading = BandReading({point: Sensor() for point in points})
+    reading = BandReading({point: Sensor() for point in points}, machine.description.loads.bands)
     scatter, prior = load_scatter(machine_motion(machine, reading)), machine.description.loads.factors
     noise = np.full(len(reading.statistics), noise_density**2)
     expected = scatter.expected(prior.values, noise)

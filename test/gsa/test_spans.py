@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 import scipy.signal
 
+from tbm_dynamics import load_machine
 from tbm_gsa.comparison import WindowedComparison
 from tbm_gsa.explanation.band_reading import Sensor
 from tbm_gsa.explanation.live_reading import LiveReading
@@ -16,6 +17,7 @@ from tbm_msgs_py.recordings.mapping import SensorMapping
 SECOND, MINUTE = 10**9, 60 * 10**9
 RATE, BAND = 50, Band(0.5, 20.0)
 START = 28_333_333 * MINUTE
+BANDS = load_machine("dz101").description.loads.bands
 
 
 def signal(seconds, seed=0):
@@ -96,7 +98,7 @@ def test_a_live_sine_has_the_power_that_the_filters_leave():
         "girder": [True, True],
     }
     sensors = {"head": sensor("head", frame="rotating"), "girder": sensor("girder")}
-    live = LiveReading.of(spectra, sensors)
+    live = LiveReading.of(spectra, sensors, BANDS)
     assert live.reading.bands == ((0.5, 20.0),)
     left = power_gain(100.0, live.reading.band, np.array([15.0]))
     powers = np.array([0.5, 0.5 * 13.0, 0.5, 2.0, 4.5]) * left
@@ -119,7 +121,7 @@ def test_what_a_sensor_does_not_measure_is_not_read():
         "shield": sensor("shield", axes=("x", None, "z"), band_hz=(5.0, 128.0)),
         "head": sensor("head", frame="rotating", axes=("x", "y", None)),
     }
-    live = LiveReading.of({point: flat() for point in sensors}, sensors)
+    live = LiveReading.of({point: flat() for point in sensors}, sensors, BANDS)
     names = [live.reading.statistics[place].name for place in live.used]
     assert names == [
         *(f"rms_{band}_hz_shield_{axis}" for axis in "xz" for band in ("0.5-20", "100-110")),
@@ -133,7 +135,7 @@ def test_what_a_sensor_does_not_measure_is_not_read():
 
 def test_noise_is_stated_or_found_and_holds_up_dead_channels():
     sensors = {"shield": sensor("shield", units="g", noise_density=1e-3), "girder": sensor("girder")}
-    live = LiveReading.of({"shield": flat(1e-4), "girder": flat(3e-4)}, sensors)
+    live = LiveReading.of({"shield": flat(1e-4), "girder": flat(3e-4)}, sensors, BANDS)
     stated = (1e-3 * 9.80665) ** 2
     assert live.noise[0] == pytest.approx(stated)
     assert live.noise[-1] == pytest.approx(3e-4, rel=0.05)
@@ -145,7 +147,7 @@ def test_noise_is_stated_or_found_and_holds_up_dead_channels():
 def test_a_reading_covers_what_is_read_alike():
     sensors = {"shield": sensor("shield"), "girder": sensor("girder", offset=(0.0, 1.0, 0.0))}
     spectra = {point: flat() for point in sensors}
-    live = LiveReading.of(spectra, sensors)
+    live = LiveReading.of(spectra, sensors, BANDS)
     assert live.reading.sensors["girder"] == Sensor("fixed", (0.0, 1.0, 0.0))
     assert live.covers(spectra, sensors)
     assert live.covers({"girder": flat(rate=1004.0)}, sensors)
@@ -153,6 +155,6 @@ def test_a_reading_covers_what_is_read_alike():
     assert not live.covers(spectra, sensors | {"girder": sensor("girder")})
     assert not live.covers(spectra | {"walkway": flat()}, sensors | {"walkway": sensor("walkway")})
     with pytest.raises(InputError, match="no band below 16 Hz"):
-        LiveReading.of({"girder": flat(rate=40.0)}, sensors)
+        LiveReading.of({"girder": flat(rate=40.0)}, sensors, BANDS)
     with pytest.raises(InputError, match="no axis of a sensor that measures in a band"):
-        LiveReading.of({"girder": flat()}, {"girder": sensor("girder", band_hz=(300.0, 400.0))})
+        LiveReading.of({"girder": flat()}, {"girder": sensor("girder", band_hz=(300.0, 400.0))}, BANDS)

@@ -6,6 +6,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.random import default_rng
 
+from tbm_dynamics import load_machine
 from tbm_gsa.explanation.band_reading import BandReading, Sensor
 from tbm_gsa.explanation.cause_curves import CauseCurves, CurveTable
 from tbm_gsa.explanation.load_scatter import LoadScatter
@@ -13,7 +14,6 @@ from tbm_gsa.explanation.load_transfer import LoadTransfer
 from tbm_gsa.sensitivity.study.distributions import LogUniform
 from tbm_gsa.sensitivity.study.inputs import PAPER_INPUTS, InputSet
 from tbm_gsa.signals.conditioning import Band
-from tbm_gsa.signals.settings import Settings
 from tbm_gsa.signals.spans import SpanSpectrum
 from tbm_gsa.signals.spectrum import SpectrumSum
 from tbm_msgs_py.recordings.mapping import contract_sensor
@@ -23,7 +23,7 @@ START = 28_333_333 * MINUTE
 POINTS = ("cutterhead", "shield", "girder")
 SENSORS = {point: contract_sensor(point) for point in POINTS}
 RATE, GROUPS, SEGMENTS = 500.0, 6, 29
-BANDS = tuple(band for band in Settings.bands if band[1] <= 0.4 * RATE)
+BANDS = tuple(band for band in load_machine("dz101").description.loads.bands if band[1] <= 0.4 * RATE)
 READING = BandReading({point: Sensor() for point in POINTS}, BANDS, RATE, Band(0.5, 0.4 * RATE))
 
 

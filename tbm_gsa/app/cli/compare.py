@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import sqlite3
+from dataclasses import replace
 from pathlib import Path
 from typing import Annotated
 
@@ -26,6 +27,8 @@ from tbm_gsa.app.cli.output import (
     staged_progress,
 )
 from tbm_gsa.app.cli.shipped import MAPPING_OPTION, RECORDING_ARGUMENT, recording_path
+from tbm_gsa.comparison.bands import parse_bands
+from tbm_gsa.comparison.offline import highest_hz
 from tbm_gsa.comparison.results import ComparisonResult
 from tbm_gsa.comparison.workflow import RecordingComparison, compare_recording
 from tbm_gsa.history import (
@@ -54,6 +57,14 @@ def compare(
     window: Annotated[float, typer.Option(help="Length of a window (s), 0.01 to 86400.")] = 2.0,
     begin: Annotated[float, typer.Option(min=0.0, help="Begin of the stretch that is compared (s).")] = 0.0,
     end: Annotated[float | None, typer.Option(help="End of it (s); default: that of the recording.")] = None,
+    bands: Annotated[
+        str | None,
+        typer.Option(help="Bands in Hz, as 0.5-20,60-120; default: those of the machine's loads and gear meshes."),
+    ] = None,
+    high_hz: Annotated[
+        float | None,
+        typer.Option("--high-hz", help="Upper limit of the compared band (Hz); default: 1000, or 0.4 of a lower rate."),
+    ] = None,
     seed: Annotated[int, SEED_OPTION] = 0,
     history: Annotated[Path | None, typer.Option(help=HISTORY_HELP, dir_okay=False)] = None,
     keep: Annotated[
@@ -70,6 +81,9 @@ def compare(
     check_result(html, "page")
     synthetic = is_synthetic(bag)
     kept = not synthetic if keep is None else keep
+    settings = Settings(window_s=window, high_hz=high_hz)
+    if bands is not None:
+        settings = replace(settings, bands=parse_bands(bands, highest_hz(settings)))
     if kept and history is not None:
         check_history(history)  # a bad one is refused before the work
     with progress_bar("comparing") as bar:
@@ -79,7 +93,7 @@ def compare(
             mapping,
             model_duration,
             seed,
-            Settings(window_s=window),
+            settings,
             progress=staged_progress(bar),
             span=None if begin == 0.0 and end is None else (begin, math.inf if end is None else end),
         )
@@ -118,7 +132,7 @@ def _keep(compared: RecordingComparison, kind: SourceKind, path: Path | None) ->
 
 
 def print_tables(result: ComparisonResult) -> None:
-    """Print the axial accelerations as the paper's Table 2 has them, the levels, and the state of the recording."""
+    """Print the axial accelerations, the levels, and the state of the recording."""
     results.print(_axial_table(result))
     if len(result.dwells) > 1:
         results.print(_level_table(result))

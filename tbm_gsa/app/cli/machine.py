@@ -146,7 +146,7 @@ def loads(
     ] = None,
     json: Annotated[bool, JSON_OPTION] = False,
 ) -> None:
-    """Compare the cutterhead loads of a machine with the paper's Table 1, and draw its Figure 4."""
+    """Hold the cutterhead loads against what the file, or the paper's Table 1, states of them, and draw them."""
     from tbm_gsa.app.report.load_figure import load_figure  # noqa: PLC0415 - matplotlib loads slowly
     from tbm_gsa.app.report.picture import check_path, write_picture  # noqa: PLC0415
 

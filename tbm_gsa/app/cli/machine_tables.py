@@ -10,6 +10,7 @@ from rich.table import Table
 from tbm_dynamics.loads.description import LOAD_GROUPS
 from tbm_dynamics.machine.description import Connection
 from tbm_dynamics.machine.drive import DriveBody, DriveConnection, DriveShaft, Gear
+from tbm_dynamics.machine.springs import Springs
 from tbm_dynamics.machine.summary import (
     BETWEEN,
     DRIVE_NODES,
@@ -96,8 +97,17 @@ def _print_parts(summary: MachineSummary) -> None:
 def _print_connections(
     title: str, axes: Sequence[str], named: Iterable[tuple[str, str, Connection | DriveConnection]]
 ) -> None:
-    rows = ((name, between, item.type, *map(_short, item.stiffness), item.source) for name, between, item in named)
+    rows = (
+        (name, between, _kind(item), *map(_short, item.stiffness_rows.diagonal()), item.source)
+        for name, between, item in named
+    )
     _print_table(title, ("name", "between", "type", *axes, "source"), rows)
+
+
+def _kind(springs: Springs) -> str:
+    """Type of a connection, and what its six stiffnesses do not show."""
+    more = [*(["coupled"] if springs.stiffness_matrix else []), *(["damped"] if springs.damps else [])]
+    return ", ".join((springs.type, *more))
 
 
 def _print_drives(drives: DriveSummary) -> None:
@@ -166,8 +176,11 @@ def _print_gears(drives: DriveSummary) -> None:
     headings = ("pair", "teeth", ">m, mm", ">α, °", ">b, mm", ">ε", ">mesh, Hz", "source")
     _print_table("gear pairs, from the ring to the motor", headings, rows)
     mesh = drives.mesh
+    special = [f"profile shifts {' and '.join(_general(*gear.profile_shift))}"] if any(gear.profile_shift) else []
+    special += [f"helix angle {gear.helix_angle_deg:g} deg"] if gear.helix_angle_deg else []
     print_sentence(
-        f"mesh of ring and pinion ({mesh.source}): {_short(mesh.mean_stiffness)} N/m, "
+        f"mesh of {', '.join((f'{gear.ring} ring and pinion', *special))} ({mesh.source}): "
+        f"{_short(mesh.mean_stiffness)} N/m, "
         f"backlash {mesh.backlash * 1e6:g} µm, damping ratio {mesh.damping_ratio:g}"
     )
 
@@ -212,18 +225,19 @@ def _print_modes(summary: MachineSummary) -> None:
 
 
 def print_loads(summary: LoadSummary) -> None:
-    """Print loads beside the paper's Table 1; forces in kN, moments in kN·m."""
+    """Print loads beside what the paper's Table 1 or else the file states; forces in kN, moments in kN·m."""
     point = summary.operating_point
     print_sentence(
         f"{summary.machine}: cutterhead loads, {summary.loads} level, {summary.duration:g} s, seed {summary.seed}, "
         f"at {point.speed * 30.0 / math.pi:.3g} r/min, {point.torque / 1e3:.5g} kN·m, {point.thrust / 1e3:.5g} kN"
     )
-    headings = (">paper", ">mean", ">RMS", ">in regions", "paper's lines", "found, Hz")
-    title = "means (magnitudes), fluctuation, share of power in Table 1's regions; kN, kN·m"
+    of_paper = any(row.paper_mean is not None for row in summary.components.values())
+    headings = (">stated", ">mean", ">RMS", ">in regions", "stated lines", "found, Hz")
+    title = f"means (magnitudes), fluctuation, beside {'Table 1 of the paper' if of_paper else 'the file'}; kN, kN·m"
     table = _table(title, "", *headings)
     for name, row in summary.components.items():
-        numbers = (f"{abs(value) / 1e3:.5g}" for value in (row.paper_mean, row.mean, row.rms))
-        paper = ", ".join(f"{line.paper_hz:g}" for line in row.lines)
+        numbers = (f"{abs(value) / 1e3:.5g}" for value in (row.stated_mean, row.mean, row.rms))
+        stated = ", ".join(f"{line.stated_hz:g}" for line in row.lines)
         found = ", ".join("–" if line.found_hz is None else f"{line.found_hz:.2f}" for line in row.lines)
-        add_row(table, name, *numbers, f"{row.in_regions:.0%}", paper, found)
+        add_row(table, name, *numbers, f"{row.in_regions:.0%}", stated, found)
     results.print(table)

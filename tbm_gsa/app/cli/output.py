@@ -59,7 +59,7 @@ notes = _Printable(stderr=True, soft_wrap=True, emoji=False, markup=False)
 
 JSON_OPTION = typer.Option("--json", help="Print exactly one JSON document on stdout.")
 SEED_OPTION = typer.Option("--seed", min=0, max=2**31 - 1, help="Seed of everything random.")
-LOADS_OPTION = typer.Option("--loads", help="Table 1's spectra, or the forces on the disc cutters.")
+LOADS_OPTION = typer.Option("--loads", help="The file's spectra, or the forces on the disc cutters.")
 SCHEDULE_OPTION = typer.Option(
     "--schedule",
     help="CSV file with the operating point over time: columns time_s, speed_r_min, torque_kn_m, thrust_kn.",

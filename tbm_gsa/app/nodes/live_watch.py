@@ -159,7 +159,7 @@ class LiveWatch:
             return None
         self._tries = 0
         if stored is None:
-            reading = LiveReading.of(spectra, self._sensors)
+            reading = LiveReading.of(spectra, self._sensors, self._machine.description.loads.bands)
             stored = StoredWatch(self._store.source(kind, name, point, reading), reading)
         return self._new_level(stored)
 

@@ -23,10 +23,18 @@ from tbm_msgs_py.base.units import STANDARD_GRAVITY
 # Of Okabe and Ito, told apart by colour-blind readers too.
 FIELD: Final = "#D55E00"
 MODEL: Final = "#0072B2"
-LINE_COLOURS: Final[dict[LineKind, str]] = {"load": "#555555", "mesh": "#CC79A7", "axial": "#009E73"}
+LINE_COLOURS: Final[dict[LineKind, str]] = {
+    "load": "#555555",
+    "mesh": "#CC79A7",
+    "sideband": "#E8C4D8",
+    "shaft": "#E69F00",
+    "axial": "#009E73",
+}
 LINE_NAMES: Final[dict[LineKind, str]] = {
     "load": "lines of the loads",
-    "mesh": "mesh frequency",
+    "mesh": "gear meshes",
+    "sideband": "their sidebands",
+    "shaft": "shafts",
     "axial": "axial modes",
 }
 AXIS_NAMES: Final = {"x": "axial, x", "y": "lateral, y", "z": "vertical, z", "yz": "across, √(y² + z²)"}
@@ -74,7 +82,7 @@ def spectra(result: ComparisonResult) -> Figure:
         tidy(panel)
     panels[-1].set_xlim(0.0, highest)
     panels[-1].set_xlabel("Hz")
-    figure.legend(*panels[0].get_legend_handles_labels(), loc="outside upper right", ncols=5, frameon=False)
+    figure.legend(*panels[0].get_legend_handles_labels(), loc="outside upper right", ncols=7, frameon=False)
     return figure
 
 
@@ -99,7 +107,7 @@ def _envelope(spectrum: SpectrumResult) -> tuple[Array, Array]:
 
 
 def power_flow(result: ComparisonResult) -> Figure:
-    """RMS at the points along the power flow, one panel per direction: the paper's Figure 7b."""
+    """RMS at the points along the power flow, one panel per direction."""
     axes = [axis for axis in AXIS_NAMES if any(axis in point for point in result.points.values())]
     figure = Figure(figsize=(WIDTH, 3.2), layout="constrained")
     panels: list[Axes] = list(figure.subplots(1, len(axes), squeeze=False)[0])

@@ -35,6 +35,7 @@ _STYLES: Final[dict[str, tuple[str, str | tuple[int, tuple[float, ...]], str]]] 
     "spline": ("#8c510a", "-", "spline"),
     "hydraulic": ("#56B4E9", (0, (4, 1.5)), "hydraulic"),
     "steel": ("#b0b0b0", (0, (4, 1, 1, 1)), "steel"),
+    "other": ("#e69f00", (0, (2, 1)), "other"),
     "mesh": ("#d00000", "-", "mesh of pinion and ring"),
     "gearbox": ("#6a3d9a", "-", "planetary gearbox"),
 }
@@ -220,7 +221,7 @@ def _draw_end(axes: Axes, description: MachineDescription) -> None:
     """Draw the ring with its pinions as one sees them looking forward: y to the left, z up."""
     drive = description.driveshaft
     pair = gear_pair(drive)
-    ring = pair.ring_pitch_radius
+    ring = pair.driven_pitch_radius
     axes.add_patch(Circle((0.0, 0.0), ring, fill=False, ec=_COLOURS[STRUCTURES[0]], lw=2.0))
     axes.text(0.0, 0.0, f"ring gear\nnode {drive.ring_node}", ha="center", va="center", fontsize=8)
     for i, angle in enumerate(description.drive_angles):

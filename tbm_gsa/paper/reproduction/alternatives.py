@@ -84,7 +84,7 @@ def _turning(machine: Machine, response: Response) -> tuple[float, float, float]
     description, drive = machine.description, machine.description.driveshaft
     (rock,) = (item for item in description.all_connections() if item.name == "k_r_ct")
     moment = description.connection_damping.rock * rock.stiffness[3] * machine.operating_point.speed
-    force = response.mesh_force + moment / (drive.count * gear_pair(drive).ring_base_radius)
+    force = response.mesh_force + moment / (drive.count * gear_pair(drive).driven_base_radius)
     deviation = np.sqrt(np.mean((force - response.static_mesh_force) ** 2, axis=0)).mean()
     return float(force.max()), float(deviation), float(response.mesh_force.std(axis=0).mean())
 

@@ -258,6 +258,7 @@ _OF_A_DRIVE: Final = InputSet(
         _multiplier("tooth_stiffness", "Meshing stiffness", "k", (0.5, 1.5)),
         _absolute("torque_share", "Weight in the torque", "w", "", 1.0, (0.8, 1.2)),
         _multiplier("seat_stiffness", "Stiffness of the pinion seats", "k_b", (0.5, 2.0)),
+        _multiplier("mount_stiffness", "Stiffness of the mount", "k_m", (0.5, 2.0)),
         _absolute("eccentricity", "Eccentricity of the pinion", "ε", "µm", 0.0, (0.0, 200.0)),
         _absolute("misalignment", "Share of the face without contact", "m", "", 0.0, (0.0, 0.5)),
     )
