@@ -191,6 +191,8 @@ class DriveOverride(SparseModel):
         m, instead of the template's.
     mesh_error, tooth_stiffness, seat_stiffness, mount_stiffness : float
         Factors on the template's mesh error, mesh stiffness, seats and mount of gearbox and rotor.
+    mount_node : int or None
+        Node that carries it, on the x axis, instead of the template's.
     torque_share : float or None
         Weight in the torque of the head, which is shared in proportion: 1 of a motor that runs, 0 of one that is off,
         below 0 of a drive that brakes by its drag.
@@ -204,7 +206,7 @@ class DriveOverride(SparseModel):
     tooth : ToothFault or None
     """
 
-    optional: ClassVar[tuple[str, ...]] = ("mount_stiffness",)
+    optional: ClassVar[tuple[str, ...]] = ("mount_stiffness", "mount_node")
 
     angle: Annotated[FiniteFloat, Field(ge=-360.0, le=360.0)] | None = None
     backlash: NonNegative | None = None
@@ -214,6 +216,7 @@ class DriveOverride(SparseModel):
     off: Annotated[Literal["dragged", "uncoupled"] | None, BeforeValidator(_off)] = None
     seat_stiffness: Positive = 1.0
     mount_stiffness: Positive = 1.0
+    mount_node: Node | None = None
     eccentricity: NonNegative = 0.0
     misalignment: Annotated[float, Field(ge=0.0, lt=1.0)] = 0.0
     tooth: ToothFault | None = None

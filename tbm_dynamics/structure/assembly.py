@@ -88,12 +88,14 @@ def _assembled(description: MachineDescription, load_scale: np.ndarray, point: O
 def _add_drives(assembler: Assembler, unit: DriveUnit) -> tuple[Drives, np.ndarray]:
     """Turn the drive to every place: where the drives are, and the rows of their couplings (2p, n)."""
     drive = assembler.description.driveshaft
-    held = [(one.seat_stiffness, one.mount_stiffness) for one in assembler.description.each_drive]
-    units = {own: unit if own == (1.0, 1.0) else drive_unit(assembler.description, *own) for own in set(held)}
+    each, mounts = assembler.description.each_drive, assembler.description.mount_nodes
+    held = [(one.seat_stiffness, one.mount_stiffness, node) for one, node in zip(each, mounts, strict=True)]
+    alike = (1.0, 1.0, drive.mount_node)
+    units = {own: unit if own == alike else drive_unit(assembler.description, *own) for own in set(held)}
     angles = np.array(assembler.description.drive_angles)
     rows = np.zeros((2, drive.count, len(assembler.M)))
     for i, angle in enumerate(angles):
-        nodes = (*drive_nodes(drive, i), drive.ring_node, drive.mount_node)
+        nodes = (*drive_nodes(drive, i), drive.ring_node, mounts[i])
         R = np.kron(np.eye(2 * len(nodes)), turn(float(angle)))
         one = units[held[i]]
         assembler.add_matrices(nodes, R.T @ one.M @ R, R.T @ one.C @ R, R.T @ one.K @ R)
@@ -109,9 +111,9 @@ def _motor_pattern(assembler: Assembler) -> np.ndarray:
     drive, each = assembler.description.driveshaft, assembler.description.each_drive
     unit = gear_pair(drive).turning * drive.gear.pinion_teeth / drive.gear.ring_teeth / sum(one.weight for one in each)
     pattern = np.zeros(len(assembler.M))
-    for i, one in enumerate(each):
+    for i, (one, mount) in enumerate(zip(each, assembler.description.mount_nodes, strict=True)):
         pattern[assembler.index[drive_nodes(drive, i)[-1]] + 3] += unit * one.weight
-        pattern[assembler.index[drive.mount_node] + 3] -= unit * one.weight
+        pattern[assembler.index[mount] + 3] -= unit * one.weight
     return pattern
 
 

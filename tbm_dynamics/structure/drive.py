@@ -74,11 +74,18 @@ def turn(angle: float) -> np.ndarray:
     return np.array([[1.0, 0.0, 0.0], [0.0, c, s], [0.0, -s, c]])
 
 
-def drive_unit(description: MachineDescription, seat: float = 1.0, mount: float = 1.0) -> DriveUnit:
-    """Build the drive at angle 0; factors on the stiffness of its pinion's seats and of the gearbox on its mount."""
+def drive_unit(
+    description: MachineDescription, seat: float = 1.0, mount: float = 1.0, mount_node: int | None = None
+) -> DriveUnit:
+    """Build the drive at angle 0.
+
+    `seat` and `mount` are factors on the stiffness of its pinion's seats and of the gearbox on its mount, `mount_node`
+    is the node that carries it, by default the template's.
+    """
     drive = description.driveshaft
+    carrier = mount_node or drive.mount_node
     places = description.structural_nodes()
-    ends = {node: np.array(places[node], dtype=float) for node in (drive.ring_node, drive.mount_node)}
+    ends = {node: np.array(places[node], dtype=float) for node in (drive.ring_node, carrier)}
     unit = Assembler(description, {**drive_positions(drive, 0, 0.0), **ends})
     front, middle, rear, output, rotor = drive_nodes(drive, 0)
     shaft = drive.pinion_shaft
@@ -87,9 +94,9 @@ def drive_unit(description: MachineDescription, seat: float = 1.0, mount: float 
     about, *across = drive.rotor.inertia
     unit.add_body(rotor, drive.rotor.mass, (about * drive.gearbox.ratio**2, across[0], across[1]))
     for node in (output, rotor):
-        unit.add_connection(node, drive.mount_node, drive.gearbox_mount, mount)
+        unit.add_connection(node, carrier, drive.gearbox_mount, mount)
     for node in (front, rear):
-        unit.add_connection(node, drive.mount_node, drive.pinion_bearing, seat)
+        unit.add_connection(node, carrier, drive.pinion_bearing, seat)
     unit.add_connection(rear, output, drive.spline)
     pair = gear_pair(drive)
     return DriveUnit(
