@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field
 from itertools import pairwise
 from typing import TYPE_CHECKING
@@ -9,12 +10,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from tbm_dynamics.structure.beam import Section, along_direction, beam_mass, beam_stiffness, circular_section
-from tbm_dynamics.structure.connection import spring_rows, spring_stiffness
+from tbm_dynamics.structure.connection import rigid_arm, spring_rows, spring_stiffness
 from tbm_msgs_py.base.errors import MachineError
 
 if TYPE_CHECKING:
     from tbm_dynamics.machine.description import MachineDescription
     from tbm_dynamics.machine.springs import ConnectionType, Springs
+    from tbm_dynamics.mesh.geometry import GearPair
 
 
 @dataclass
@@ -116,3 +118,16 @@ class Assembler:
         turning = np.zeros(len(self.M))
         turning[[self.index[node] + 3 for node in nodes]] = 1.0
         return float(turning @ self.M @ turning)
+
+    def mesh_row(self, pinion: int, driven: int, pair: GearPair, angle: float) -> np.ndarray:
+        """Compression of a mesh along its line of action in the transverse section per unit motion, (n,).
+
+        The pinion is at `angle` (rad) around the driven gear, which its flank turns about x.
+        """
+        out = np.array([0.0, math.cos(angle), math.sin(angle)])
+        to_contact = pair.turning * pair.pinion_pitch_radius * out
+        place, line = self.positions[pinion] + to_contact, pair.line_of_action(angle)
+        row = np.zeros(len(self.M))
+        row[self.dofs(pinion)] = line @ rigid_arm(to_contact)[:3]
+        row[self.dofs(driven)] = -line @ rigid_arm(place - self.positions[driven])[:3]
+        return row

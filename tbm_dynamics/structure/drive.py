@@ -14,7 +14,6 @@ import numpy as np
 
 from tbm_dynamics.mesh.geometry import GearPair
 from tbm_dynamics.structure.assembler import Assembler
-from tbm_dynamics.structure.connection import rigid_arm
 
 if TYPE_CHECKING:
     from tbm_dynamics.machine.description import MachineDescription
@@ -110,15 +109,8 @@ def drive_unit(
 
 
 def _mesh_row(unit: Assembler, drive: DriveTemplate, pair: GearPair) -> np.ndarray:
-    """Compression of the mesh along its line of action in the transverse section."""
-    pinion = drive_nodes(drive, 0)[1]
-    to_contact = np.array([0.0, pair.turning * pair.pinion_pitch_radius, 0.0])
-    place = unit.positions[pinion] + to_contact
-    line = pair.line_of_action(0.0)
-    row = np.zeros(len(unit.M))
-    row[unit.dofs(pinion)] = line @ rigid_arm(to_contact)[:3]
-    row[unit.dofs(drive.ring_node)] = -line @ rigid_arm(place - unit.positions[drive.ring_node])[:3]
-    return row
+    """Compression of the mesh along its line of action."""
+    return unit.mesh_row(drive_nodes(drive, 0)[1], drive.ring_node, pair, 0.0)
 
 
 def _gearbox_row(unit: Assembler, output: int, rotor: int) -> np.ndarray:
