@@ -9,12 +9,11 @@ from pydantic import BeforeValidator, Field, FiniteFloat, model_validator
 
 from tbm_dynamics.machine.springs import Springs
 from tbm_dynamics.mesh.faults import ToothFault
-from tbm_dynamics.mesh.geometry import ExternalPair, GearPair, InternalPair
+from tbm_dynamics.mesh.geometry import ExternalPair, GearPair, HelixAngle, InternalPair, Shift
 from tbm_dynamics.mesh.planetary import PlanetaryStage
 from tbm_msgs_py.base.fields import FrozenModel, NonNegative, Positive, Source, SparseModel
 
 Node = Annotated[int, Field(ge=1)]
-Shift = Annotated[float, Field(ge=-1.0, le=2.0)]
 
 
 class Gear(SparseModel):
@@ -45,7 +44,7 @@ class Gear(SparseModel):
     ring_teeth: Annotated[int, Field(ge=10)]
     module: Positive
     pressure_angle_deg: Annotated[float, Field(gt=10.0, lt=35.0)]
-    helix_angle_deg: Annotated[float, Field(gt=-45.0, lt=45.0)] = 0.0
+    helix_angle_deg: HelixAngle = 0.0
     profile_shift: tuple[Shift, Shift] = (0.0, 0.0)
     face_width: Positive
     accuracy_grade: Annotated[int, Field(ge=0, le=12)]
