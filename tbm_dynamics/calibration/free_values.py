@@ -49,8 +49,7 @@ _HEAD, _CARRIER = ("cutterhead_bearing_gear",), ("carrier_girder",)
 _FX = ("loads", "fx")
 
 # Design ranges: head 120–220 t, carrier with its drives 80–150 t (the drives weigh 34.5 t), shield 30–100, girder
-# 50–120, gripper 30–90 t. Sections stand for plates and boxes: their walls may be thin, but carry the allowed loads. What
-# thrust fluctuates slowly has been measured, 2.1 to 2.8 % RMS within half a minute, through the filters of a controller.
+# 50–120, gripper 30–90 t. Sections stand for plates and boxes: their walls may be thin, but carry the allowed loads.
 FREE_VALUES: tuple[FreeValue, ...] = (
     FreeValue((*_HEAD, "shafts", 0, "mass"), 120e3, 220e3),
     FreeValue((*_HEAD, "shafts", 1, "mass"), 8e3, 20e3),

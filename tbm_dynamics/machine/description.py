@@ -247,6 +247,11 @@ class MachineDescription(FrozenModel):
             for i, drive in enumerate(self.each_drive)
         )
 
+    @property
+    def mount_nodes(self) -> tuple[int, ...]:
+        """Nodes that carry the drives."""
+        return tuple(drive.mount_node or self.driveshaft.mount_node for drive in self.each_drive)
+
     def structural_nodes(self) -> dict[int, Vector3]:
         """Positions of the nodes that are not part of a drive."""
         return {**self.cutterhead_bearing_gear.nodes, **self.carrier_girder.nodes}
@@ -288,10 +293,13 @@ class MachineDescription(FrozenModel):
     def _drives_on_the_axis(self) -> Self:
         # The drives stand around the x axis: what they act on lies on it.
         known = self.structural_nodes()
-        for key in ("ring_node", "mount_node"):
-            node = getattr(self.driveshaft, key)
-            if node not in known or known[node][1:] != (0.0, 0.0):
-                raise ValueError(f"driveshaft.{key}: node {node} must be a structural node on the x axis (y = z = 0)")
+        nodes = {f"driveshaft.{key}": getattr(self.driveshaft, key) for key in ("ring_node", "mount_node")}
+        nodes |= {f"drives.{number}.mount_node": one.mount_node for number, one in self.drives.items()}
+        for key, node in nodes.items():
+            if node is not None and (node not in known or known[node][1:] != (0.0, 0.0)):
+                raise ValueError(f"{key}: node {node} must be a structural node on the x axis (y = z = 0)")
+            if node == self.driveshaft.ring_node and key != "driveshaft.ring_node":
+                raise ValueError(f"{key}: node {node} is the ring, allowed: a node that carries the drives")
         return self
 
     @model_validator(mode="after")

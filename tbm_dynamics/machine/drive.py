@@ -9,12 +9,11 @@ from pydantic import BeforeValidator, Field, FiniteFloat, model_validator
 
 from tbm_dynamics.machine.springs import Springs
 from tbm_dynamics.mesh.faults import ToothFault
-from tbm_dynamics.mesh.geometry import ExternalPair, GearPair, InternalPair
+from tbm_dynamics.mesh.geometry import ExternalPair, GearPair, HelixAngle, InternalPair, Shift
 from tbm_dynamics.mesh.planetary import PlanetaryStage
 from tbm_msgs_py.base.fields import FrozenModel, NonNegative, Positive, Source, SparseModel
 
 Node = Annotated[int, Field(ge=1)]
-Shift = Annotated[float, Field(ge=-1.0, le=2.0)]
 
 
 class Gear(SparseModel):
@@ -45,7 +44,7 @@ class Gear(SparseModel):
     ring_teeth: Annotated[int, Field(ge=10)]
     module: Positive
     pressure_angle_deg: Annotated[float, Field(gt=10.0, lt=35.0)]
-    helix_angle_deg: Annotated[float, Field(gt=-45.0, lt=45.0)] = 0.0
+    helix_angle_deg: HelixAngle = 0.0
     profile_shift: tuple[Shift, Shift] = (0.0, 0.0)
     face_width: Positive
     accuracy_grade: Annotated[int, Field(ge=0, le=12)]
@@ -215,6 +214,8 @@ class DriveOverride(SparseModel):
         m, instead of the template's.
     mesh_error, tooth_stiffness, seat_stiffness, mount_stiffness : float
         Factors on the template's mesh error, mesh stiffness, seats and mount of gearbox and rotor.
+    mount_node : int or None
+        Node that carries it, on the x axis, instead of the template's.
     torque_share : float or None
         Weight in the torque of the head, which is shared in proportion: 1 of a motor that runs, 0 of one that is off,
         below 0 of a drive that brakes by its drag.
@@ -228,7 +229,7 @@ class DriveOverride(SparseModel):
     tooth : ToothFault or None
     """
 
-    optional: ClassVar[tuple[str, ...]] = ("mount_stiffness",)
+    optional: ClassVar[tuple[str, ...]] = ("mount_stiffness", "mount_node")
 
     angle: Annotated[FiniteFloat, Field(ge=-360.0, le=360.0)] | None = None
     backlash: NonNegative | None = None
@@ -238,6 +239,7 @@ class DriveOverride(SparseModel):
     off: Annotated[Literal["dragged", "uncoupled"] | None, BeforeValidator(_off)] = None
     seat_stiffness: Positive = 1.0
     mount_stiffness: Positive = 1.0
+    mount_node: Node | None = None
     eccentricity: NonNegative = 0.0
     misalignment: Annotated[float, Field(ge=0.0, lt=1.0)] = 0.0
     tooth: ToothFault | None = None

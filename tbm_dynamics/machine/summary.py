@@ -304,7 +304,8 @@ def _nodes(description: MachineDescription) -> Iterator[NodeSummary]:
     """Every node in ascending order."""
     drive = description.driveshaft
     owner = {node: name for name, part in structures_of(description) for node in part.nodes}
-    roles = [(description.load_node, "loads"), (drive.ring_node, "ring gear"), (drive.mount_node, "drive mount")]
+    mounts = dict.fromkeys((drive.mount_node, *description.mount_nodes), "drive mount")
+    roles = [(description.load_node, "loads"), (drive.ring_node, "ring gear"), *mounts.items()]
     roles += [(place.node, _test_point(name, place)) for name, place in description.sensor_places.items()]
     for i in range(drive.count):
         roles += zip(drive_nodes(drive, i), (f"drive {i + 1} {part}" for part in DRIVE_NODES), strict=True)

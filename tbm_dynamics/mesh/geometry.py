@@ -13,11 +13,17 @@ from abc import ABC, abstractmethod
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import count
-from typing import ClassVar
+from typing import Annotated, ClassVar
 
 import numpy as np
+from pydantic import Field
 
 from tbm_dynamics.mesh.tooth import ROUNDING, GearError, Tooth, degrees, inverse_involute, involute, transverse
+
+HelixAngle = Annotated[float, Field(gt=-45.0, lt=45.0)]
+"""Of a file, degrees."""
+Shift = Annotated[float, Field(ge=-1.0, le=2.0)]
+"""Profile shift in a file, modules."""
 
 LARGEST_ANGLE = math.radians(45.0)
 """Working pressure angle, beyond which no gears run: profile shifts that are far too large."""

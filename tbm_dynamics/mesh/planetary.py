@@ -2,10 +2,12 @@
 
 In the frame of the carrier the sun drives the planets and each planet drives the ring. With sun and ring held, turning
 the carrier back by δ presses both flanks of a planet, which turns on its pin by θ_p until both carry the same force F.
-With the excess of material e on the flanks,
+With the excess of material e on the flanks, base radii r_bs, r_b and r_br of sun, planet and ring, and forces in the
+transverse section,
 
-    F = k_sp (a cos α δ − r_b θ_p + e_sp) = k_pr (a cos α δ + r_b θ_p + e_pr) = k_path (lever δ + e_sp + e_pr),
-    1/k_path = 1/k_sp + 1/k_pr,   lever = 2 a cos α,
+    F = k_sp ((r_bs + r_b) δ − r_b θ_p + e_sp) = k_pr ((r_br − r_b) δ + r_b θ_p + e_pr)
+      = k_path (lever δ + e_sp + e_pr),
+    1/k_path = 1/k_sp + 1/k_pr,   lever = r_bs + r_br,
 
 and the planets together make the torque T = lever² Σ k_path δ + lever Σ k_path (e_sp + e_pr). As the sun's base radius
 is lever/ratio, δ stands for the turn of a free sun over the ratio less that of the carrier. Pins, bearings and gear
@@ -19,25 +21,28 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Annotated
+from typing import Annotated, ClassVar
 
 import numpy as np
 from pydantic import Field
 
 from tbm_dynamics.mesh.error import composite_tolerances
-from tbm_dynamics.mesh.geometry import ExternalPair, InternalPair
+from tbm_dynamics.mesh.geometry import ExternalPair, GearPair, HelixAngle, InternalPair, Shift
 from tbm_dynamics.mesh.ishikawa import mesh_stiffness
 from tbm_dynamics.mesh.stiffness import HARMONICS, PATTERN_PARTS, rounded_variation
 from tbm_dynamics.mesh.tooth import GearError, named
 from tbm_dynamics.mesh.waves import series, shifted
-from tbm_msgs_py.base.fields import FrozenModel, Positive, Source
+from tbm_msgs_py.base.fields import Positive, Source, SparseModel
+
+SAME_PLACE = 1e-3
+"""Modules by which the planets' distances from sun and ring may differ: profile shifts of a drawing are rounded."""
 
 GOLDEN = 0.6180339887498949
 """Spacing of phases that no assembly aligns, as the run-out of planets and pinions: fixed, no two alike (assumed)."""
 
 
-class PlanetaryStage(FrozenModel):
-    """Gears of a stage with standard addenda, no profile shift and equally spaced planets.
+class PlanetaryStage(SparseModel):
+    """Gears of a stage with standard addenda and equally spaced planets.
 
     Planet j stands at ψ_j = 2πj/N of the carrier, counted against the turn of the planets relative to the carrier (the
     way the sun turns).
@@ -49,9 +54,15 @@ class PlanetaryStage(FrozenModel):
     module, face_width : float
         m.
     pressure_angle_deg : float
+        As the module in the normal section.
+    helix_angle_deg : float
+    profile_shift : (float, float, float)
+        Of sun, planets and ring in modules, each positive away from its axis.
     accuracy_grade : int
         ISO 1328-1, all gears.
     """
+
+    optional: ClassVar[tuple[str, ...]] = ("helix_angle_deg", "profile_shift")
 
     sun_teeth: Annotated[int, Field(ge=5)]
     planet_teeth: Annotated[int, Field(ge=5)]
@@ -59,6 +70,8 @@ class PlanetaryStage(FrozenModel):
     planets: Annotated[int, Field(ge=1, le=12)]
     module: Positive
     pressure_angle_deg: Annotated[float, Field(gt=10.0, lt=35.0)]
+    helix_angle_deg: HelixAngle = 0.0
+    profile_shift: tuple[Shift, Shift, Shift] = (0.0, 0.0, 0.0)
     face_width: Positive
     accuracy_grade: Annotated[int, Field(ge=0, le=12)]
     source: Source
@@ -71,12 +84,17 @@ class PlanetaryStage(FrozenModel):
     @property
     def sun_mesh(self) -> ExternalPair:
         """The sun driving a planet."""
-        return ExternalPair(self.sun_teeth, self.planet_teeth, self.module, self.pressure_angle)
+        return ExternalPair(self.sun_teeth, self.planet_teeth, *self._section, *self.profile_shift[:2])
 
     @property
     def ring_mesh(self) -> InternalPair:
         """A planet driving the ring."""
-        return InternalPair(self.planet_teeth, self.ring_teeth, self.module, self.pressure_angle)
+        return InternalPair(self.planet_teeth, self.ring_teeth, *self._section, *self.profile_shift[1:])
+
+    @property
+    def _section(self) -> tuple[float, float, float]:
+        """Module (m), pressure angle and helix angle (rad) of all gears."""
+        return self.module, self.pressure_angle, math.radians(self.helix_angle_deg)
 
     @property
     def ratio(self) -> float:
@@ -90,8 +108,8 @@ class PlanetaryStage(FrozenModel):
 
     @property
     def lever(self) -> float:
-        """Carrier torque per tooth force of one planet, 2 a cos α (m)."""
-        return 2.0 * self.centre_distance * math.cos(self.pressure_angle)
+        """Carrier torque per tooth force of one planet, the base radii of sun and ring (m): 2 a cos α without shift."""
+        return self.sun_mesh.pinion_base_radius + self.ring_mesh.driven_base_radius
 
     @property
     def sun_phases(self) -> np.ndarray:
@@ -110,10 +128,13 @@ class PlanetaryStage(FrozenModel):
     def ring_lag(self) -> float:
         """Mesh cycles γ_rs by which a planet touches the ring at the pitch point after it touches the sun there.
 
-        The two contacts are on opposite flanks half a turn apart, half a tooth from half a turn: 0 for an odd number
-        of planet teeth, ½ for an even one (source as above).
+        The two contacts are on opposite flanks half a turn apart, at the pitch circles of either mesh: the planet has
+        to turn by half a turn less the mean of its tooth's thicknesses there. Without profile shift that is 0 for an
+        odd number of planet teeth, ½ for an even one (source as above).
         """
-        return 0.0 if self.planet_teeth % 2 else 0.5
+        tooth, pitches = self.ring_mesh.pinion, (self.sun_mesh.driven_pitch_radius, self.ring_mesh.pinion_pitch_radius)
+        thickness = sum(float(tooth.half_angle(radius)) for radius in pitches)
+        return round(self.planet_teeth * (0.5 - thickness / (2.0 * math.pi)), 12) % 1.0
 
     def check(self) -> None:
         """Raise what keeps the stage from being assembled.
@@ -126,15 +147,13 @@ class PlanetaryStage(FrozenModel):
         """
         if self.planets < 2:
             raise GearError(f"planets {self.planets}: at least 2, spaced equally")
-        fitting = self.sun_teeth + 2 * self.planet_teeth
-        if self.ring_teeth != fitting:
-            raise GearError(f"ring_teeth {self.ring_teeth}: sun_teeth + 2 planet_teeth is {fitting}")
+        self._check_distances()
         if (self.sun_teeth + self.ring_teeth) % self.planets:
             raise GearError(
                 f"planets {self.planets}: sun_teeth + ring_teeth = {self.sun_teeth + self.ring_teeth} must be a "
                 f"multiple of it for equal spacing"
             )
-        gap = 2.0 * self.centre_distance * math.sin(math.pi / self.planets) - self.module * (self.planet_teeth + 2)
+        gap = 2.0 * (self.centre_distance * math.sin(math.pi / self.planets) - self.sun_mesh.wheel.tip_radius)
         if gap <= 0.0:
             raise GearError(
                 f"planets {self.planets}: tip circles of neighbours are {gap * 1e3:.3g} mm apart, must be more than 0"
@@ -143,6 +162,19 @@ class PlanetaryStage(FrozenModel):
             self.sun_mesh.check()
         with named("planet-ring mesh"):
             self.ring_mesh.check()
+
+    def _check_distances(self) -> None:
+        """Refuse gears whose planets cannot run with both the sun and the ring."""
+        fitting = self.sun_teeth + 2 * self.planet_teeth
+        if self.ring_teeth != fitting and not any(self.profile_shift):
+            raise GearError(f"ring_teeth {self.ring_teeth}: sun_teeth + 2 planet_teeth is {fitting}")
+        distances = [mesh.centre_distance for mesh in (self.sun_mesh, self.ring_mesh)]
+        if abs(distances[0] - distances[1]) > SAME_PLACE * self.module:
+            sun, ring = (f"{1e3 * distance:.6g} mm" for distance in distances)
+            raise GearError(
+                f"profile shifts: planets run with the sun at {sun}, with the ring at {ring}, allowed: "
+                f"{SAME_PLACE:g} modules apart at most"
+            )
 
 
 @dataclass(frozen=True)
@@ -202,9 +234,10 @@ def tooth_stiffness(
         for pair in (stage.sun_mesh, stage.ring_mesh)
     )
     sun_entry, ring_entry = _entries(stage)
+    overlap = stage.sun_mesh.overlap_ratio(stage.face_width)
     return (
-        sun.mean() * (1.0 + waves @ shifted(rounded_variation(sun), sun_entry)),
-        ring.mean() * (1.0 + waves @ shifted(rounded_variation(ring), ring_entry)),
+        sun.mean() * (1.0 + waves @ shifted(rounded_variation(sun, overlap), sun_entry)),
+        ring.mean() * (1.0 + waves @ shifted(rounded_variation(ring, overlap), ring_entry)),
     )
 
 
@@ -223,10 +256,8 @@ def _tooth_error(stage: PlanetaryStage) -> np.ndarray:
     All paths are equally stiff in the mean, so T = 0 at the mean of their errors.
     """
     total = np.zeros(2)
-    meshes = ((stage.sun_mesh, stage.sun_teeth), (stage.ring_mesh, stage.planet_teeth))
-    for (pair, driving_teeth), entry in zip(meshes, _entries(stage), strict=True):
-        diameter = stage.module * driving_teeth
-        tooth, _ = composite_tolerances(stage.module, diameter, pair.contact_ratio, stage.accuracy_grade)
+    for pair, entry in zip((stage.sun_mesh, stage.ring_mesh), _entries(stage), strict=True):
+        tooth, _ = _tolerances(stage, pair)
         total += shifted(np.array([0.0, tooth / 2.0]), entry).mean(axis=1)
     return total / stage.lever
 
@@ -235,14 +266,21 @@ def _planet_error(stage: PlanetaryStage) -> np.ndarray:
     """Coefficients (2,) of the planets' run-out at the carrier, rad.
 
     ½ (F_i' − f_i') is the eccentricity ε of a planet's teeth. With u the part of it backwards round the stage, into
-    both driving flanks, and v the part inwards, e_sp = u cos α + v sin α and e_pr = u cos α − v sin α: together
-    2 u cos α, u/a at the carrier, with u = ε sin 2π(φ/z_p + φ_j) and fixed φ_j spaced by the golden ratio (assumed).
+    both driving flanks, and v the part inwards, e_sp = u cos α_sp + v sin α_sp and e_pr = u cos α_pr − v sin α_pr:
+    without profile shift together 2 u cos α, u/a at the carrier. u = ε sin 2π(φ/z_p + φ_j), v = −ε cos of the same, and
+    fixed φ_j spaced by the golden ratio (assumed).
 
     The run-out of the sun, ε sin(θ − ψ_j + const) in mesh j with θ its turn relative to the carrier, has no mean over
     N ≥ 2 equally spaced planets. Nor has that of the fixed ring, passed once per turn of the carrier.
     """
-    diameter, ratio = stage.module * stage.planet_teeth, stage.ring_mesh.contact_ratio
-    tooth, total = composite_tolerances(stage.module, diameter, ratio, stage.accuracy_grade)
+    tooth, total = _tolerances(stage, stage.ring_mesh)
     places = np.mod(GOLDEN * np.arange(stage.planets), 1.0)
-    eccentricity = np.array([0.0, (total - tooth) / 2.0])
-    return np.asarray(shifted(eccentricity, -places).mean(axis=1) / stage.centre_distance)
+    sun, ring = stage.sun_mesh.working_angle, stage.ring_mesh.working_angle
+    both = np.array([math.sin(ring) - math.sin(sun), math.cos(sun) + math.cos(ring)]) / stage.lever
+    return np.asarray(shifted(0.5 * (total - tooth) * both, -places).mean(axis=1))
+
+
+def _tolerances(stage: PlanetaryStage, pair: GearPair) -> tuple[float, float]:
+    """Composite tolerances of the driving gear of a mesh (m), f_i' and F_i'."""
+    ratio = pair.contact_ratio + pair.overlap_ratio(stage.face_width)
+    return composite_tolerances(stage.module, 2.0 * pair.pinion.reference_radius, ratio, stage.accuracy_grade)

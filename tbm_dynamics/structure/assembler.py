@@ -116,7 +116,7 @@ class Assembler:
                 self.C[about_x, about_x] -= self.damping(connection.type) * connection.stiffness_rows[3, 3]
 
     def turning_damping(self, connection: Connection) -> float:
-        """C = 2ζ√(kJ) about x (N·m·s/rad) of a connection with a turning inertia J, ζ being its type's ratio; else 0."""
+        """Return c = 2ζ√(kJ) about x (N·m·s/rad) of a connection with a turning inertia J, ζ its type's; else 0."""
         if connection.turning_inertia is None:
             return 0.0
         ratio = float(getattr(self.description.connection_damping, connection.type))
@@ -135,7 +135,7 @@ class Assembler:
         return float(turning @ self.M @ turning)
 
     def mesh_row(self, pinion: int, driven: int, pair: GearPair, angle: float) -> np.ndarray:
-        """Compression of a mesh along its line of action per unit motion, (n,).
+        """Compression of a mesh along its line of action in the transverse section per unit motion, (n,).
 
         The pinion is at `angle` (rad) around the driven gear, which its flank turns about x.
         """

@@ -92,12 +92,16 @@ def _assembled(description: MachineDescription, load_scale: np.ndarray, point: O
 def _add_drives(assembler: Assembler, unit: DriveUnit) -> tuple[Drives, np.ndarray]:
     """Turn the drive to every place: where the drives are, and the rows of their couplings (2p, n)."""
     description, drive = assembler.description, assembler.description.driveshaft
-    kinds = [(one.seat_stiffness, one.mount_stiffness, not one.off) for one in description.each_drive]
+    mounts = description.mount_nodes
+    kinds = [
+        (one.seat_stiffness, one.mount_stiffness, mount, not one.off)
+        for one, mount in zip(description.each_drive, mounts, strict=True)
+    ]
     units = {kind: drive_unit(description, *kind) for kind in set(kinds)}
     angles = np.array(description.drive_angles)
     rows = np.zeros((2, drive.count, len(assembler.M)))
     for i, angle in enumerate(angles):
-        nodes = (*drive_nodes(drive, i), drive.ring_node, drive.mount_node)
+        nodes = (*drive_nodes(drive, i), drive.ring_node, mounts[i])
         R = np.kron(np.eye(2 * len(nodes)), turn(float(angle)))
         one = units[kinds[i]]
         assembler.add_matrices(nodes, R.T @ one.M @ R, R.T @ one.C @ R, R.T @ one.K @ R)
@@ -106,7 +110,11 @@ def _add_drives(assembler: Assembler, unit: DriveUnit) -> tuple[Drives, np.ndarr
     turns = np.array([np.kron(np.eye(2 * OWN_NODES), turn(float(a))) for a in angles])
     # Without a controller a motor with power is one without.
     alike = mode(kinds)
-    odd = tuple(i for i, kind in enumerate(kinds) if kind != alike and not _equal(units[kind], units[alike]))
+    odd = tuple(
+        i
+        for i, kind in enumerate(kinds)
+        if kind[:-1] != alike[:-1] or (kind != alike and not _equal(units[kind], units[alike]))
+    )
     turned = [one.off != "uncoupled" for one in description.each_drive]
     return Drives(angles, own, turns, odd, rotors=own[turned, -3]), rows.reshape(2 * drive.count, -1)
 
@@ -126,8 +134,8 @@ def _motor_pattern(assembler: Assembler) -> np.ndarray:
     drive, each = assembler.description.driveshaft, assembler.description.each_drive
     unit = gear_pair(drive).turning * drive.gear.pinion_teeth / drive.gear.ring_teeth / sum(one.weight for one in each)
     pattern = np.zeros(len(assembler.M))
-    for i, one in enumerate(each):
-        pattern += unit * one.weight * motor_row(assembler, drive_nodes(drive, i)[-1], drive)
+    for i, (one, mount) in enumerate(zip(each, assembler.description.mount_nodes, strict=True)):
+        pattern += unit * one.weight * motor_row(assembler, drive_nodes(drive, i)[-1], mount, drive.gearbox.ratio)
     return pattern
 
 

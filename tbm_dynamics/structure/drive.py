@@ -77,15 +77,21 @@ def turn(angle: float) -> np.ndarray:
 
 
 def drive_unit(
-    description: MachineDescription, seat: float = 1.0, mount: float = 1.0, powered: bool = True
+    description: MachineDescription,
+    seat: float = 1.0,
+    mount: float = 1.0,
+    mount_node: int | None = None,
+    powered: bool = True,
 ) -> DriveUnit:
     """Build the drive at angle 0, with or without power on its motor.
 
-    `seat` and `mount` are factors on the stiffness of its pinion's seats and of the gearbox on its mount.
+    `seat` and `mount` are factors on the stiffness of its pinion's seats and of the gearbox on its mount, `mount_node`
+    is the node that carries it, by default the template's.
     """
     drive = description.driveshaft
+    carrier = mount_node or drive.mount_node
     places = description.structural_nodes()
-    ends = {node: np.array(places[node], dtype=float) for node in (drive.ring_node, drive.mount_node)}
+    ends = {node: np.array(places[node], dtype=float) for node in (drive.ring_node, carrier)}
     unit = Assembler(description, {**drive_positions(drive, 0, 0.0), **ends})
     front, middle, rear, output, rotor = drive_nodes(drive, 0)
     shaft = drive.pinion_shaft
@@ -95,20 +101,21 @@ def drive_unit(
     reflected = about * ratio**2
     unit.add_body(rotor, drive.rotor.mass, (reflected, across[0], across[1]))
     for node in (output, rotor):
-        unit.add_connection(node, drive.mount_node, drive.gearbox_mount, mount)
+        unit.add_connection(node, carrier, drive.gearbox_mount, mount)
     for node in (front, rear):
-        unit.add_connection(node, drive.mount_node, drive.pinion_bearing, seat)
+        unit.add_connection(node, carrier, drive.pinion_bearing, seat)
     unit.add_connection(rear, output, drive.spline)
+    motor = motor_row(unit, rotor, carrier, ratio)
     if powered:
-        held = motor_row(unit, rotor, drive)
-        unit.C += drive.motor.damping * np.outer(held, held)
-        unit.K += drive.motor.stiffness * np.outer(held, held)
+        unit.C += drive.motor.damping * np.outer(motor, motor)
+        unit.K += drive.motor.stiffness * np.outer(motor, motor)
+    twist = _gearbox_row(motor, unit.index[output] + 3, unit.index[carrier] + 3)
     pair, turning = gear_pair(drive), drive.gearbox_output.inertia[0]
     return DriveUnit(
         M=unit.M,
         C=unit.C,
         K=unit.K,
-        rows=np.array([_mesh_row(unit, drive, pair), pair.turning * _gearbox_row(unit, output, rotor, drive)]),
+        rows=np.array([_mesh_row(unit, drive, pair), pair.turning * twist]),
         pinion_mesh_mass=unit.polar_inertia((front, middle, rear)) / pair.pinion_base_radius**2,
         gearbox_inertia=reflected * turning / (reflected + turning),
         shaft_damping=unit.damping("steel"),
@@ -116,24 +123,25 @@ def drive_unit(
 
 
 def _mesh_row(unit: Assembler, drive: DriveTemplate, pair: GearPair) -> np.ndarray:
-    """Compression of the mesh along its line of action in the transverse section."""
+    """Compression of the mesh along its line of action."""
     return unit.mesh_row(drive_nodes(drive, 0)[1], drive.ring_node, pair, 0.0)
 
 
-def _gearbox_row(unit: Assembler, output: int, rotor: int, drive: DriveTemplate) -> np.ndarray:
-    """Twist of the gearbox about x, θ_rotor − θ_output + (1 − 1/i) θ_mount, the rotor's angle being that over i.
-
-    A stage's ring is fixed in the mount: relative to it the rotor turns i times as fast as the output.
-    """
-    row = motor_row(unit, rotor, drive)
-    row[unit.index[output] + 3] -= 1.0
-    row[unit.index[drive.mount_node] + 3] += 1.0
-    return row
-
-
-def motor_row(assembler: Assembler, rotor: int, drive: DriveTemplate) -> np.ndarray:
+def motor_row(assembler: Assembler, rotor: int, mount: int, ratio: float) -> np.ndarray:
     """Angle between rotor and stator about x, over the ratio i: θ_rotor − θ_mount/i."""
     row = np.zeros(len(assembler.M))
     row[assembler.index[rotor] + 3] = 1.0
-    row[assembler.index[drive.mount_node] + 3] = -1.0 / drive.gearbox.ratio
+    row[assembler.index[mount] + 3] = -1.0 / ratio
+    return row
+
+
+def _gearbox_row(motor: np.ndarray, output: int, mount: int) -> np.ndarray:
+    """Twist of the gearbox about x, θ_rotor − θ_output + (1 − 1/i) θ_mount, the rotor's angle being that over i.
+
+    `output` and `mount` are unknowns. A stage's ring is fixed in the mount: relative to it the rotor turns i times as
+    fast as the output.
+    """
+    row = motor.copy()
+    row[output] -= 1.0
+    row[mount] += 1.0
     return row

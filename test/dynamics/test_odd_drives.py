@@ -8,6 +8,7 @@ drives, 1e-3 of the largest mesh force and 1 % of accelerations in the mean squa
 import numpy as np
 import pytest
 from machine_files import built, plain, small, static_mesh_force
+from pydantic import ValidationError
 from reference_motion import reference_motion, start_of
 from test_simulation import swinging
 
@@ -70,6 +71,24 @@ def test_a_drive_may_sit_on_a_mount_of_its_own():
     assert not np.allclose(all_.K[np.ix_(second, second)], none.K[np.ix_(second, second)])
 
 
+def test_a_drive_may_be_carried_by_another_node():
+    """It takes the reaction of the motor there, and every mesh its share of the torque."""
+    machine = built({**small(), "drives": {2: {"mount_node": 10}}})
+    system = machine.assemble()
+    turns = {node: system.motor_pattern[system.dof(node, "rx")] for node in system.nodes}
+    share = 16 / 152 / 2
+    assert {node: pytest.approx(value) for node, value in turns.items() if value} == {
+        10: -share,
+        12: -share,
+        52: share,
+        54: share,
+    }
+    assert system.equilibrium().force[:2] == pytest.approx(static_mesh_force(machine))
+    for node in (8, 99, 13):
+        with pytest.raises(ValidationError, match=rf"drives.2.mount_node: node {node}"):
+            built({**small(), "drives": {2: {"mount_node": node}}})
+
+
 @pytest.mark.parametrize("torque", [0.0, 1e-9])
 def test_without_torque_running_motors_hold_the_drive_flank(torque):
     machine = few({2: {"off": True}})
@@ -88,7 +107,7 @@ ODD = {
     "torque": {2: {"torque_share": 1.3}, 4: {"off": True, "torque_share": -0.4}},
     "angles": {2: {"angle": 60.0}, 3: {"angle": 220.0, "tooth": {"fault": "crack", "share": 0.4}}},
     "uncoupled": {2: {"off": "uncoupled"}},
-    "seats": {3: {"seat_stiffness": 0.5, "mount_stiffness": 0.6}, 1: {"tooth_stiffness": 0.8}},
+    "seats": {3: {"seat_stiffness": 0.5, "mount_stiffness": 0.6, "mount_node": 10}, 1: {"tooth_stiffness": 0.8}},
 }
 COMPILED = "seats"  # for a pattern more, in 20 s
 

@@ -8,6 +8,7 @@ are rounding, except for reciprocals cut off at 200 harmonics (1e-9) and steps b
 
 import numpy as np
 import pytest
+import scipy.optimize
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from machine_files import stage_of
@@ -162,19 +163,73 @@ def same_phase(found, expected):
 @settings(max_examples=60)
 @given(stage=stages)
 def test_phases_from_the_places_of_the_teeth(stage):
-    # Seen from the carrier the sun turns counter-clockwise, planets and ring clockwise; pitch points only.
+    check_phases(stage, np.pi / stage.planet_teeth)
+
+
+def check_phases(stage, thickness):
+    """Hold the phases against teeth set in their places; `thickness` (rad) of a planet's tooth from flank to flank.
+
+    Seen from the carrier the sun turns counter-clockwise, planets and ring clockwise; pitch points only.
+    """
     sun, planet, ring = (2 * np.pi / z for z in (stage.sun_teeth, stage.planet_teeth, stage.ring_teeth))
     places = 2 * np.pi * np.arange(stage.planets) / stage.planets
     at_sun = np.array([cycles_until(0.0, place, sun) for place in places])
     assert same_phase(at_sun, stage.sun_phases)
     # A planet's flank that the sun pushes on looks counter-clockwise and is inside, half a turn from the ring, at
-    # cycle `at_sun`; half a pitch clockwise of it is the flank of the same tooth that pushes on the ring.
-    pushing = places + np.pi + at_sun * planet - planet / 2
+    # cycle `at_sun`; a thickness clockwise of it is the flank of the same tooth that pushes on the ring.
+    pushing = places + np.pi + at_sun * planet - thickness
     at_ring = np.array([cycles_until(-p, -place, planet) for p, place in zip(pushing, places, strict=True)])
     assert same_phase(at_ring, stage.ring_phases + stage.ring_lag)
     # The ring's teeth, placed by planet 0 alone, must be where the other planets need them.
     first = at_ring[0] * ring
     assert same_phase([cycles_until(-first, -place, ring) for place in places], at_ring)
+
+
+def shifted_stage(sun, planet, ring, shifts, **more):
+    """Stage whose ring has the profile shift that lets its planets run with the sun, too."""
+    alpha = np.radians(20.0)
+
+    def distance(teeth, shift):
+        value = involute(alpha) + 2 * np.tan(alpha) * shift / teeth
+        angle = scipy.optimize.brentq(lambda a: involute(a) - value, 1e-3, 1.0)
+        return teeth / 2 * np.cos(alpha) / np.cos(angle), angle
+
+    wanted, at_sun = distance(sun + planet, sum(shifts))
+    shift = scipy.optimize.brentq(lambda x: distance(ring - planet, x - shifts[1])[0] - wanted, shifts[1] - 0.45, 1.5)
+    at_ring = distance(ring - planet, shift - shifts[1])[1]
+    stage = stage_of(sun, planet, 3, ring=ring)
+    return stage.model_copy(update={"profile_shift": (*shifts, shift), **more}), wanted, (at_sun, at_ring)
+
+
+def involute(angle):
+    return np.tan(angle) - angle
+
+
+@pytest.mark.parametrize(("teeth", "shifts"), [((20, 24, 70), (0.3, 0.4)), ((19, 26, 71), (0.2, 0.1))])
+def test_planets_with_profile_shift_fit_between_sun_and_ring(teeth, shifts):
+    stage, distance, angles = shifted_stage(*teeth, shifts)
+    stage.check()
+    assert stage.centre_distance == pytest.approx(0.007 * distance)
+    assert [stage.sun_mesh.working_angle, stage.ring_mesh.working_angle] == pytest.approx(angles)
+    assert stage.lever / stage.ratio == pytest.approx(0.0035 * teeth[0] * np.cos(np.radians(20.0)))  # the sun's base
+    # Of a planet's tooth, each half is as thick as at the pitch circle of its mesh.
+    at_reference = (np.pi / 2 + 2 * shifts[1] * np.tan(np.radians(20.0))) / teeth[1] + involute(np.radians(20.0))
+    check_phases(stage, 2 * at_reference - sum(involute(angle) for angle in angles))
+    with pytest.raises(GearError, match=r"profile shifts: planets run with the sun at .* mm, with the ring at"):
+        stage.model_copy(update={"profile_shift": (*shifts, 0.0)}).check()
+
+
+def test_helical_planets_mesh_with_less_ripple():
+    spur = stage_of(20, 25, 3)
+    # Whole overlap: b sin β = π m_n, lines of contact of constant length.
+    width = np.pi * spur.module / np.sin(np.radians(15.0))
+    helical = spur.model_copy(update={"helix_angle_deg": 15.0, "face_width": width})
+    law, plain = (stage_law(stage, *STEEL, 4).compliance for stage in (helical, spur))
+    assert np.abs(law[1:]).max() < 1e-9 * law[0]
+    assert np.abs(plain[1:]).max() > 1e-3 * plain[0]
+    assert helical.lever == pytest.approx(
+        45 * 0.007 / np.cos(np.radians(15.0)) * np.cos(np.arctan(np.tan(np.radians(20.0)) / np.cos(np.radians(15.0))))
+    )
 
 
 @pytest.mark.parametrize(("planet", "lag"), [(24, 0.5), (25, 0.0)])

@@ -95,13 +95,13 @@ def _drawn_parts(description: MachineDescription, name: str) -> list[_DrawnPart]
 
 def _links(description: MachineDescription) -> list[_Link]:
     """List the connections of the structure by name, and those of the first drive."""
-    drive = description.driveshaft
+    drive, mount = description.driveshaft, description.mount_nodes[0]
     front, middle, rear, output, rotor = drive_nodes(drive, 0)
     ends = ((item, item.between) for item in description.all_connections())
     return [
         *(_Link(item.name, item.type, first, None if isinstance(to, str) else to) for item, (first, to) in ends),
-        *(_Link("", drive.pinion_bearing.type, seat, drive.mount_node) for seat in (front, rear)),
-        *(_Link("", drive.gearbox_mount.type, node, drive.mount_node) for node in (output, rotor)),
+        *(_Link("", drive.pinion_bearing.type, seat, mount) for seat in (front, rear)),
+        *(_Link("", drive.gearbox_mount.type, node, mount) for node in (output, rotor)),
         _Link("", drive.spline.type, rear, output),
         _Link("", "mesh", middle, drive.ring_node),
         _Link("", "gearbox", output, rotor),
