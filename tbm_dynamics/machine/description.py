@@ -25,6 +25,13 @@ from tbm_msgs_py.base.units import R_MIN
 GROUND: Literal["ground"] = "ground"
 
 
+Role = Literal["k_r_ct", "k_r_gd", "k_c_cf", "k_c_fb", "k_c_bc", "k_c_cg", "k_b_io", "k_h_gd"]
+"""Rock–head, rock–girder (gripper), head–flange, flange–bearing, bearing–carrier, carrier–girder, main bearing,
+hydraulic: the connections of Table 5 that are no drive's."""
+
+LONGEST_CONNECTION = 200
+"""Characters of a connection's name: that of an input of a study has it in it."""
+
 LONGEST_POINT = 100
 """Characters of a test point: a topic has 247 at most, and names a machine and a quantity beside it."""
 
@@ -153,10 +160,12 @@ class Body(FrozenModel):
 class Connection(FrozenModel):
     """A spring-damper between two nodes, or a node and the ground, located at the first node.
 
-    Six stiffnesses: x, y, z (N/m) and about x, y, z (N·m/rad). A node elsewhere follows through a rigid arm.
+    Six stiffnesses: x, y, z (N/m) and about x, y, z (N·m/rad). A node elsewhere follows through a rigid arm. One with
+    a role is scaled by its input of Table 4, whatever its name; a name of Table 5 is a role, too.
     """
 
-    name: Label
+    name: Annotated[Label, Field(max_length=LONGEST_CONNECTION)]
+    role: Role | None = None
     between: tuple[Node, Node | Literal["ground"]]
     type: ConnectionType
     stiffness: SixStiffnesses
@@ -167,6 +176,19 @@ class Connection(FrozenModel):
         if self.between[0] == self.between[1]:
             raise ValueError(f"between {list(self.between)}: the ends must be two nodes, or a node and {GROUND}")
         return self
+
+    @model_serializer(mode="wrap")
+    def _without_no_role(self, dump: SerializerFunctionWrapHandler) -> dict[str, object]:
+        # As of the drives below: the digest of a file that states none is as it was before there were roles.
+        data: dict[str, object] = dump(self)
+        if self.role is None:
+            data.pop("role", None)
+        return data
+
+    @property
+    def part(self) -> str:
+        """Role if there is one, else the name: what is one part in a study."""
+        return self.role or self.name
 
 
 class Subsystem(FrozenModel):

@@ -13,7 +13,7 @@ from tbm_gsa.app.cli.output import OUTPUTS_HELP, split_names
 from tbm_gsa.sensitivity.study.definition import Definition, read_definition
 from tbm_gsa.sensitivity.study.design import KINDS
 from tbm_gsa.sensitivity.study.evaluate import MachineEvaluation
-from tbm_gsa.sensitivity.study.inputs import PAPER_INPUTS
+from tbm_gsa.sensitivity.study.inputs import default_inputs
 from tbm_gsa.sensitivity.study.problem import StudyProblem
 from tbm_msgs_py.base.errors import InputError
 
@@ -25,7 +25,9 @@ Duration = Annotated[float, typer.Option("--duration", min=0.01, max=3600.0, hel
 Inputs = Annotated[
     Path | None,
     typer.Option(
-        "--inputs", help="YAML file with inputs, distributions, groups, outputs; default: the paper's Table 4."
+        "--inputs",
+        help="YAML file with inputs, distributions, groups, outputs; default: the paper's Table 4, of another machine "
+        "than dz101 the same ranges as factors on its own values.",
     ),
 ]
 Outputs = Annotated[
@@ -48,9 +50,10 @@ def planned_study(
     seed: int,
 ) -> tuple[StudyProblem, MachineEvaluation]:
     """Plan a study of `sizes` training and test simulations; everything about it is checked."""
-    definition = Definition(PAPER_INPUTS) if inputs is None else read_definition(inputs)
+    described = load_machine(machine)
+    definition = Definition(default_inputs(described)) if inputs is None else read_definition(inputs, described)
     names = split_names("--outputs", [] if outputs is None else [outputs]) or definition.outputs or INDICATORS
-    load_machine(machine).assemble()  # a bad machine is refused before a folder is made
+    described.assemble()  # a bad machine is refused before a folder is made
     evaluate = MachineEvaluation.of(machine, duration, seed, names, high_hz)
     if high_hz is not None and set(names) <= set(INDICATORS):
         raise InputError(f"--high-hz {high_hz:g}: no output is of an acceleration, allowed: with one")
