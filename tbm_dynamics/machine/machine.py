@@ -80,6 +80,24 @@ class Machine:
         """Pinion–ring mesh frequency z_r n / 60 (Hz)."""
         return self.description.driveshaft.gear.ring_teeth * self.description.operating_point.speed_r_min / 60.0
 
+    def step(self, wanted: float | None = None) -> float:
+        """Time step of a run (s): the one wanted, or the machine's own, as its stiffest mesh vibration needs it.
+
+        Raises
+        ------
+        MachineError
+            A machine that cannot be assembled.
+        SimulationError
+            A step that is too coarse, or meshes that none is short enough for.
+        """
+        from tbm_dynamics.integration.condensed import check_step, own_step  # noqa: PLC0415 - compiled code
+
+        system = self.assemble()
+        if wanted is None:
+            return own_step(system)
+        check_step(system, wanted)
+        return wanted
+
     def with_inputs(self, **inputs: float) -> Machine:
         """Return a variant with the named inputs changed and nothing else.
 

@@ -182,6 +182,8 @@ class MachineSummary(FrozenModel):
         Sources of the places of the nodes, by subsystem.
     cutters : CuttingSummary or None
         None without cutters.
+    time_step : float
+        Of its runs, unless another is asked for (s).
     masses : dict of str to float
         Of each subsystem, and ``total`` (kg).
     sources : dict of str to int
@@ -204,6 +206,7 @@ class MachineSummary(FrozenModel):
     cutters: CuttingSummary | None
     masses: dict[str, float]
     degrees_of_freedom: int
+    time_step: float
     modes: tuple[ModeSummary, ...]
     sources: dict[str, int]
 
@@ -216,6 +219,8 @@ def machine_summary(machine: Machine, count: int = 10) -> MachineSummary:
     MachineError
         A machine that cannot be assembled.
     """
+    from tbm_dynamics.integration.condensed import own_step  # noqa: PLC0415 - compiled code
+
     system, description = machine.assemble(), machine.description
     structures = structures_of(description)
     groups = [*((name, part.connections) for name, part in structures), (BETWEEN, description.connections)]
@@ -236,6 +241,7 @@ def machine_summary(machine: Machine, count: int = 10) -> MachineSummary:
         cutters=_cutting(machine),
         masses=_masses(description),
         degrees_of_freedom=system.size,
+        time_step=own_step(system),
         modes=tuple(lowest_modes(system, count)),
         sources=count_sources(description),
     )

@@ -6,7 +6,7 @@ from collections.abc import Iterable, Iterator
 
 import numpy as np
 
-from tbm_dynamics.integration import DEFAULT_STEP
+from tbm_dynamics.integration.condensed import own_step
 from tbm_dynamics.integration.simulator import Chunk, MethodName, Simulator
 from tbm_dynamics.loads.stepper import LoadModel
 from tbm_dynamics.machine.machine import Machine
@@ -37,6 +37,8 @@ class ModelRun:
     Attributes
     ----------
     steps : int
+    time_step : float
+        s.
     torque : float
         Mean torque of the cutterhead over the steps that are done, N·m.
     """
@@ -48,16 +50,17 @@ class ModelRun:
         seed: int,
         nodes: Iterable[int],
         *,
-        time_step: float = DEFAULT_STEP,
+        time_step: float | None = None,
         method: MethodName = "reduced",
         loads: LoadModel = "spectral",
         schedule: Schedule | None = None,
     ) -> None:
+        system = machine.assemble()
+        self.time_step = time_step = own_step(system) if time_step is None else time_step
         self.steps = round(duration / time_step) if duration > 0.0 and np.isfinite(duration) else 0
         if self.steps < 1:
             raise SimulationError(f"duration {duration} s: must be at least one time step of {time_step} s")
         samples = _BLOCK_STEPS if schedule is None else max(1, round(_CHANGE_S / time_step))
-        system = machine.assemble()
         self._stream = LoadStream(machine, seed, time_step, min(samples, self.steps), loads, schedule)
         started = system.under(self._stream.operating_point, self._stream.mean)
         self.simulator = Simulator(started, nodes, time_step, method)
@@ -88,7 +91,7 @@ def simulate(
     duration: float = 3.0,
     seed: int = 0,
     *,
-    time_step: float = DEFAULT_STEP,
+    time_step: float | None = None,
     method: MethodName = "reduced",
     loads: LoadModel = "spectral",
     schedule: Schedule | None = None,
@@ -104,8 +107,8 @@ def simulate(
         s.
     seed : int
         Of the load realisation.
-    time_step : float
-        s.
+    time_step : float, optional
+        s; the machine's own without it.
     method : "reduced" or "full"
     loads : "spectral" or "cutter"
         Table 1's spectra, or the discs' forces; the motors then hold the mean torque of the discs.
@@ -130,7 +133,7 @@ def simulate(
     for _ in run.chunks(whole, progress):
         pass
     return Response(
-        time=np.arange(run.steps) * time_step,
+        time=np.arange(run.steps) * run.time_step,
         nodes=nodes,
         displacements=whole.displacement,
         accelerations=whole.acceleration,

@@ -82,6 +82,8 @@ class System:
     mean_load : (6,) ndarray
         Mean of the cutterhead loads (N, N·m).
     operating_point : OperatingPoint
+    assembled : System or None
+        What it was `under` another operating point: all that does not depend on that is of both.
     """
 
     M: np.ndarray
@@ -94,10 +96,11 @@ class System:
     motor_pattern: np.ndarray
     mean_load: np.ndarray
     operating_point: OperatingPoint
+    assembled: System | None = None
 
     def under(self, point: OperatingPoint, mean_load: np.ndarray) -> System:
         """Return the same system at another operating point, under its mean loads (6,)."""
-        return replace(self, operating_point=point, mean_load=mean_load)
+        return replace(self, operating_point=point, mean_load=mean_load, assembled=self.assembled or self)
 
     @property
     def size(self) -> int:

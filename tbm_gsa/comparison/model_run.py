@@ -5,7 +5,6 @@ from collections.abc import Mapping
 import numpy as np
 
 from tbm_dynamics import Machine
-from tbm_dynamics.integration import DEFAULT_STEP
 from tbm_dynamics.streaming.simulation import ModelRun
 from tbm_gsa.signals.reduction import ReducedSignal, SignalReducer
 from tbm_msgs_py.base.progress import ShareDone
@@ -16,9 +15,10 @@ def run_model(
     duration: float,
     seed: int,
     reducers: Mapping[str, SignalReducer],
+    time_step: float,
     progress: ShareDone = lambda _: None,
 ) -> dict[str, ReducedSignal]:
-    """Simulate a machine at its operating point and reduce the accelerations of test points, at the default step.
+    """Simulate a machine at its operating point and reduce the accelerations of test points.
 
     Parameters
     ----------
@@ -28,14 +28,16 @@ def run_model(
     seed : int
         Of the loads.
     reducers : mapping of str to SignalReducer
-        By test point.
+        By test point; of the rate of the run.
+    time_step : float
+        s.
     progress : callable
         Called with the share that is done, 0 to 1.
     """
     places = [machine.description.sensor_places[point] for point in reducers]
-    run = ModelRun(machine, duration, seed, [place.node for place in places])
+    run = ModelRun(machine, duration, seed, [place.node for place in places], time_step=time_step)
     for chunk in run.chunks(progress=progress):
-        time = np.arange(chunk.first_step, chunk.first_step + len(chunk.mesh_force), dtype=np.float64) * DEFAULT_STEP
+        time = np.arange(chunk.first_step, chunk.first_step + len(chunk.mesh_force), dtype=np.float64) * time_step
         for k, (place, reducer) in enumerate(zip(places, reducers.values(), strict=True)):
             reducer.feed(time, np.ascontiguousarray(place.translation(chunk.acceleration[:, k])))
     return {point: reducer.finish() for point, reducer in reducers.items()}

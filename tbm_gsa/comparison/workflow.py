@@ -24,7 +24,7 @@ from tbm_gsa.comparison.units import operating_doubts, unit_doubt
 from tbm_gsa.provenance import machine_file, package_versions
 from tbm_gsa.signals.intervals import CONFIDENCE
 from tbm_gsa.signals.reduction import ReducedSignal, Series, SignalReducer, one_level
-from tbm_gsa.signals.settings import MODEL_RATE_HZ, Settings
+from tbm_gsa.signals.settings import Settings
 from tbm_msgs_py.bags.metadata import is_synthetic
 from tbm_msgs_py.base.errors import InputError, RecordingError
 from tbm_msgs_py.base.fields import Vector3
@@ -66,6 +66,7 @@ def compare_recording(
     settings: Settings | None = None,
     progress: Progress = lambda *_: None,
     span: tuple[float, float] | None = None,
+    time_step: float | None = None,
 ) -> RecordingComparison:
     """Compare a recording with the model at the recorded levels of operation.
 
@@ -89,6 +90,8 @@ def compare_recording(
     progress : callable, optional
     span : (float, float), optional
         Begin and end of the stretch that is compared, s after the first sample of all; by default the whole.
+    time_step : float, optional
+        Of the model, s; by default the machine's own.
 
     Raises
     ------
@@ -101,6 +104,7 @@ def compare_recording(
     """
     chosen = _checked(settings or Settings(), model_duration, seed, span)
     described = machine if isinstance(machine, Machine) else load_machine(machine)
+    step = described.step(time_step)  # a machine that cannot be run is refused before a long recording is read
     reader = open_recording(bag, mapping)
     shared = _shared_points(reader, described)
     placed = described.with_offsets(_stated_offsets(reader, shared))
@@ -108,7 +112,7 @@ def compare_recording(
     machines = _machines(reader.path, history, placed)
     lines = lines_of_levels(machines)
     chosen = _with_lines(chosen, lines)
-    predicted = _model_side(machines, field.signals, chosen, (model_duration, seed), progress)
+    predicted = _model_side(machines, field.signals, chosen, (model_duration, seed), step, progress)
     _check_stretch(span, field, predicted, chosen.window_s)
     points, failed = _compare_each(reader, field, predicted, chosen)
     result = _result(reader, described, placed, field, history, points, failed, chosen, lines, (model_duration, seed))
@@ -289,6 +293,7 @@ def _model_side(
     field: Mapping[str, ReducedSignal],
     settings: Settings,
     run: tuple[float, int],
+    time_step: float,
     progress: Progress,
 ) -> dict[str, ReducedSignal]:
     """Signals of the model at every level that a window belongs to, for (duration, seed), by test point."""
@@ -296,11 +301,11 @@ def _model_side(
     runs = []
     for level in sorted(seen & set(machines)):
         reducers = {
-            point: SignalReducer(MODEL_RATE_HZ, signal.band, signal.frame, settings, one_level(level))
+            point: SignalReducer(1.0 / time_step, signal.band, signal.frame, settings, one_level(level))
             for point, signal in field.items()
         }
         name = "model" if len(machines) == 1 else f"model, level {level + 1} of {len(machines)}"
-        runs.append(run_model(machines[level], *run, reducers, partial(progress, name)))
+        runs.append(run_model(machines[level], *run, reducers, time_step, partial(progress, name)))
     return {point: ReducedSignal.joined([signals[point] for signals in runs]) for point in field} if runs else {}
 
 

@@ -17,6 +17,7 @@ from tbm_gsa.app.cli.output import (
     JSON_OPTION,
     SEED_OPTION,
     MachineOption,
+    TimeStep,
     add_row,
     narrow_table,
     notes,
@@ -55,6 +56,7 @@ def compare(
     begin: Annotated[float, typer.Option(min=0.0, help="Begin of the stretch that is compared (s).")] = 0.0,
     end: Annotated[float | None, typer.Option(help="End of it (s); default: that of the recording.")] = None,
     seed: Annotated[int, SEED_OPTION] = 0,
+    time_step: TimeStep = None,
     history: Annotated[Path | None, typer.Option(help=HISTORY_HELP, dir_okay=False)] = None,
     keep: Annotated[
         bool | None,
@@ -82,6 +84,7 @@ def compare(
             Settings(window_s=window),
             progress=staged_progress(bar),
             span=None if begin == 0.0 and end is None else (begin, math.inf if end is None else end),
+            time_step=time_step,
         )
     if html is not None:
         from tbm_gsa.app.report.compare_page import compare_page  # noqa: PLC0415 - matplotlib takes its time

@@ -23,6 +23,7 @@ from tbm_gsa.app.cli.output import (
     SEED_OPTION,
     WHERE_OPTION,
     MachineOption,
+    TimeStep,
     add_row,
     narrow_table,
     print_json,
@@ -54,6 +55,8 @@ class SimulationResult(Part):
         ``RDef_A …``, SI units.
     rms_g, peak_g : dict of str to (dict of str to float)
         By test point and axis, of the accelerations without their mean (g).
+    time_step : float
+        s.
     real_time_factor : float
     operating_point : dict of str to float
         The machine's, which a schedule replaces.
@@ -68,6 +71,7 @@ class SimulationResult(Part):
     operating_point: dict[str, float]
     seed: int
     duration: float
+    time_step: float
     indicators: dict[str, Maybe]
     rms_g: dict[str, dict[str, Maybe]]
     peak_g: dict[str, dict[str, Maybe]]
@@ -83,6 +87,7 @@ def simulate(
     duration: Annotated[float, typer.Option(max=3600.0, help="Simulated time (s), 0.0001 or more.")] = 3.0,
     machine: MachineOption = DEFAULT_MACHINE,
     seed: Annotated[int, SEED_OPTION] = 0,
+    time_step: TimeStep = None,
     loads: Annotated[LoadModel, LOADS_OPTION] = "spectral",
     schedule: Annotated[Path | None, SCHEDULE_OPTION] = None,
     schedule_column: Annotated[list[str] | None, COLUMN_OPTION] = None,
@@ -93,7 +98,8 @@ def simulate(
     described = load_machine(machine)
     driven = schedule_of(schedule, schedule_column, schedule_where)
     # The kernel is compiled, and the factor below is that of the model, not of the compiler.
-    run_model(described, duration=1e-3, seed=seed, loads=loads)
+    step = described.step(time_step)
+    run_model(described, duration=1e-3, seed=seed, time_step=step, loads=loads)
     start = time.perf_counter()
     with progress_bar("simulating") as bar:
         task = bar.add_task("", total=1.0)
@@ -101,6 +107,7 @@ def simulate(
             described,
             duration,
             seed,
+            time_step=step,
             loads=loads,
             schedule=driven,
             progress=lambda share: bar.update(task, completed=share),
@@ -114,7 +121,8 @@ def simulate(
         machine_file=machine_file(described),
         operating_point={name: getattr(point, name) for name in OPERATING_POINT},
         seed=seed,
-        duration=float(len(response.time) * (response.time[1] - response.time[0])) if len(response.time) > 1 else 0.0,
+        duration=len(response.time) * step,
+        time_step=step,
         indicators=response.indicators(),
         rms_g=rms,
         peak_g=peak,
@@ -182,4 +190,6 @@ def _print_tables(found: SimulationResult) -> None:
     results.print(table)
     results.print()
     _print_provenance(found)
-    results.print(f"real-time factor {found.real_time_factor:.1f}, {found.states} states")
+    results.print(
+        f"real-time factor {found.real_time_factor:.1f}, {found.states} states, time step {found.time_step:g} s"
+    )

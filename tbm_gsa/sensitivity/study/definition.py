@@ -1,15 +1,24 @@
 """The file in which a user defines a study: inputs with their distributions, groups, outputs."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 from typing import Final
 
 from tbm_dynamics import Machine
+from tbm_dynamics.indicators import INDICATORS
 from tbm_gsa.sensitivity.study.distributions import distribution_from, number
 from tbm_gsa.sensitivity.study.errors import StudyError
-from tbm_gsa.sensitivity.study.inputs import Input, InputSet, known_input, machine_input
+from tbm_gsa.sensitivity.study.inputs import (
+    Input,
+    InputSet,
+    check_ends,
+    default_inputs,
+    known_input,
+    machine_input,
+)
+from tbm_gsa.sensitivity.study.outputs import checked_outputs
 from tbm_msgs_py.base.strict_yaml import read_yaml
 from tbm_msgs_py.base.texts import LONGEST_NAME, quoted
 
@@ -29,6 +38,30 @@ class Definition:
 
     inputs: InputSet
     outputs: tuple[str, ...] = ()
+
+
+def study_definition(machine: Machine, path: str | Path | None, outputs: Sequence[str], duration: float) -> Definition:
+    """Define a study of a machine by a file, or by its `default_inputs`, and check it as far as no run is needed.
+
+    Parameters
+    ----------
+    machine : Machine
+    path : str or Path or None
+    outputs : sequence of str
+        In place of the file's; the eight indicators where neither names any.
+    duration : float
+        Of a simulation, s.
+
+    Raises
+    ------
+    StudyError
+        What `read_definition` refuses, a range or an output that the machine does not have.
+    """
+    found = Definition(default_inputs(machine)) if path is None else read_definition(path, machine)
+    check_ends(machine, found.inputs.ends)
+    names = tuple(outputs) or found.outputs or INDICATORS
+    checked_outputs(names, machine.description.test_points, duration)
+    return replace(found, outputs=names)
 
 
 def read_definition(path: str | Path, machine: Machine | None = None) -> Definition:

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 from pydantic import BeforeValidator
 
-from tbm_dynamics import Machine
+from tbm_dynamics import Machine, MachineError
 from tbm_dynamics.machine.drive import DriveTemplate
 from tbm_dynamics.machine.inputs import STIFFNESS, drive_input, input_values, multiplied_part
 from tbm_gsa.reading import Name
@@ -128,6 +128,11 @@ class InputSet:
     def codes(self) -> tuple[str, ...]:
         """Codes in order."""
         return tuple(item.code for item in self.inputs)
+
+    @property
+    def ends(self) -> dict[str, tuple[float, float]]:
+        """Lower and upper bound by code."""
+        return {item.code: (item.lower, item.upper) for item in self.inputs}
 
     def to_unit(self, points: ArrayLike) -> Array:
         """Map points (n, d) to the unit cube, where every input is uniform.
@@ -266,6 +271,23 @@ def default_inputs(machine: Machine) -> InputSet:
     groups = {name: tuple(code for code in members if code in codes) for name, members in PAPER_INPUTS.groups.items()}
     groups[_STIFFNESSES] += unknown
     return InputSet(tuple(items), {name: members for name, members in groups.items() if members})
+
+
+def check_ends(machine: Machine, ends: Mapping[str, tuple[float, float]]) -> None:
+    """Raise a StudyError where a machine allows no such value, before every simulation fails of it.
+
+    Parameters
+    ----------
+    machine : Machine
+    ends : mapping of str to (float, float)
+        Lower and upper bound by input.
+    """
+    for code, bounds in ends.items():
+        for value in bounds:
+            try:
+                machine.with_inputs(**{code: value})
+            except MachineError as error:
+                raise StudyError(f"input {code} at {value:g}: {error}") from None
 
 
 def machine_input(machine: Machine, code: str) -> Input:
