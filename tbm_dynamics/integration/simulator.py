@@ -56,6 +56,10 @@ class Chunk:
         """Acceleration, (n, nodes, 6)."""
         return self.motion[:, 1]
 
+    def rows(self, begin: int, stop: int | None = None) -> Chunk:
+        """Rows `begin` to `stop` of these."""
+        return Chunk(self.first_step + begin, self.motion[begin:stop], self.mesh_force[begin:stop])
+
 
 @dataclass(frozen=True)
 class _Operation:

@@ -98,6 +98,18 @@ class Machine:
         check_step(system, wanted)
         return wanted
 
+    def settling(self) -> float:
+        """Time (s) that the start of a run is felt, which no statistic of it should hold; see `settling_time`.
+
+        Raises
+        ------
+        MachineError
+            A machine that cannot be assembled.
+        """
+        from tbm_dynamics.integration.settling import settling_time  # noqa: PLC0415 - scipy, for those who assemble
+
+        return settling_time(self.assemble())
+
     def with_inputs(self, **inputs: float) -> Machine:
         """Return a variant with the named inputs changed and nothing else.
 

@@ -184,6 +184,8 @@ class MachineSummary(FrozenModel):
         None without cutters.
     time_step : float
         Of its runs, unless another is asked for (s).
+    settling : float
+        Time that the start of a run is felt, which is left out of its statistics (s).
     masses : dict of str to float
         Of each subsystem, and ``total`` (kg).
     sources : dict of str to int
@@ -207,6 +209,7 @@ class MachineSummary(FrozenModel):
     masses: dict[str, float]
     degrees_of_freedom: int
     time_step: float
+    settling: float
     modes: tuple[ModeSummary, ...]
     sources: dict[str, int]
 
@@ -220,6 +223,7 @@ def machine_summary(machine: Machine, count: int = 10) -> MachineSummary:
         A machine that cannot be assembled.
     """
     from tbm_dynamics.integration.condensed import own_step  # noqa: PLC0415 - compiled code
+    from tbm_dynamics.integration.settling import settling_time  # noqa: PLC0415
 
     system, description = machine.assemble(), machine.description
     structures = structures_of(description)
@@ -242,6 +246,7 @@ def machine_summary(machine: Machine, count: int = 10) -> MachineSummary:
         masses=_masses(description),
         degrees_of_freedom=system.size,
         time_step=own_step(system),
+        settling=settling_time(system),
         modes=tuple(lowest_modes(system, count)),
         sources=count_sources(description),
     )

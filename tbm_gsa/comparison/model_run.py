@@ -16,9 +16,10 @@ def run_model(
     seed: int,
     reducers: Mapping[str, SignalReducer],
     time_step: float,
+    settling: float,
     progress: ShareDone = lambda _: None,
 ) -> dict[str, ReducedSignal]:
-    """Simulate a machine at its operating point and reduce the accelerations of test points.
+    """Simulate a machine at its operating point and reduce the accelerations of test points, the settling left out.
 
     Parameters
     ----------
@@ -29,13 +30,13 @@ def run_model(
         Of the loads.
     reducers : mapping of str to SignalReducer
         By test point; of the rate of the run.
-    time_step : float
+    time_step, settling : float
         s.
     progress : callable
         Called with the share that is done, 0 to 1.
     """
     places = [machine.description.sensor_places[point] for point in reducers]
-    run = ModelRun(machine, duration, seed, [place.node for place in places], time_step=time_step)
+    run = ModelRun(machine, duration, seed, [place.node for place in places], time_step=time_step, settling=settling)
     for chunk in run.chunks(progress=progress):
         time = np.arange(chunk.first_step, chunk.first_step + len(chunk.mesh_force), dtype=np.float64) * time_step
         for k, (place, reducer) in enumerate(zip(places, reducers.values(), strict=True)):

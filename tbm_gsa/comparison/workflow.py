@@ -112,10 +112,12 @@ def compare_recording(
     machines = _machines(reader.path, history, placed)
     lines = lines_of_levels(machines)
     chosen = _with_lines(chosen, lines)
-    predicted = _model_side(machines, field.signals, chosen, (model_duration, seed), step, progress)
+    started = step, described.settling()
+    predicted = _model_side(machines, field.signals, chosen, (model_duration, seed), started, progress)
     _check_stretch(span, field, predicted, chosen.window_s)
     points, failed = _compare_each(reader, field, predicted, chosen)
-    result = _result(reader, described, placed, field, history, points, failed, chosen, lines, (model_duration, seed))
+    run = model_duration, seed, *started
+    result = _result(reader, described, placed, field, history, points, failed, chosen, lines, run)
     return RecordingComparison(
         result,
         {name: point.excerpts for name, point in points.items()},
@@ -151,9 +153,12 @@ def _result(
     failed: Mapping[str, str],
     settings: Settings,
     lines: tuple[ExpectedLine, ...],
-    run: tuple[float, int],
+    run: tuple[float, int, float, float],
 ) -> ComparisonResult:
-    """Gather what was read, compared and left out, and what it depends on; `run`: duration and seed of the model's."""
+    """Gather what was read, compared and left out, and what it depends on.
+
+    `run`: duration, seed, time step and settling of the model's.
+    """
     places, changed = placed.description.sensor_places, change_times(points)
     return ComparisonResult(
         window_s=settings.window_s,
@@ -177,6 +182,8 @@ def _result(
         changes=changed,
         model_duration=run[0],
         seed=run[1],
+        time_step=run[2],
+        settling=run[3],
         versions=package_versions(),
         synthetic=is_synthetic(reader.path),
     )
@@ -293,19 +300,22 @@ def _model_side(
     field: Mapping[str, ReducedSignal],
     settings: Settings,
     run: tuple[float, int],
-    time_step: float,
+    started: tuple[float, float],
     progress: Progress,
 ) -> dict[str, ReducedSignal]:
-    """Signals of the model at every level that a window belongs to, for (duration, seed), by test point."""
+    """Signals of the model at every level that a window belongs to, by test point.
+
+    `run` are duration and seed, `started` time step and settling.
+    """
     seen = {int(level) for signal in field.values() for level in signal.level}
     runs = []
     for level in sorted(seen & set(machines)):
         reducers = {
-            point: SignalReducer(1.0 / time_step, signal.band, signal.frame, settings, one_level(level))
+            point: SignalReducer(1.0 / started[0], signal.band, signal.frame, settings, one_level(level))
             for point, signal in field.items()
         }
         name = "model" if len(machines) == 1 else f"model, level {level + 1} of {len(machines)}"
-        runs.append(run_model(machines[level], *run, reducers, time_step, partial(progress, name)))
+        runs.append(run_model(machines[level], *run, reducers, *started, partial(progress, name)))
     return {point: ReducedSignal.joined([signals[point] for signals in runs]) for point in field} if runs else {}
 
 

@@ -122,6 +122,7 @@ def explain_source(source: ExplanationSource, folder: str | Path, options: Expla
         names,
         seen.reading.band.high,
         machine.step(chosen.time_step),
+        machine.settling(),
     )
     depends = {key: evaluate.settings[key] for key in ("machine", "machine_sha256", "duration", "load_seed", "high_hz")}
     parts = ExplanationParts(found, posterior, checked_powers(found, evaluate), chosen.duration)

@@ -58,7 +58,8 @@ def planned_study(
     given = split_names("--outputs", [] if outputs is None else [outputs])
     definition = study_definition(described, inputs, given, duration)
     step = _time_step(described, definition.inputs, time_step)
-    evaluate = MachineEvaluation.of(machine, duration, seed, definition.outputs, high_hz, step)
+    settling = described.settling()
+    evaluate = MachineEvaluation.of(machine, duration, seed, definition.outputs, high_hz, step, settling)
     if high_hz is not None and set(definition.outputs) <= set(INDICATORS):
         raise InputError(f"--high-hz {high_hz:g}: no output is of an acceleration, allowed: with one")
     return StudyProblem(definition.inputs, definition.outputs, *sizes, seed, evaluate.settings, design), evaluate

@@ -55,6 +55,8 @@ class SimulationResult(Part):
         ``RDef_A …``, SI units.
     rms_g, peak_g : dict of str to (dict of str to float)
         By test point and axis, of the accelerations without their mean (g).
+    duration, settling : float
+        Of the run, and of what is run before it and left out (s).
     time_step : float
         s.
     real_time_factor : float
@@ -71,6 +73,7 @@ class SimulationResult(Part):
     operating_point: dict[str, float]
     seed: int
     duration: float
+    settling: float
     time_step: float
     indicators: dict[str, Maybe]
     rms_g: dict[str, dict[str, Maybe]]
@@ -98,7 +101,7 @@ def simulate(
     described = load_machine(machine)
     driven = schedule_of(schedule, schedule_column, schedule_where)
     # The kernel is compiled, and the factor below is that of the model, not of the compiler.
-    step = described.step(time_step)
+    step, settling = described.step(time_step), described.settling()
     run_model(described, duration=1e-3, seed=seed, time_step=step, loads=loads)
     start = time.perf_counter()
     with progress_bar("simulating") as bar:
@@ -108,6 +111,7 @@ def simulate(
             duration,
             seed,
             time_step=step,
+            settling=settling,
             loads=loads,
             schedule=driven,
             progress=lambda share: bar.update(task, completed=share),
@@ -122,16 +126,17 @@ def simulate(
         operating_point={name: getattr(point, name) for name in OPERATING_POINT},
         seed=seed,
         duration=len(response.time) * step,
+        settling=settling,
         time_step=step,
         indicators=response.indicators(),
         rms_g=rms,
         peak_g=peak,
         mesh_force=MeshForceSummary(mean=float(force.mean()), std=float(force.std()), max=float(force.max())),
         states=response.states,
-        real_time_factor=duration / seconds,
+        real_time_factor=(settling + duration) / seconds,
         loads=loads,
         schedule=None if schedule is None else str(schedule.resolve()),
-        unused_rows=_unused_rows(driven, duration),
+        unused_rows=_unused_rows(driven, settling + duration),
     )
     if json:
         print_json(found)
@@ -178,7 +183,8 @@ def _print_provenance(found: SimulationResult) -> None:
 
 
 def _print_tables(found: SimulationResult) -> None:
-    title = f"{found.machine}: indicators over {found.duration:.3g} s, seed {found.seed}"
+    settled = f"after {found.settling:.3g} s of settling"
+    title = f"{found.machine}: indicators over {found.duration:.3g} s {settled}, seed {found.seed}"
     table = narrow_table(title, "indicator", ">value", "unit")
     for name, value in found.indicators.items():
         add_row(table, name, f"{value:.4g}", UNITS[name])

@@ -49,7 +49,9 @@ class Campaign:
         """The simulation of a sample; of the machine's own reading `gsa resume` finds it too."""
         name = self.origin if self.reading.own else f"{self.origin} (damping: {self.reading.name})"
         text = self.reading.machine.description.model_dump_json()
-        return MachineEvaluation(name, text, self.simulation_s, self.seed, time_step=self.reading.machine.step())
+        machine = self.reading.machine
+        step, settling = machine.step(), machine.settling()
+        return MachineEvaluation(name, text, self.simulation_s, self.seed, time_step=step, settling=settling)
 
     @property
     def problem(self) -> StudyProblem:

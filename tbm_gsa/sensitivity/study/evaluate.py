@@ -43,6 +43,8 @@ class MachineEvaluation:
         Upper limit of the band of accelerations, see `vibration_statistics`.
     time_step : float
         Of every run, s: one for all, or the outputs would jump where a mesh gets stiffer.
+    settling : float
+        Time before each run that is left out, s; for the same reason one for all.
     """
 
     machine: str
@@ -52,6 +54,7 @@ class MachineEvaluation:
     outputs: tuple[str, ...] = INDICATORS
     high_hz: float | None = None
     time_step: float = DEFAULT_STEP
+    settling: float = 0.0
 
     def __post_init__(self) -> None:
         if self.high_hz is not None and not LOWEST_HIGH_HZ <= self.high_hz < 0.5 / self.time_step:
@@ -68,10 +71,12 @@ class MachineEvaluation:
         outputs: tuple[str, ...] = INDICATORS,
         high_hz: float | None = None,
         time_step: float = DEFAULT_STEP,
+        settling: float = 0.0,
     ) -> Self:
         """Load the machine; parameters as those of the class."""
         loaded = load_machine(machine)
-        return cls(loaded.origin, loaded.description.model_dump_json(), duration, seed, outputs, high_hz, time_step)
+        text = loaded.description.model_dump_json()
+        return cls(loaded.origin, text, duration, seed, outputs, high_hz, time_step, settling)
 
     def __call__(self, sample: dict[str, float]) -> Mapping[str, float]:
         """Simulate one sample."""
@@ -80,6 +85,7 @@ class MachineEvaluation:
             duration=self.duration,
             seed=self.seed,
             time_step=self.time_step,
+            settling=self.settling,
             outputs=self._motion,
         )
         found = response.indicators()
@@ -111,6 +117,7 @@ class MachineEvaluation:
             "load_seed": self.seed,
             **({} if self.high_hz is None else {"high_hz": self.high_hz}),
             **({} if self.time_step == DEFAULT_STEP else {"time_step": self.time_step}),
+            **({} if self.settling == 0.0 else {"settling": self.settling}),
         }
 
     @classmethod
@@ -124,6 +131,7 @@ class MachineEvaluation:
         """
         machine, duration, seed = (settings.get(name) for name in ("machine", "duration", "load_seed"))
         high_hz, time_step = settings.get("high_hz"), settings.get("time_step", DEFAULT_STEP)
+        settling = settings.get("settling", 0.0)  # a study of before there was any goes on without
         if not (
             isinstance(machine, str)
             and isinstance(duration, float | int)
@@ -133,10 +141,12 @@ class MachineEvaluation:
             and isinstance(high_hz, float | int | None)
             and isinstance(time_step, float)
             and 0.0 < time_step <= duration
+            and isinstance(settling, float)
+            and 0.0 <= settling <= LONGEST_S
         ):
             raise StudyError(f"settings {quoted(dict(settings))}, allowed: those of a simulation that `gsa run` stores")
         highest = None if high_hz is None else float(high_hz)
-        evaluation = cls.of(machine, float(duration), seed, outputs, highest, time_step)
+        evaluation = cls.of(machine, float(duration), seed, outputs, highest, time_step, settling)
         if evaluation.settings["machine_sha256"] != settings.get("machine_sha256"):
             raise StudyError(
                 f"machine {evaluation.machine} has changed since the study was begun, allowed: the file as it was"
