@@ -35,7 +35,7 @@ class Response:
     Attributes
     ----------
     time : (n,) ndarray
-        s, from the start of the run.
+        s, from the start of the run, its settling included.
     nodes : tuple of int
     displacements, accelerations : (n, nodes, 6) ndarray
         m and rad, m/s² and rad/s².

@@ -83,7 +83,7 @@ class ModalPart:
     couplings: np.ndarray
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class SplitBasis:
     """Symmetric parts, uncoupled from each other, the individual part of a drive, and the patterns (p, c).
 
@@ -97,9 +97,13 @@ class SplitBasis:
     own_torque: np.ndarray
 
 
-@lru_cache(maxsize=2)
 def split_basis(system: System, tolerance: float = DEFAULT_TOLERANCE) -> SplitBasis:
-    """Split the motion of a system and reduce its parts; those of the last systems are kept."""
+    """Split the motion of a system and reduce its parts; those of the last systems, wherever they work, are kept."""
+    return _split_basis(system.assembled or system, tolerance)
+
+
+@lru_cache(maxsize=2)
+def _split_basis(system: System, tolerance: float) -> SplitBasis:
     shared = system.drives.shared
     rows = system.couplings.rows.reshape(2, len(shared), -1)
     expand = _symmetric_unknowns(system, shared)

@@ -10,6 +10,8 @@ each drive acts on that drive alone, with the same few numbers for all (`basis`)
 
 from __future__ import annotations
 
+from functools import lru_cache, partial
+
 import numpy as np
 import scipy.linalg
 
@@ -19,7 +21,7 @@ from tbm_dynamics.integration.condensed_kernel import SUBSTEPS, advance
 from tbm_dynamics.integration.lanes import aligned, widened
 from tbm_dynamics.integration.laws import CouplingLaws
 from tbm_dynamics.integration.linear import INPUTS
-from tbm_dynamics.integration.method import Method, Steps, refuse_coarse
+from tbm_dynamics.integration.method import Method, Steps, fine_step, refuse_coarse
 from tbm_dynamics.integration.pairs import act, as_pairs, eigenbasis, scalar_responses
 from tbm_dynamics.integration.start import Start
 from tbm_dynamics.structure.system import System
@@ -41,19 +43,15 @@ class Condensed(Method[State]):
 
     def __init__(self, system: System, output_dofs: np.ndarray, step: float) -> None:
         split = split_basis(system)
-        self._drives, self._split, self._parts = system.drives, split, _SteppedParts(split, step)
+        self._parts, whole = _over_a_step(split, step)
+        self._drives, self._split = system.drives, split
         p, c = split.shared.shape
         self.linear = system.couplings.alike
         gap, damping = system.couplings.half_gap, system.couplings.damping
         self._own = aligned(widened(np.array([np.where(gap > 0.0, gap, -np.inf), damping - self.linear[1]]), p))
         alone = p > c  # else the patterns are all that the drives can do
         self.states = sum(len(part.linear.H) for part in split.symmetric) + alone * p * len(split.individual.linear.H)
-        whole = _arrays(split, self._parts)
-        refuse_coarse(
-            lambda shorter: _mesh_gain(system, _arrays(split, _SteppedParts(split, shorter))),
-            step,
-            _mesh_gain(system, whole),
-        )
+        check_step(system, step)
         self._arrays = _with_substep(whole, _arrays(split, _SteppedParts(split, step / SUBSTEPS)))
         self.forced = self._arrays.forced[0]
         self._recorded = np.array(
@@ -113,6 +111,26 @@ class Condensed(Method[State]):
         return int(advance(self._arrays, laws, self._own, self._recorded, steps, state))
 
 
+def own_step(system: System) -> float:
+    """Time step (s) of a system, unless another is asked for: `DEFAULT_STEP`, or what its stiffest mesh needs.
+
+    Raises
+    ------
+    SimulationError
+        Meshes that no step of `method` is short enough for.
+    """
+    return fine_step(partial(_gain_at, system))
+
+
+def check_step(system: System, step: float) -> None:
+    """Raise a SimulationError where a time step (s) is too coarse for the couplings of a system."""
+    refuse_coarse(partial(_gain_at, system), step)
+
+
+def _gain_at(system: System, step: float) -> np.ndarray:
+    return _mesh_gain(system, _over_a_step(split_basis(system), step)[1])
+
+
 class _SteppedPart:
     """A part in its eigenvectors, over a step; s states, i inputs, k couplings.
 
@@ -160,6 +178,13 @@ class _SteppedParts:
         sizes = [part.transfer.shape[1] for part in self.symmetric]
         firsts = np.split(np.arange(sum(sizes)), np.cumsum(sizes)[:-1])
         self.places = [np.concatenate([places, sum(sizes) + places]) for places in firsts]
+
+
+@lru_cache(maxsize=2)
+def _over_a_step(split: SplitBasis, step: float) -> tuple[_SteppedParts, Arrays]:
+    """Parts and arrays over a step; the last are kept, for a step is tried before it is used."""
+    parts = _SteppedParts(split, step)
+    return parts, _arrays(split, parts)
 
 
 def _observed(stepped: _SteppedPart, part: ModalPart, shapes: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

@@ -46,8 +46,8 @@ class Lobatto(Method[np.ndarray]):
         self._predict = np.vstack([from_state, now])
         self._middle, self._end = middle, end
         self._couple = (np.ascontiguousarray(middle[:, s:]), np.ascontiguousarray(end[:, s:]))
-        gain = _mesh_gain(system, middle, end)
-        refuse_coarse(lambda shorter: _mesh_gain(system, *_columns(linear, shorter)[3:]), step, gain)
+        columns = {step: (middle, end)}
+        refuse_coarse(lambda tried: _mesh_gain(system, *(columns.get(tried) or _columns(linear, tried)[3:])), step)
         acceleration = linear.acceleration[output_dofs].T
         displacement = np.zeros((s + INPUTS + k, len(output_dofs)))
         displacement[output_dofs, np.arange(len(output_dofs))] = 1.0

@@ -32,13 +32,18 @@ from typing import Generic, NamedTuple, TypeVar
 
 import numpy as np
 
+from tbm_dynamics.integration import DEFAULT_STEP
 from tbm_dynamics.integration.laws import CouplingLaws
 from tbm_dynamics.integration.start import Start
 from tbm_msgs_py.base.errors import SimulationError
 
 # Least factor by which a round of the iteration must shrink the error of the residual.
 _SLOWEST = 0.5
+_ROOM = 0.25
+"""That factor of a machine's own step: peaks are within 1 % of those of a far shorter one (see `docs/model.md`)."""
 _LONGEST_S = 1e-3  # longest step that is named as short enough; the longer one is, the longer it takes to be tried
+_STEPS = (DEFAULT_STEP, 5e-5, 2e-5, 1e-5, 5e-6, 2e-6, 1e-6, 5e-7, 2e-7, 1e-7)
+"""Steps that a machine may have: whole nanoseconds, and rates that blocks of 5 kHz divide."""
 
 StateT = TypeVar("StateT")
 
@@ -109,7 +114,24 @@ class Method(ABC, Generic[StateT]):
         """Advance a state by n steps in place; returns the number of steps whose motion is finite."""
 
 
-def refuse_coarse(gain_at: Callable[[float], np.ndarray], step: float, gain: np.ndarray) -> None:
+def fine_step(gain_at: Callable[[float], np.ndarray]) -> float:
+    """Longest of `_STEPS` that leaves room; `gain_at` as of `refuse_coarse`.
+
+    Raises
+    ------
+    SimulationError
+        None of them.
+    """
+    step = next((step for step in _STEPS if _settles(gain_at(step), _ROOM)), None)
+    if step is None:
+        raise SimulationError(
+            f"the stiffest mesh vibration needs a time step below {_STEPS[-1]:g} s: the teeth are too stiff for the "
+            "inertia of pinion and ring"
+        )
+    return step
+
+
+def refuse_coarse(gain_at: Callable[[float], np.ndarray], step: float) -> None:
     """Refuse a step over which the stiffest meshes swing too far for the iteration to settle.
 
     Parameters
@@ -119,15 +141,13 @@ def refuse_coarse(gain_at: Callable[[float], np.ndarray], step: float, gain: np.
         (ω τ)²/6, ω the natural frequency of a pinion on its teeth.
     step : float
         τ (s).
-    gain : (k, k) ndarray
-        That at the step wanted.
 
     Raises
     ------
     SimulationError
         Rounds that would not settle.
     """
-    if _settles(gain):
+    if _settles(gain_at(step)):
         return
     allowed = min(0.5 * step, _LONGEST_S)
     while not _settles(gain_at(allowed)):
@@ -137,5 +157,5 @@ def refuse_coarse(gain_at: Callable[[float], np.ndarray], step: float, gain: np.
     )
 
 
-def _settles(gain: np.ndarray) -> bool:
-    return float(np.abs(np.linalg.eigvals(gain)).max()) < _SLOWEST
+def _settles(gain: np.ndarray, slowest: float = _SLOWEST) -> bool:
+    return float(np.abs(np.linalg.eigvals(gain)).max()) < slowest

@@ -9,8 +9,7 @@ from typing import Any, Literal
 
 import numpy as np
 
-from tbm_dynamics.integration import DEFAULT_STEP
-from tbm_dynamics.integration.condensed import Condensed
+from tbm_dynamics.integration.condensed import Condensed, own_step
 from tbm_dynamics.integration.lanes import aligned, lanes_for
 from tbm_dynamics.integration.laws import MeshInputs
 from tbm_dynamics.integration.linear import ABOUT_X, INPUTS, MOTORS
@@ -57,6 +56,10 @@ class Chunk:
         """Acceleration, (n, nodes, 6)."""
         return self.motion[:, 1]
 
+    def rows(self, begin: int, stop: int | None = None) -> Chunk:
+        """Rows `begin` to `stop` of these."""
+        return Chunk(self.first_step + begin, self.motion[begin:stop], self.mesh_force[begin:stop])
+
 
 @dataclass(frozen=True)
 class _Operation:
@@ -97,8 +100,8 @@ class Simulator:
     system : System
     nodes : iterable of int
         Nodes whose motion is wanted.
-    time_step : float
-        s.
+    time_step : float, optional
+        s; the system's own, see `own_step`, without it.
     method : "reduced" or "full"
         The production basis, or every unknown.
     ramp : float
@@ -106,6 +109,7 @@ class Simulator:
 
     Attributes
     ----------
+    time_step : float
     next_step : int
         Number of the step that the next row handed to `step` belongs to.
     """
@@ -114,11 +118,12 @@ class Simulator:
         self,
         system: System,
         nodes: Iterable[int],
-        time_step: float = DEFAULT_STEP,
+        time_step: float | None = None,
         method: MethodName = "reduced",
         *,
         ramp: float = 0.0,
     ) -> None:
+        time_step = own_step(system) if time_step is None else time_step
         if not time_step > 0.0:
             raise SimulationError(f"time_step {time_step}: must be positive")
         self.nodes = tuple(nodes)

@@ -26,6 +26,13 @@ from tbm_msgs_py.base.units import R_MIN
 GROUND: Literal["ground"] = "ground"
 
 
+Role = Literal["k_r_ct", "k_r_gd", "k_c_cf", "k_c_fb", "k_c_bc", "k_c_cg", "k_b_io", "k_h_gd"]
+"""Rock–head, rock–girder (gripper), head–flange, flange–bearing, bearing–carrier, carrier–girder, main bearing,
+hydraulic: the connections of Table 5 that are no drive's."""
+
+LONGEST_CONNECTION = 200
+"""Characters of a connection's name: that of an input of a study has it in it."""
+
 LONGEST_POINT = 100
 """Characters of a test point: a topic has 247 at most, and names a machine and a quantity beside it."""
 
@@ -156,14 +163,16 @@ class Body(FrozenModel):
 class _Ends(SparseModel):
     """Name and ends of a connection, which stand first in it."""
 
-    name: Label
+    name: Annotated[Label, Field(max_length=LONGEST_CONNECTION)]
+    role: Role | None = None
     between: tuple[Node, Node | Literal["ground"]]
 
 
 class Connection(Springs, _Ends):
     """A spring-damper between two nodes, or a node and the ground, located at the first node.
 
-    Along and about x, y, z. A node elsewhere follows through a rigid arm.
+    Along and about x, y, z. A node elsewhere follows through a rigid arm. One with a role is scaled by its input of
+    Table 4, whatever its name; a name of Table 5 is a role, too.
 
     Attributes
     ----------
@@ -175,7 +184,7 @@ class Connection(Springs, _Ends):
         ratio, c = 2ζ√(kJ), and the head's own turning works against it, on top of the mean torque.
     """
 
-    optional: ClassVar[tuple[str, ...]] = (*Springs.optional, "force_controlled", "turning_inertia")
+    optional: ClassVar[tuple[str, ...]] = (*Springs.optional, "role", "force_controlled", "turning_inertia")
 
     force_controlled: bool | None = None
     turning_inertia: Positive | None = None
@@ -189,6 +198,11 @@ class Connection(Springs, _Ends):
         if self.turning_inertia is not None and (self.type != "rock" or self.between[1] != GROUND):
             raise ValueError("turning_inertia: allowed between a node and ground, with type: rock")
         return self
+
+    @property
+    def part(self) -> str:
+        """Role if there is one, else the name: what is one part in a study."""
+        return self.role or self.name
 
 
 class Subsystem(FrozenModel):

@@ -1,7 +1,8 @@
-"""The 25 uncertain inputs of the paper's Table 4, the factors of the loads and what single drives have of their own.
+"""The 25 uncertain inputs of the paper's Table 4, other stiffnesses, the factors of the loads, what single drives have.
 
 Values are in Table 4's units: x1 r/min, x2 kN·m, x3 kN, x5 GPa, x7 µm, x9 N/m; x8 and x16 … x25 are multipliers;
-the damping ratios x4 and x11 … x15 are Table 4's numbers; ``loads.axial_low`` … ``loads.moments`` are the factors;
+the damping ratios x4 and x11 … x15 are Table 4's numbers; ``stiffness.NAME`` is the multiplier of the connections of a
+name that have no role in Table 5; ``loads.axial_low`` … ``loads.moments`` are the factors;
 ``drive_3.backlash`` … are the keys of ``drives: {3: …}``, backlash and eccentricity in µm, the others as in the file.
 """
 
@@ -43,8 +44,8 @@ _VALUES: dict[str, tuple[str, float]] = {
     "x15": ("connection_damping.hydraulic", 1.0),
 }
 
-# Connections whose six stiffnesses a multiplier scales: those of that name, or one of the drives. The names are
-# Table 5's; Table 4 swaps the labels of x20 and x22 in the text.
+# Connections whose six stiffnesses a multiplier scales: those of that role, or one of the drives. The roles are
+# Table 5's names; Table 4 swaps the labels of x20 and x22 in the text.
 _MULTIPLIED: dict[str, str] = {
     "x16": "k_r_ct",
     "x17": "k_r_gd",
@@ -58,7 +59,13 @@ _MULTIPLIED: dict[str, str] = {
     "x25": "k_h_gd",
 }
 
+_DAMPED: Final = "connection_damping."
+_OF_DRIVES: Final = ("driveshaft.pinion_bearing", "driveshaft.spline")
+
 INPUT_CODES: tuple[str, ...] = (*_VALUES, *_MULTIPLIED)
+
+STIFFNESS: Final = "stiffness."
+"""What the code of the multiplier of a connection by its name begins with."""
 
 LOAD_INPUTS: Final = {f"loads.{group}": f"loads.factors.{group}" for group in LOAD_GROUPS}
 """Factors of the loads by the code of the input."""
@@ -104,11 +111,11 @@ def changed_values(base: MachineDescription, inputs: Mapping[str, float]) -> dic
     found: dict[Place, float] = {}
     changes: dict[Place, tuple[float, float]]
     for code, value in inputs.items():
-        drive = drive_input(code)
-        if code not in _PLACES and code not in _MULTIPLIED and not drive:
+        drive, target = drive_input(code), multiplied_part(code)
+        if code not in _PLACES and target is None and not drive:
             raise MachineError(
-                f"input {code!r}: unknown; allowed are x1 … x25 and {', '.join(LOAD_INPUTS)}, and of drive N "
-                f"{', '.join(f'drive_N.{key}' for key in DRIVE_INPUTS)}"
+                f"input {code!r}: unknown; allowed are x1 … x25 and {', '.join(LOAD_INPUTS)}, of a connection "
+                f"{STIFFNESS}NAME, and of drive N {', '.join(f'drive_N.{key}' for key in DRIVE_INPUTS)}"
             )
         number = _number(code, value)
         if drive:
@@ -117,9 +124,13 @@ def changed_values(base: MachineDescription, inputs: Mapping[str, float]) -> dic
             path, factor = _PLACES[code]
             changes = {(*path.split("."),): (attrgetter(path)(base), number * factor)}
         else:
-            multiplied = list(_stiffnesses(base, _MULTIPLIED[code]))
+            assert target is not None  # noqa: S101 - else it was refused above
+            multiplied = list(_stiffnesses(base, target))
             if not multiplied:
-                raise MachineError(f"input {code}: machine {base.name} has no connection named {_MULTIPLIED[code]}")
+                known = ", ".join(dict.fromkeys(one.part for one in base.all_connections()))
+                raise MachineError(
+                    f"input {code}: machine {base.name} has no connection named {target}; it has {known}"
+                )
             changes = {(*place, i): (k, number * k) for place, six in multiplied for i, k in enumerate(six)}
         found |= {place: after for place, (before, after) in changes.items() if after != before}
     return found
@@ -129,6 +140,12 @@ def drive_input(code: str) -> tuple[int, str] | None:
     """Return number and key of an input of a single drive; None of any other text."""
     match = _DRIVE.fullmatch(code)
     return (int(match[1]), match[2]) if match and match[2] in DRIVE_INPUTS else None
+
+
+def multiplied_part(code: str) -> str | None:
+    """Return the role or name of the connections whose stiffness an input scales; None of any other input."""
+    named = code.removeprefix(STIFFNESS)
+    return _MULTIPLIED.get(code, named if named and named != code else None)
 
 
 def _of_drive(base: MachineDescription, number: int, key: str) -> float:
@@ -141,18 +158,18 @@ def _number(code: str, value: object) -> float:
     if isinstance(value, bool) or not isinstance(value, Real):
         raise MachineError(f"input {code}: must be a number, got {value!r}")
     number = float(value)
-    if code in _MULTIPLIED and number <= 0.0:
+    if multiplied_part(code) is not None and number <= 0.0:
         raise MachineError(f"input {code}: a stiffness multiplier must be positive, got {number}")
     return number
 
 
 def _stiffnesses(base: MachineDescription, target: str) -> Iterator[tuple[Place, tuple[float, ...]]]:
-    """Stiffnesses of a connection of the drives, or of every connection of a name: Table 5's are per element."""
+    """Stiffnesses of a connection of the drives, or of every one of a role or name: Table 5's are per element."""
     found: list[tuple[Place, Springs]] = []
-    if "." in target:
+    if target in _OF_DRIVES:
         found.append(((*target.split("."),), attrgetter(target)(base)))
     for group in ("cutterhead_bearing_gear.connections", "carrier_girder.connections", "connections"):
-        found += [((*group.split("."), i), c) for i, c in enumerate(attrgetter(group)(base)) if c.name == target]
+        found += [((*group.split("."), i), c) for i, c in enumerate(attrgetter(group)(base)) if c.part == target]
     for place, springs in found:
         yield (*place, "stiffness"), springs.stiffness
         for i, row in enumerate(springs.stiffness_matrix or ()):
@@ -185,7 +202,14 @@ def input_values(description: MachineDescription) -> dict[str, float]:
     Returns
     -------
     dict of str to float
-        Without the connections that its file does not name.
+        Without roles and types of connection that its file does not have.
     """
-    found = {code: float(attrgetter(path)(description)) / factor for code, (path, factor) in _PLACES.items()}
-    return found | {code: 1.0 for code, target in _MULTIPLIED.items() if any(_stiffnesses(description, target))}
+    connections, drive = description.all_connections(), description.driveshaft
+    types = {drive.pinion_bearing.type, drive.spline.type, *(one.type for one in connections)}
+    found = {
+        code: float(attrgetter(path)(description)) / factor
+        for code, (path, factor) in _PLACES.items()
+        if not path.startswith(_DAMPED) or path.removeprefix(_DAMPED) in types
+    }
+    found |= {code: 1.0 for code, target in _MULTIPLIED.items() if any(_stiffnesses(description, target))}
+    return found | {f"{STIFFNESS}{one.part}": 1.0 for one in connections if one.part not in _MULTIPLIED.values()}

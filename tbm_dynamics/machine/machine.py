@@ -81,6 +81,36 @@ class Machine:
         """Pinion–ring mesh frequency z_r n / 60 (Hz)."""
         return self.description.driveshaft.gear.ring_teeth * self.description.operating_point.speed_r_min / 60.0
 
+    def step(self, wanted: float | None = None) -> float:
+        """Time step of a run (s): the one wanted, or the machine's own, as its stiffest mesh vibration needs it.
+
+        Raises
+        ------
+        MachineError
+            A machine that cannot be assembled.
+        SimulationError
+            A step that is too coarse, or meshes that none is short enough for.
+        """
+        from tbm_dynamics.integration.condensed import check_step, own_step  # noqa: PLC0415 - compiled code
+
+        system = self.assemble()
+        if wanted is None:
+            return own_step(system)
+        check_step(system, wanted)
+        return wanted
+
+    def settling(self) -> float:
+        """Time (s) that the start of a run is felt, which no statistic of it should hold; see `settling_time`.
+
+        Raises
+        ------
+        MachineError
+            A machine that cannot be assembled.
+        """
+        from tbm_dynamics.integration.settling import settling_time  # noqa: PLC0415 - scipy, for those who assemble
+
+        return settling_time(self.assemble())
+
     def with_inputs(self, **inputs: float) -> Machine:
         """Return a variant with the named inputs changed and nothing else.
 

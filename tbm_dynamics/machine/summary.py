@@ -182,6 +182,10 @@ class MachineSummary(FrozenModel):
         Sources of the places of the nodes, by subsystem.
     cutters : CuttingSummary or None
         None without cutters.
+    time_step : float
+        Of its runs, unless another is asked for (s).
+    settling : float
+        Time that the start of a run is felt, which is left out of its statistics (s).
     masses : dict of str to float
         Of each subsystem, and ``total`` (kg).
     sources : dict of str to int
@@ -204,6 +208,8 @@ class MachineSummary(FrozenModel):
     cutters: CuttingSummary | None
     masses: dict[str, float]
     degrees_of_freedom: int
+    time_step: float
+    settling: float
     modes: tuple[ModeSummary, ...]
     sources: dict[str, int]
 
@@ -216,6 +222,9 @@ def machine_summary(machine: Machine, count: int = 10) -> MachineSummary:
     MachineError
         A machine that cannot be assembled.
     """
+    from tbm_dynamics.integration.condensed import own_step  # noqa: PLC0415 - compiled code
+    from tbm_dynamics.integration.settling import settling_time  # noqa: PLC0415
+
     system, description = machine.assemble(), machine.description
     structures = structures_of(description)
     groups = [*((name, part.connections) for name, part in structures), (BETWEEN, description.connections)]
@@ -236,6 +245,8 @@ def machine_summary(machine: Machine, count: int = 10) -> MachineSummary:
         cutters=_cutting(machine),
         masses=_masses(description),
         degrees_of_freedom=system.size,
+        time_step=own_step(system),
+        settling=settling_time(system),
         modes=tuple(lowest_modes(system, count)),
         sources=count_sources(description),
     )

@@ -44,7 +44,7 @@ class DynamicsNode(ManagedNode[DynamicsSettings]):
         self._rate: float = self.settings.load_rate
         self._step = step_ns(self._rate)
         self._points = self._machine.description.sensor_places
-        self._stream = DynamicsStream(self._machine, self._rate, self.settings.loads)
+        self._stream = self._new_stream()
         self._pinion_radius = gear_pair(self._machine.description.driveshaft).pinion_base_radius
         self._refused = 0
         self._faults: FaultLog[str] = FaultLog(lambda text: self.get_logger().warning(text))
@@ -53,6 +53,13 @@ class DynamicsNode(ManagedNode[DynamicsSettings]):
         self._new_sensors()
         self._stream.warm_up()
         self._create_topics()
+
+    def _new_stream(self) -> DynamicsStream:
+        """Stream of the machine, if its meshes allow steps as long as the loads come."""
+        try:
+            return DynamicsStream(self._machine, self._rate, self.settings.loads)
+        except SimulationError as error:
+            raise InputError(f"parameter load_rate {self._rate:g} Hz: {error}") from None
 
     def _create_topics(self) -> None:
         self._blocks = {p: self.contract_publisher(topics.model_block(p)) for p in self._points}

@@ -14,6 +14,7 @@ from tbm_msgs_py.base.fields import FrozenModel
 from tbm_msgs_py.nodes.parameters import MachineSettings, Names, live_parameter, parameter
 
 _COLUMNS = " ".join(f"{key}={name}" for key, name in COLUMNS.items())
+_MOST = 500_000  # Hz; a small gear rig has teeth that vibrate at 15 kHz
 _OWN = "; 0: the machine's; the topic changes it too"
 
 
@@ -33,7 +34,7 @@ class LoadSettings(MachineSettings):
     schedule_columns: Names = parameter((), f"its columns, where not {_COLUMNS}")
     schedule_where: Names = parameter((), "only rows with these cells, as column=text")
     seed: int = parameter(0, "seed of the load realisation", low=0, high=2**31 - 1)
-    block_rate: float = parameter(topics.LOAD_BLOCK_RATE, "rate of the loads (Hz)", low=1000.0, high=50000.0)
+    block_rate: float = parameter(topics.LOAD_BLOCK_RATE, "rate of the loads (Hz)", low=1000.0, high=_MOST)
     block_samples: int = parameter(topics.LOAD_BLOCK_SAMPLES, "samples of a block", low=10, high=100000)
     live_rate: float = live_parameter(topics.LIVE_RATE, "rate of loads/wrench (Hz)", low=1.0, high=1000.0)
     operating_point: OperatingSettings = OperatingSettings()
@@ -45,7 +46,7 @@ class LoadSettings(MachineSettings):
 class SensorSettings(SensorEffects):
     """The sensors of `dynamics_node`."""
 
-    rate: int = parameter(0, "sampling rate of the sensors (Hz), 0 is block_rate", low=0, high=50000)
+    rate: int = parameter(0, "sampling rate of the sensors (Hz), 0 is block_rate", low=0, high=_MOST)
 
 
 class DynamicsSettings(MachineSettings):
@@ -54,11 +55,14 @@ class DynamicsSettings(MachineSettings):
     loads: LoadModel = parameter("spectral", "level of the received loads: its mean is where a run starts")
     seed: int = parameter(0, "seed of the sensor noise", low=0, high=2**31 - 1)
     load_rate: float = parameter(
-        topics.LOAD_BLOCK_RATE, "rate of the received loads (Hz), one step each", low=1000.0, high=50000.0
+        topics.LOAD_BLOCK_RATE, "rate of the received loads (Hz), one step each", low=1000.0, high=_MOST
     )
     live_rate: float = live_parameter(topics.LIVE_RATE, "rate of the live topics (Hz)", low=1.0, high=1000.0)
     block_rate: int = parameter(
-        int(topics.MODEL_BLOCK_RATE), "rate of the acceleration and mesh force blocks (Hz)", low=100, high=50000
+        int(topics.MODEL_BLOCK_RATE),
+        "rate of the acceleration and mesh force blocks (Hz)",
+        low=100,
+        high=_MOST,
     )
     block_samples: int = parameter(topics.MODEL_BLOCK_SAMPLES, "samples of a block", low=10, high=100000)
     sensor: SensorSettings = SensorSettings()

@@ -105,6 +105,8 @@ class System:
         By which the mean thrust enters, the rock's spring holding against it; without them it is a load on the head.
     rock_damping : float
         Moment of the rock's damper about x per speed of the head (N·m·s/rad), on top of the mean torque.
+    assembled : System or None
+        What it was `under` another operating point: all that does not depend on that is of both.
     """
 
     M: np.ndarray
@@ -119,10 +121,11 @@ class System:
     operating_point: OperatingPoint
     cylinders: Cylinders | None = None
     rock_damping: float = 0.0
+    assembled: System | None = None
 
     def under(self, point: OperatingPoint, mean_load: np.ndarray) -> System:
         """Return the same system at another operating point, under its mean loads (6,)."""
-        return replace(self, operating_point=point, mean_load=mean_load)
+        return replace(self, operating_point=point, mean_load=mean_load, assembled=self.assembled or self)
 
     @property
     def size(self) -> int:
@@ -180,7 +183,7 @@ class System:
     def mean_force(self) -> np.ndarray:
         """Mean generalised force of rock, motors and thrust cylinders, shape (n,)."""
         torque, moment = self.driving(self.operating_point)
-        force = torque * self.motor_pattern
+        force = np.asarray(torque * self.motor_pattern)
         force[self.load_dofs] += self.mean_load
         force[self.load_dofs[3]] -= moment
         if self.cylinders is not None:

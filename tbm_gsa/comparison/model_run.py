@@ -5,7 +5,6 @@ from collections.abc import Mapping
 import numpy as np
 
 from tbm_dynamics import Machine
-from tbm_dynamics.integration import DEFAULT_STEP
 from tbm_dynamics.integration.simulator import MethodName
 from tbm_dynamics.streaming.simulation import ModelRun
 from tbm_gsa.signals.conditioning import LOW_PASS_LIMIT_HZ
@@ -18,10 +17,12 @@ def run_model(
     duration: float,
     seed: int,
     reducers: Mapping[str, SignalReducer],
+    time_step: float,
+    settling: float,
     progress: ShareDone = lambda _: None,
     high_hz: float = LOW_PASS_LIMIT_HZ,
 ) -> dict[str, ReducedSignal]:
-    """Simulate a machine at its operating point and reduce the accelerations of test points, at the default step.
+    """Simulate a machine at its operating point and reduce the accelerations of test points, the settling left out.
 
     Parameters
     ----------
@@ -31,7 +32,9 @@ def run_model(
     seed : int
         Of the loads.
     reducers : mapping of str to SignalReducer
-        By test point.
+        By test point; of the rate of the run.
+    time_step, settling : float
+        s.
     progress : callable
         Called with the share that is done, 0 to 1.
     high_hz : float
@@ -39,9 +42,10 @@ def run_model(
     """
     places = [machine.description.sensor_places[point] for point in reducers]
     method: MethodName = "reduced" if high_hz <= LOW_PASS_LIMIT_HZ else "full"
-    run = ModelRun(machine, duration, seed, [place.node for place in places], method=method)
+    nodes = [place.node for place in places]
+    run = ModelRun(machine, duration, seed, nodes, time_step=time_step, settling=settling, method=method)
     for chunk in run.chunks(progress=progress):
-        time = np.arange(chunk.first_step, chunk.first_step + len(chunk.mesh_force), dtype=np.float64) * DEFAULT_STEP
+        time = np.arange(chunk.first_step, chunk.first_step + len(chunk.mesh_force), dtype=np.float64) * time_step
         for k, (place, reducer) in enumerate(zip(places, reducers.values(), strict=True)):
             reducer.feed(time, np.ascontiguousarray(place.translation(chunk.acceleration[:, k])))
     return {point: reducer.finish() for point, reducer in reducers.items()}

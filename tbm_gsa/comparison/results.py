@@ -14,6 +14,7 @@ from typing import Annotated, Final, Literal
 from pydantic import Field, SerializerFunctionWrapHandler, model_serializer, model_validator
 
 from tbm_dynamics import Machine
+from tbm_dynamics.integration import DEFAULT_STEP
 from tbm_gsa.reading import LARGEST_NUMBER, Interval, MachineFile, Name, Number, Part, PathText, Seed, Size, TextLine
 from tbm_msgs_py.base.fields import Vector3
 from tbm_msgs_py.recordings.channels import LeftOut
@@ -301,6 +302,8 @@ class ComparisonResult(Part):
     changes: tuple[Number, ...] = ()
     seed: Seed
     model_duration: Duration
+    settling: Number = 0.0
+    time_step: Number = DEFAULT_STEP
     versions: dict[Name, TextLine]
     synthetic: bool = False
 

@@ -26,7 +26,7 @@ from tbm_gsa.provenance import machine_file, package_versions
 from tbm_gsa.signals.conditioning import LOW_PASS_SHARE
 from tbm_gsa.signals.intervals import CONFIDENCE
 from tbm_gsa.signals.reduction import ReducedSignal, Series, SignalReducer, one_level
-from tbm_gsa.signals.settings import MODEL_RATE_HZ, Settings
+from tbm_gsa.signals.settings import Settings
 from tbm_msgs_py.bags.metadata import is_synthetic
 from tbm_msgs_py.base.errors import InputError, RecordingError
 from tbm_msgs_py.base.fields import Vector3
@@ -69,6 +69,7 @@ def compare_recording(
     settings: Settings | None = None,
     progress: Progress = lambda *_: None,
     span: tuple[float, float] | None = None,
+    time_step: float | None = None,
 ) -> RecordingComparison:
     """Compare a recording with the model at the recorded levels of operation.
 
@@ -92,6 +93,8 @@ def compare_recording(
     progress : callable, optional
     span : (float, float), optional
         Begin and end of the stretch that is compared, s after the first sample of all; by default the whole.
+    time_step : float, optional
+        Of the model, s; by default the machine's own.
 
     Raises
     ------
@@ -104,21 +107,35 @@ def compare_recording(
     """
     chosen = _checked(settings or Settings(), model_duration, seed, span)
     described = machine if isinstance(machine, Machine) else load_machine(machine)
+    step = described.step(time_step)  # a machine that cannot be run is refused before a long recording is read
+    _check_band(chosen, step)
     reader = open_recording(bag, mapping)
     shared = _shared_points(reader, described)
     placed = described.with_offsets(_stated_offsets(reader, shared))
     field, history, machines, chosen = _read(reader, placed, shared, chosen, progress, span)
     lines = lines_of_levels(machines, highest_hz(chosen))
     chosen = _with_lines(chosen, lines)
-    predicted = _model_side(machines, field.signals, chosen, (model_duration, seed), progress)
+    started = step, described.settling()
+    predicted = _model_side(machines, field.signals, chosen, (model_duration, seed), started, progress)
     _check_stretch(span, field, predicted, chosen.window_s)
     points, failed = _compare_each(reader, field, predicted, chosen)
-    result = _result(reader, described, placed, field, history, points, failed, chosen, lines, (model_duration, seed))
+    run = model_duration, seed, *started
+    result = _result(reader, described, placed, field, history, points, failed, chosen, lines, run)
     return RecordingComparison(
         result,
         {name: point.excerpts for name, point in points.items()},
         {name: field.health[name].start_ns for name in points},
     )
+
+
+def _check_band(settings: Settings, step: float) -> None:
+    """Refuse an upper limit that runs in such steps (s) do not hold."""
+    highest = LOW_PASS_SHARE / step
+    if settings.high_hz is not None and not LOWEST_HIGH_HZ <= settings.high_hz <= highest:
+        raise InputError(
+            f"upper limit of the band {settings.high_hz:g} Hz, allowed: {LOWEST_HIGH_HZ:g} to {highest:g}, "
+            f"{LOW_PASS_SHARE:g} of the model's sampling rate"
+        )
 
 
 def _with_lines(settings: Settings, lines: Sequence[ExpectedLine]) -> Settings:
@@ -149,9 +166,12 @@ def _result(
     failed: Mapping[str, str],
     settings: Settings,
     lines: tuple[ExpectedLine, ...],
-    run: tuple[float, int],
+    run: tuple[float, int, float, float],
 ) -> ComparisonResult:
-    """Gather what was read, compared and left out, and what it depends on; `run`: duration and seed of the model's."""
+    """Gather what was read, compared and left out, and what it depends on.
+
+    `run`: duration, seed, time step and settling of the model's.
+    """
     places, changed = placed.description.sensor_places, change_times(points)
     return ComparisonResult(
         window_s=settings.window_s,
@@ -175,6 +195,8 @@ def _result(
         changes=changed,
         model_duration=run[0],
         seed=run[1],
+        time_step=run[2],
+        settling=run[3],
         versions=package_versions(),
         synthetic=is_synthetic(reader.path),
     )
@@ -216,11 +238,6 @@ def _checked(settings: Settings, model_duration: float, seed: int, span: tuple[f
         raise InputError(f"model_duration {model_duration:g} s, allowed: {SHORTEST_MODEL_S:g} to {LONGEST_MODEL_S:g} s")
     if not SHORTEST_WINDOW_S <= settings.window_s <= LONGEST_WINDOW_S:
         raise InputError(f"window {settings.window_s:g} s, allowed: {SHORTEST_WINDOW_S:g} to {LONGEST_WINDOW_S:g} s")
-    if settings.high_hz is not None and not LOWEST_HIGH_HZ <= settings.high_hz <= LOW_PASS_SHARE * MODEL_RATE_HZ:
-        raise InputError(
-            f"upper limit of the band {settings.high_hz:g} Hz, allowed: {LOWEST_HIGH_HZ:g} to "
-            f"{LOW_PASS_SHARE * MODEL_RATE_HZ:g}, 0.4 of the model's sampling rate"
-        )
     if not 0 <= seed < 2**31:
         raise InputError(f"seed {seed}, allowed: 0 to {2**31 - 1}")
     return settings
@@ -300,18 +317,22 @@ def _model_side(
     field: Mapping[str, ReducedSignal],
     settings: Settings,
     run: tuple[float, int],
+    started: tuple[float, float],
     progress: Progress,
 ) -> dict[str, ReducedSignal]:
-    """Signals of the model at every level that a window belongs to, for (duration, seed), by test point."""
+    """Signals of the model at every level that a window belongs to, by test point.
+
+    `run` are duration and seed, `started` time step and settling.
+    """
     seen = {int(level) for signal in field.values() for level in signal.level}
     runs = []
     for level in sorted(seen & set(machines)):
         reducers = {
-            point: SignalReducer(MODEL_RATE_HZ, signal.band, signal.frame, settings, one_level(level))
+            point: SignalReducer(1.0 / started[0], signal.band, signal.frame, settings, one_level(level))
             for point, signal in field.items()
         }
         name = "model" if len(machines) == 1 else f"model, level {level + 1} of {len(machines)}"
-        runs.append(run_model(machines[level], *run, reducers, partial(progress, name), highest_hz(settings)))
+        runs.append(run_model(machines[level], *run, reducers, *started, partial(progress, name), highest_hz(settings)))
     return {point: ReducedSignal.joined([signals[point] for signals in runs]) for point in field} if runs else {}
 
 

@@ -25,7 +25,7 @@ from tbm_gsa.provenance import package_versions
 from tbm_msgs_py.base.files import write_whole
 from tbm_msgs_py.base.progress import CountDone
 
-FORMAT: Final = 1
+FORMAT: Final = 2
 """Raised with whatever changes what the curves of a machine are."""
 KEPT: Final = 16
 """Files of 2 MB; the oldest goes."""

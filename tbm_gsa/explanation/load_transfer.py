@@ -21,7 +21,6 @@ import scipy.fft
 
 from tbm_dynamics import Machine
 from tbm_dynamics.frequency_response import FrequencyResponse
-from tbm_dynamics.integration import DEFAULT_STEP
 from tbm_dynamics.loads.density import SPACING_HZ, LoadDensity, load_density
 from tbm_dynamics.machine.sensor_place import SensorPlace
 from tbm_dynamics.structure.system import System
@@ -154,9 +153,10 @@ def _mesh_motion(system: System, places: list[SensorPlace], reading: BandReading
     # It compiles: the node that only reads what a process of its own has computed does without.
     from tbm_dynamics.integration.simulator import Simulator  # noqa: PLC0415
 
-    skipped, steps = (round(seconds / DEFAULT_STEP) for seconds in (MESH_START_S, MESH_RUN_S))
+    run = Simulator(system, [place.node for place in places])
+    skipped, steps = (round(seconds / run.time_step) for seconds in (MESH_START_S, MESH_RUN_S))
     still = np.tile(system.mean_load, (skipped + steps, 1))
-    motion = Simulator(system, [place.node for place in places]).step(still).acceleration[skipped:]
+    motion = run.step(still).acceleration[skipped:]
     values = np.hstack([place.translation(motion[:, k]) for k, place in enumerate(places)])
     window = np.hanning(steps + 1)[:-1, None]
     size = np.sqrt(2.0 / (steps * np.square(window).sum()))

@@ -7,24 +7,25 @@ from typing import Final
 
 from tbm_dynamics import Machine
 from tbm_dynamics.loads.description import LoadFactors
-from tbm_dynamics.machine.inputs import input_values
+from tbm_dynamics.machine.inputs import input_values, multiplied_part
 from tbm_gsa.sensitivity.study.distributions import LogUniform, Uniform
-from tbm_gsa.sensitivity.study.inputs import PAPER_INPUTS, Input, InputSet
+from tbm_gsa.sensitivity.study.inputs import Input, InputSet, default_inputs
 from tbm_msgs_py.base.errors import InputError
 
 OPERATING: Final = ("x1", "x2", "x3")
 """Known from the recording, or the machine's own: no explanation."""
-STIFFNESS: Final = tuple(f"x{number}" for number in range(16, 26))
 FAULT: Final = 3.0
 """Factor by which a stiffness may be off, more than the uncertainty in Table 4."""
 DECADE: Final = 10.0
 
 
 def explaining_inputs(machine: Machine) -> InputSet:
-    """Select the inputs of Table 4 that the machine has, but its operating point; each range reaches to its value."""
+    """Select the inputs of a study of the machine, but its operating point; each range reaches to its own value."""
     own = input_values(machine.description)
     items = [
-        _around(item, own[item.code]) for item in PAPER_INPUTS.inputs if item.code in own and item.code not in OPERATING
+        _around(item, own[item.code])
+        for item in default_inputs(machine).inputs
+        if item.code in own and item.code not in OPERATING
     ]
     return InputSet(tuple(items))
 
@@ -45,7 +46,7 @@ def loads_prior(machine: Machine) -> LoadFactors:
 
 def _around(item: Input, value: float) -> Input:
     """Widen a range to a fault's: stiffness may fall to a third; what spans decades is as likely in each."""
-    if item.kind == "multiplier" and item.code in STIFFNESS:
+    if multiplied_part(item.code):
         return replace(item, initial=value, distribution=LogUniform(value / FAULT, value * FAULT))
     low, high = min(item.lower, value), max(item.upper, value)
     law = LogUniform(low, high) if high > DECADE * low else Uniform(low, high)

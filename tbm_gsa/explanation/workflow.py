@@ -36,6 +36,8 @@ class ExplainOptions:
         Length of the model's run at what was found, s.
     model_error : float
         Standard deviation of the logarithm of a band power that the model is wrong by in any case.
+    time_step : float, optional
+        Of that run, s; the machine's own without it.
     seed : int
     workers : int
         Processes that compute the curves.
@@ -44,6 +46,7 @@ class ExplainOptions:
 
     samples: int = STEPS
     duration: float = 6.0
+    time_step: float | None = None
     model_error: float = LEAST_MODEL_ERROR
     seed: int = 0
     workers: int = WORKERS
@@ -119,6 +122,8 @@ def explain_source(source: ExplanationSource, folder: str | Path, options: Expla
         chosen.seed,
         names,
         seen.reading.band.high,
+        machine.step(chosen.time_step),
+        machine.settling(),
     )
     depends = {key: evaluate.settings[key] for key in ("machine", "machine_sha256", "duration", "load_seed", "high_hz")}
     parts = ExplanationParts(found, posterior, checked_powers(found, evaluate), chosen.duration)

@@ -3,6 +3,7 @@
 import copy
 from dataclasses import replace
 from importlib import resources
+from pathlib import Path
 
 import numpy as np
 import yaml
@@ -13,6 +14,8 @@ from tbm_dynamics.loads.description import COMPONENTS
 from tbm_dynamics.machine.description import MachineDescription
 from tbm_dynamics.mesh.planetary import PlanetaryStage
 
+RIG = Path(__file__).parents[1] / "machines" / "rig.yaml"
+"""A gear rig: one drive, lightly damped, connections under names of its own."""
 TEXT = (resources.files("tbm_dynamics") / "machines" / "dz101.yaml").read_text("utf-8")
 
 

@@ -4,14 +4,17 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from machine_files import RIG, all_connections, built, plain
 from scipy.spatial.distance import cdist, pdist
 from scipy.stats import qmc
 
+from tbm_dynamics import load_machine
 from tbm_gsa.sensitivity.study import design as designs
+from tbm_gsa.sensitivity.study.definition import read_definition
 from tbm_gsa.sensitivity.study.design import KINDS, add_points, make_design
 from tbm_gsa.sensitivity.study.distributions import LogUniform, Normal, Triangular, Uniform
 from tbm_gsa.sensitivity.study.errors import StudyError
-from tbm_gsa.sensitivity.study.inputs import PAPER_INPUTS, Input, InputSet
+from tbm_gsa.sensitivity.study.inputs import PAPER_INPUTS, Input, InputSet, default_inputs, known_input
 
 HYPERCUBES = [kind for kind in KINDS if kind != "sobol"]
 
@@ -37,6 +40,73 @@ def test_table_4_of_the_paper():
     multipliers = [item.code for item in PAPER_INPUTS.inputs if item.kind == "multiplier"]
     assert multipliers == ["x8", *(f"x{k}" for k in range(16, 26))]
     assert [code for members in PAPER_INPUTS.groups.values() for code in members] == list(PAPER_INPUTS.codes)
+
+
+def _tight(data):
+    """A copy that may be driven no faster, and with hardly more power."""
+    point = data["operating_point"]
+    power = point["torque_kn_m"] * point["speed_r_min"] * np.pi / 30.0
+    limits = {"speed_r_min": point["speed_r_min"], "torque_kn_m": 1e9, "thrust_kn": 1e9, "power_kw": 1.02 * power}
+    return data | {"operating_limits": limits | {"source": "test"}}
+
+
+MACHINES = {
+    "open380": lambda: load_machine("open380"),
+    "rig": lambda: load_machine(RIG),
+    "at its limits": lambda: built(_tight(plain("open380"))),
+    "no limits": lambda: built({**plain("open380"), "operating_limits": None}),
+}
+
+
+@pytest.mark.parametrize("name", MACHINES)
+def test_inputs_of_any_machine_are_table_4s_as_factors(name):
+    machine = MACHINES[name]()
+    inputs, point = default_inputs(machine), machine.description.operating_point
+    own = (point.speed_r_min, point.torque_kn_m, point.thrust_kn)
+    assert [inputs[code].initial for code in ("x1", "x2", "x3")] == [*own]
+    for item in inputs.inputs:
+        paper = known_input(item.code)
+        factors = np.array([item.lower, item.upper]) / item.initial
+        wanted = np.array([paper.lower, paper.upper]) / paper.initial
+        assert factors[0] == pytest.approx(wanted[0], rel=1e-3)
+        assert factors[1] <= wanted[1] * 1.001
+        if item.code not in ("x1", "x2", "x3"):
+            assert factors[1] == pytest.approx(wanted[1], rel=1e-3)
+    # The machine allows all that a sample may be.
+    for end in ("lower", "upper"):
+        machine.with_inputs(**{item.code: getattr(item, end) for item in inputs.inputs})
+    grouped = [code for members in inputs.groups.values() for code in members]
+    assert sorted(grouped) == sorted(inputs.codes)
+
+
+def test_inputs_are_those_a_machine_has():
+    assert default_inputs(load_machine("dz101")) is PAPER_INPUTS
+    assert [code for code in PAPER_INPUTS.codes if code not in default_inputs(load_machine("open380")).codes] == ["x19"]
+    codes = default_inputs(load_machine(RIG)).codes
+    names = ("brake caliper", "housing bolts", "bed springs", "main bearing")
+    assert [code for code in codes if code.startswith("stiffness.")] == [f"stiffness.{name}" for name in names]
+    assert not {f"x{k}" for k in (*range(16, 23), 25)} & {*codes}
+    still = plain("open380")
+    still["driveshaft"]["mesh"]["backlash"] = 0.0
+    assert "x7" not in default_inputs(built(still)).codes
+
+
+def test_a_role_makes_a_name_free():
+    data = plain("open380")
+    for connection in all_connections(data):
+        if connection["name"] == "k_r_ct":
+            connection |= {"name": "rock at the face", "role": "k_r_ct"}
+    machine = built(data)
+    assert default_inputs(machine).codes == default_inputs(load_machine("open380")).codes
+    first = machine.with_inputs(x16=2.0).description.cutterhead_bearing_gear.connections[0]
+    assert first.stiffness == (1.2e9, 1.2e9, 1.2e9, 6e8, 6e8, 6e8)
+
+
+def test_a_range_that_is_not_stated_is_the_machines(tmp_path):
+    (tmp_path / "study.yaml").write_text("inputs: {x2: , drive_1.backlash: , stiffness.main bearing: }")
+    found = read_definition(tmp_path / "study.yaml", load_machine(RIG)).inputs
+    ends = [(round(item.lower, 4), round(item.upper, 4)) for item in found.inputs]
+    assert ends == [(0.1974, 0.4934), (33.3333, 166.6667), (0.5, 2.0)]
 
 
 def test_inputs_given_twice_are_refused():

@@ -18,6 +18,7 @@ from tbm_gsa.app.cli.output import (
     JSON_OPTION,
     SEED_OPTION,
     MachineOption,
+    TimeStep,
     add_row,
     narrow_table,
     notes,
@@ -66,6 +67,7 @@ def compare(
         typer.Option("--high-hz", help="Upper limit of the compared band (Hz); default: 1000, or 0.4 of a lower rate."),
     ] = None,
     seed: Annotated[int, SEED_OPTION] = 0,
+    time_step: TimeStep = None,
     history: Annotated[Path | None, typer.Option(help=HISTORY_HELP, dir_okay=False)] = None,
     keep: Annotated[
         bool | None,
@@ -96,6 +98,7 @@ def compare(
             settings,
             progress=staged_progress(bar),
             span=None if begin == 0.0 and end is None else (begin, math.inf if end is None else end),
+            time_step=time_step,
         )
     if html is not None:
         from tbm_gsa.app.report.compare_page import compare_page  # noqa: PLC0415 - matplotlib takes its time

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -27,7 +27,13 @@ from tbm_gsa.app.cli.output import (
     results,
     split_names,
 )
-from tbm_gsa.app.cli.processes import NodeCommand, NodeProcesses, settle_ros_environment
+from tbm_gsa.app.cli.processes import (
+    NodeCommand,
+    NodeProcesses,
+    load_rates,
+    received_rate,
+    settle_ros_environment,
+)
 from tbm_gsa.app.cli.shipped import STORY, shipped_bag
 from tbm_gsa.app.cli.supervision import ACTIVE_STATUSES, Supervision, watch
 from tbm_gsa.app.cli.workers import anonymous_main, shown_progress
@@ -137,13 +143,13 @@ def demo(
     recording = read_recording(bag or shipped_bag(STORY))
     length = max(record.duration for record in recording.points.values())
     described = load_machine(machine)
-    described.assemble()
+    loads = load_rates(described.step())
     names = split_names("--outputs", [] if outputs is None else [outputs])
     checked_outputs(names, described.description.test_points, _STUDY_S)  # refused before anything starts
     start = time.monotonic()
     with watch(described.description.test_points) as watching, NodeProcesses(out / "logs") as processes:
         nodes = Supervision(processes, watching.state.diagnostics)
-        for command in node_commands(recording, machine, seed, out, samples, test, names):
+        for command in node_commands(recording, machine, loads, seed, out, samples, test, names):
             nodes.start(command)
         _wait_until_active(watching, nodes, out / "logs")
         nodes.start(player_command(recording))
@@ -166,9 +172,16 @@ def demo(
 
 
 def node_commands(
-    recording: Recording, machine: str, seed: int, out: Path, samples: int, test: int, outputs: Sequence[str]
+    recording: Recording,
+    machine: str,
+    loads: Mapping[str, object],
+    seed: int,
+    out: Path,
+    samples: int,
+    test: int,
+    outputs: Sequence[str],
 ) -> list[NodeCommand]:
-    """Name the three nodes, which follow the recording's clock."""
+    """Name the three nodes, which follow the recording's clock; `loads` are parameters of the load node."""
     common: dict[str, object] = {"machine": machine, "use_sim_time": True}
     study: dict[str, object] = {
         "alarm": "threshold",  # the recording is over before a baseline is learnt
@@ -184,9 +197,9 @@ def node_commands(
     stated: dict[str, object] = {"mapping": str(mapping)} if mapping else {}
     return [
         NodeCommand("analysis_node", {**common, **study, **stated}),
-        NodeCommand("dynamics_node", {**common, "seed": seed}),
+        NodeCommand("dynamics_node", {**common, **received_rate(loads), "seed": seed}),
         # Dynamics and this process: both see the stream from its first block.
-        NodeCommand("load_node", {**common, "seed": seed, "wait_for_subscribers": 2}),
+        NodeCommand("load_node", {**common, **loads, "seed": seed, "wait_for_subscribers": 2}),
     ]
 
 

@@ -10,6 +10,7 @@ import typer
 from tbm_gsa.app.cli.output import (
     JSON_OPTION,
     SEED_OPTION,
+    TimeStep,
     add_row,
     narrow_table,
     notes,
@@ -38,6 +39,7 @@ def explain(
     ] = 0.02,
     workers: Workers = 2,
     seed: Annotated[int, SEED_OPTION] = 0,
+    time_step: TimeStep = None,
     json: Annotated[bool, JSON_OPTION] = False,
 ) -> None:
     """Find what explains a recording: rock, machine (which input, its value) or sensor (which channel), or nothing."""
@@ -52,6 +54,7 @@ def explain(
         options = ExplainOptions(
             samples=samples,
             duration=duration,
+            time_step=time_step,
             model_error=model_error,
             seed=seed,
             workers=workers,

@@ -28,6 +28,7 @@ from tbm_gsa.app.cli.output import (
     JSON_OPTION,
     SEED_OPTION,
     MachineOption,
+    TimeStep,
     add_row,
     narrow_table,
     notes,
@@ -77,12 +78,14 @@ def run(
     workers: Workers = 2,
     scheduler: Scheduler = None,
     seed: Annotated[int, SEED_OPTION] = 0,
+    time_step: TimeStep = None,
     json: Annotated[bool, JSON_OPTION] = False,
 ) -> None:
     """Simulate a design, fit surrogates, print Sobol indices; an unfinished study of the folder goes on."""
     from tbm_gsa.sensitivity.study.run import run_study  # noqa: PLC0415 - what analyses and draws takes a second to import
 
-    problem, evaluate = planned_study(machine, duration, inputs, outputs, high_hz, design, (samples, test), seed)
+    sizes = samples, test
+    problem, evaluate = planned_study(machine, duration, inputs, outputs, high_hz, design, sizes, seed, time_step)
     with _running(out, method, allow_failures, workers, scheduler) as options:
         study = run_study(problem, evaluate, out, options)
     show(study, json)

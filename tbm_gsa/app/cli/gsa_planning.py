@@ -2,21 +2,24 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 from typing import Annotated, Final
 
 import typer
 
-from tbm_dynamics import load_machine
+from tbm_dynamics import Machine, load_machine
 from tbm_dynamics.indicators import INDICATORS
 from tbm_gsa.app.cli.output import OUTPUTS_HELP, split_names
-from tbm_gsa.sensitivity.study.definition import Definition, read_definition
+from tbm_gsa.sensitivity.study.definition import study_definition
 from tbm_gsa.sensitivity.study.design import KINDS
 from tbm_gsa.sensitivity.study.evaluate import MachineEvaluation
-from tbm_gsa.sensitivity.study.inputs import PAPER_INPUTS
+from tbm_gsa.sensitivity.study.inputs import InputSet
 from tbm_gsa.sensitivity.study.problem import StudyProblem
 from tbm_msgs_py.base.errors import InputError
 
+_STIFFER: Final = re.compile(r"x9|x10|drive_[0-9]+\.tooth_stiffness")
+"""Inputs that make a mesh stiffer."""
 MOST_SAMPLES: Final = 1_000_000
 Samples = Annotated[int, typer.Option("--samples", min=10, max=MOST_SAMPLES, help="Training simulations.")]
 TestSamples = Annotated[int, typer.Option("--test", min=2, max=MOST_SAMPLES, help="Test simulations.")]
@@ -25,7 +28,9 @@ Duration = Annotated[float, typer.Option("--duration", min=0.01, max=3600.0, hel
 Inputs = Annotated[
     Path | None,
     typer.Option(
-        "--inputs", help="YAML file with inputs, distributions, groups, outputs; default: the paper's Table 4."
+        "--inputs",
+        help="YAML file with inputs, distributions, groups, outputs; default: the paper's Table 4, of another machine "
+        "than dz101 the same ranges as factors on its own values.",
     ),
 ]
 Outputs = Annotated[
@@ -46,13 +51,22 @@ def planned_study(
     design: str,
     sizes: tuple[int, int],
     seed: int,
+    time_step: float | None,
 ) -> tuple[StudyProblem, MachineEvaluation]:
-    """Plan a study of `sizes` training and test simulations; everything about it is checked."""
-    definition = Definition(PAPER_INPUTS) if inputs is None else read_definition(inputs)
-    names = split_names("--outputs", [] if outputs is None else [outputs]) or definition.outputs or INDICATORS
-    load_machine(machine).assemble()  # a bad machine is refused before a folder is made
-    evaluate = MachineEvaluation.of(machine, duration, seed, names, high_hz)
-    if high_hz is not None and set(names) <= set(INDICATORS):
+    """Plan a study of `sizes` training and test simulations; all about it is checked, before a folder is made."""
+    described = load_machine(machine)
+    given = split_names("--outputs", [] if outputs is None else [outputs])
+    definition = study_definition(described, inputs, given, duration)
+    step = _time_step(described, definition.inputs, time_step)
+    settling = described.settling()
+    evaluate = MachineEvaluation.of(machine, duration, seed, definition.outputs, high_hz, step, settling)
+    if high_hz is not None and set(definition.outputs) <= set(INDICATORS):
         raise InputError(f"--high-hz {high_hz:g}: no output is of an acceleration, allowed: with one")
-    evaluate.check({item.code: (item.lower, item.upper) for item in definition.inputs.inputs})
-    return StudyProblem(definition.inputs, names, *sizes, seed, evaluate.settings, design), evaluate
+    return StudyProblem(definition.inputs, definition.outputs, *sizes, seed, evaluate.settings, design), evaluate
+
+
+def _time_step(machine: Machine, inputs: InputSet, wanted: float | None) -> float:
+    """Time step of all simulations, s: one that the stiffest mesh of the study allows, too."""
+    stiffest = {code: high for code, (_, high) in inputs.ends.items() if _STIFFER.fullmatch(code)}
+    machines = [machine, machine.with_inputs(**stiffest)]
+    return min(one.step(wanted) for one in machines)

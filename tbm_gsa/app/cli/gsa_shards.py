@@ -14,6 +14,7 @@ from tbm_gsa.app.cli.output import (
     JSON_OPTION,
     SEED_OPTION,
     MachineOption,
+    TimeStep,
     notes,
     print_json,
     print_sentence,
@@ -52,11 +53,13 @@ def shard(
     high_hz: HighHz = None,
     workers: Workers = 2,
     seed: Annotated[int, SEED_OPTION] = 0,
+    time_step: TimeStep = None,
     json: Annotated[bool, JSON_OPTION] = False,
 ) -> None:
     """Run one of N independent parts of a study, with the options of `gsa run`; again: it goes on."""
     chosen, start = Shard.parse(part), time.perf_counter()
-    problem, evaluate = planned_study(machine, duration, inputs, outputs, high_hz, design, (samples, test), seed)
+    sizes = samples, test
+    problem, evaluate = planned_study(machine, duration, inputs, outputs, high_hz, design, sizes, seed, time_step)
     with Store.create_or_open(out / STORE_NAME, problem) as store:
         try:
             with progress_bar() as bar, anonymous_main():

@@ -37,7 +37,7 @@ class MachineList(Part):
 
 
 class CheckedMachine(Part):
-    """What `machine check --json` prints; forces in N."""
+    """What `machine check --json` prints; forces in N, times in s."""
 
     machine: str
     origin: str
@@ -46,6 +46,8 @@ class CheckedMachine(Part):
     degrees_of_freedom: int
     meshes: int
     mesh_frequency_hz: float
+    time_step: float
+    settling: float
     natural_frequencies_hz: tuple[float, ...]
     static_mesh_force: tuple[float, ...]
 
@@ -105,7 +107,10 @@ def show(
 
 @app.command()
 def check(machine: MachineOption = DEFAULT_MACHINE, json: Annotated[bool, JSON_OPTION] = False) -> None:
-    """Validate a machine file: its keys and values, floating nodes, the static equilibrium."""
+    """Validate a machine file: its keys and values, floating nodes, the static equilibrium, the time step it needs."""
+    from tbm_dynamics.integration.condensed import own_step  # noqa: PLC0415 - compiled code
+    from tbm_dynamics.integration.settling import settling_time  # noqa: PLC0415
+
     described = load_machine(machine)
     system = described.assemble()
     meshes = system.couplings.drives
@@ -117,6 +122,8 @@ def check(machine: MachineOption = DEFAULT_MACHINE, json: Annotated[bool, JSON_O
         degrees_of_freedom=system.size,
         meshes=meshes,
         mesh_frequency_hz=described.mesh_frequency,
+        time_step=own_step(system),
+        settling=settling_time(system),
         natural_frequencies_hz=tuple(system.natural_frequencies(_SHOWN_MODES).tolist()),
         static_mesh_force=tuple(system.equilibrium().force[:meshes].tolist()),
     )
@@ -130,6 +137,7 @@ def check(machine: MachineOption = DEFAULT_MACHINE, json: Annotated[bool, JSON_O
     force = [f"{round(value, 1) / 1e3 + 0.0:.4g}" for value in found.static_mesh_force]
     each = f"{force[0]} kN each" if len(set(force)) == 1 else f"{', '.join(force)} kN"
     results.print(f"mesh frequency {found.mesh_frequency_hz:.2f} Hz, static mesh force {each}")
+    results.print(f"time step {found.time_step:g} s, settling {found.settling:.3g} s")
     print_sentence(
         "lowest natural frequencies (Hz): " + ", ".join(f"{value:.4g}" for value in found.natural_frequencies_hz)
     )

@@ -33,7 +33,8 @@ def print_tables(summary: MachineSummary) -> None:
     print_sentence(f"{summary.machine}: {summary.title}")
     print_sentence(
         f"operating point {point.speed_r_min:g} r/min, {point.torque_kn_m:g} kN·m, {point.thrust_kn:g} kN "
-        f"({point.source}); {summary.degrees_of_freedom} degrees of freedom"
+        f"({point.source}); {summary.degrees_of_freedom} degrees of freedom, "
+        f"time step {summary.time_step:g} s, settling {summary.settling:.3g} s"
     )
     if limits:
         print_sentence(

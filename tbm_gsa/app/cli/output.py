@@ -71,6 +71,10 @@ COLUMN_OPTION = typer.Option(
 WHERE_OPTION = typer.Option(
     "--schedule-where", help="Only its rows with a text in a column, such as cycle=7; can be repeated."
 )
+TimeStep = Annotated[
+    float | None,
+    typer.Option("--time-step", min=1e-7, max=1e-4, help="Time step (s); default: the machine's, see machine show."),
+]
 MACHINE_HELP = "Name of `machine list`, or path of a machine file"
 MachineOption = Annotated[str, typer.Option("--machine", metavar="<name|file>", help=f"{MACHINE_HELP}.")]
 DEFAULT_MACHINE = "dz101"

@@ -12,8 +12,10 @@ from pathlib import Path
 from types import TracebackType
 from typing import Self
 
+from tbm_dynamics.integration import DEFAULT_STEP
 from tbm_gsa.app.cli.output import notes
 from tbm_gsa.app.nodes.start import child_command
+from tbm_msgs_py import topics
 from tbm_msgs_py.base.errors import InputError, NodeFailure, RunError
 from tbm_msgs_py.base.texts import quoted
 from tbm_msgs_py.nodes.guarding import FAILING
@@ -172,3 +174,16 @@ class NodeProcesses:
             deadline = time.monotonic() + _GRACE_S
             for node in self._running.values():
                 node.process.end(deadline - time.monotonic())
+
+
+def load_rates(time_step: float) -> dict[str, object]:
+    """Parameters of the load node for a time step (s): none for the usual one, else blocks as long as usual."""
+    if time_step == DEFAULT_STEP:
+        return {}
+    rate = float(round(1.0 / time_step))
+    return {"block_rate": rate, "block_samples": round(rate * topics.LOAD_BLOCK_SAMPLES / topics.LOAD_BLOCK_RATE)}
+
+
+def received_rate(loads: Mapping[str, object]) -> dict[str, object]:
+    """Parameter of the dynamics node that goes with those of the load node."""
+    return {"load_rate": loads["block_rate"]} if "block_rate" in loads else {}

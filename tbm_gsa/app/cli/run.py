@@ -22,6 +22,7 @@ from tbm_gsa.app.cli.output import (
     MACHINE_HELP,
     SCHEDULE_OPTION,
     WHERE_OPTION,
+    TimeStep,
     add_row,
     named,
     narrow_table,
@@ -29,7 +30,13 @@ from tbm_gsa.app.cli.output import (
     print_json,
     results,
 )
-from tbm_gsa.app.cli.processes import NodeCommand, NodeProcesses, settle_ros_environment
+from tbm_gsa.app.cli.processes import (
+    NodeCommand,
+    NodeProcesses,
+    load_rates,
+    received_rate,
+    settle_ros_environment,
+)
 from tbm_gsa.app.cli.simulate import schedule_of
 from tbm_gsa.app.cli.status_line import StatusLine
 from tbm_gsa.app.cli.supervision import ACTIVE_STATUSES, Supervision, watch
@@ -47,6 +54,7 @@ _FIRST_BLOCK_S = 300.0
 """Longest wait for the first block; on a cold cache the kernel is compiled in it."""
 _LOOK_S = 0.2
 _NODES = ("load_node", "dynamics_node", "analysis_node")
+_RATES = (("load_node", "block_rate"), ("dynamics_node", "load_rate"))
 _OWN = "default: the machine's own, or what --params states"
 _MACHINE_OPTION = typer.Option(
     "--machine",
@@ -127,6 +135,7 @@ def run(
     foxglove: Annotated[
         int | None, typer.Option(min=1, max=65535, help="Show all to Foxglove at this port of this computer.")
     ] = None,
+    time_step: TimeStep = None,
     out: Annotated[Path, typer.Option(help="Folder for logs and studies.")] = Path("tbm_run"),
     json: Annotated[bool, JSON_OPTION] = False,
 ) -> None:
@@ -138,12 +147,14 @@ def run(
     if not named(context, "machine"):
         machine = site.common(_NODES, "machine", machine)
     described = load_machine(machine)
-    described.assemble()
+    step = described.step(time_step)
     level = loads or _level(site)
     plan = schedule_of(schedule, schedule_column, schedule_where)
     point = _operating_point(described.operating_point, speed, torque, thrust)
     _check_driving(LoadStream(described, seed or 0, 1e-3, 1, level, plan), point, plan)
     driven: dict[str, object] = {"machine": described.origin, "loads": level}
+    if time_step is not None or not any(site.stated(*one) for one in _RATES):
+        driven |= load_rates(step)
     commands = node_commands(driven | _scheduled(schedule, schedule_column, schedule_where), seed, out, site)
     if foxglove:
         commands.append(NodeCommand("live_view", {"port": foxglove}))
@@ -207,7 +218,7 @@ def node_commands(driven: Mapping[str, object], seed: int | None, out: Path, sit
         common["seed"] = analysis["gsa.seed"] = seed
     return [
         NodeCommand("analysis_node", analysis, site.file),
-        NodeCommand("dynamics_node", common, site.file),
+        NodeCommand("dynamics_node", common | received_rate(driven), site.file),
         # Dynamics and this process: both see the stream from its first block.
         NodeCommand("load_node", {**common, **driven, "wait_for_subscribers": 2}, site.file),
     ]

@@ -23,6 +23,7 @@ from tbm_gsa.app.cli.output import (
     SEED_OPTION,
     WHERE_OPTION,
     MachineOption,
+    TimeStep,
     add_row,
     narrow_table,
     print_json,
@@ -54,6 +55,10 @@ class SimulationResult(Part):
         ``RDef_A …``, SI units.
     rms_g, peak_g : dict of str to (dict of str to float)
         By test point and axis, of the accelerations without their mean (g).
+    duration, settling : float
+        Of the run, and of what is run before it and left out (s).
+    time_step : float
+        s.
     real_time_factor : float
     operating_point : dict of str to float
         The machine's, which a schedule replaces.
@@ -68,6 +73,8 @@ class SimulationResult(Part):
     operating_point: dict[str, float]
     seed: int
     duration: float
+    settling: float
+    time_step: float
     indicators: dict[str, Maybe]
     rms_g: dict[str, dict[str, Maybe]]
     peak_g: dict[str, dict[str, Maybe]]
@@ -83,6 +90,7 @@ def simulate(
     duration: Annotated[float, typer.Option(max=3600.0, help="Simulated time (s), 0.0001 or more.")] = 3.0,
     machine: MachineOption = DEFAULT_MACHINE,
     seed: Annotated[int, SEED_OPTION] = 0,
+    time_step: TimeStep = None,
     loads: Annotated[LoadModel, LOADS_OPTION] = "spectral",
     schedule: Annotated[Path | None, SCHEDULE_OPTION] = None,
     schedule_column: Annotated[list[str] | None, COLUMN_OPTION] = None,
@@ -93,7 +101,8 @@ def simulate(
     described = load_machine(machine)
     driven = schedule_of(schedule, schedule_column, schedule_where)
     # The kernel is compiled, and the factor below is that of the model, not of the compiler.
-    run_model(described, duration=1e-3, seed=seed, loads=loads)
+    step, settling = described.step(time_step), described.settling()
+    run_model(described, duration=1e-3, seed=seed, time_step=step, loads=loads)
     start = time.perf_counter()
     with progress_bar("simulating") as bar:
         task = bar.add_task("", total=1.0)
@@ -101,6 +110,8 @@ def simulate(
             described,
             duration,
             seed,
+            time_step=step,
+            settling=settling,
             loads=loads,
             schedule=driven,
             progress=lambda share: bar.update(task, completed=share),
@@ -114,16 +125,18 @@ def simulate(
         machine_file=machine_file(described),
         operating_point={name: getattr(point, name) for name in OPERATING_POINT},
         seed=seed,
-        duration=float(len(response.time) * (response.time[1] - response.time[0])) if len(response.time) > 1 else 0.0,
+        duration=len(response.time) * step,
+        settling=settling,
+        time_step=step,
         indicators=response.indicators(),
         rms_g=rms,
         peak_g=peak,
         mesh_force=MeshForceSummary(mean=float(force.mean()), std=float(force.std()), max=float(force.max())),
         states=response.states,
-        real_time_factor=duration / seconds,
+        real_time_factor=(settling + duration) / seconds,
         loads=loads,
         schedule=None if schedule is None else str(schedule.resolve()),
-        unused_rows=_unused_rows(driven, duration),
+        unused_rows=_unused_rows(driven, settling + duration),
     )
     if json:
         print_json(found)
@@ -170,7 +183,8 @@ def _print_provenance(found: SimulationResult) -> None:
 
 
 def _print_tables(found: SimulationResult) -> None:
-    title = f"{found.machine}: indicators over {found.duration:.3g} s, seed {found.seed}"
+    settled = f"after {found.settling:.3g} s of settling"
+    title = f"{found.machine}: indicators over {found.duration:.3g} s {settled}, seed {found.seed}"
     table = narrow_table(title, "indicator", ">value", "unit")
     for name, value in found.indicators.items():
         add_row(table, name, f"{value:.4g}", UNITS[name])
@@ -182,4 +196,6 @@ def _print_tables(found: SimulationResult) -> None:
     results.print(table)
     results.print()
     _print_provenance(found)
-    results.print(f"real-time factor {found.real_time_factor:.1f}, {found.states} states")
+    results.print(
+        f"real-time factor {found.real_time_factor:.1f}, {found.states} states, time step {found.time_step:g} s"
+    )

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from functools import partial
 from typing import Any
 
@@ -19,7 +21,7 @@ from tbm_gsa.app.nodes.history_writer import HistoryWriter, live_now
 from tbm_gsa.app.nodes.level_watch import LevelWatch
 from tbm_gsa.app.nodes.live_comparison import LiveComparison, field_sensors
 from tbm_gsa.app.nodes.live_watch import LiveWatch
-from tbm_gsa.app.nodes.settings import AnalysisSettings
+from tbm_gsa.app.nodes.settings import AnalysisSettings, GsaSettings
 from tbm_gsa.app.nodes.statuses import (
     comparison_status,
     gsa_result_statuses,
@@ -37,12 +39,24 @@ from tbm_gsa.explanation.live_observation import LiveObservation
 from tbm_gsa.explanation.machine_watch import WatchState
 from tbm_gsa.history import WindowSource
 from tbm_gsa.provenance import machine_sha256
+from tbm_gsa.sensitivity.study.definition import study_definition
 from tbm_gsa.sensitivity.study.outputs import checked_outputs
 from tbm_msgs_py import topics
 from tbm_msgs_py.base.errors import InputError
 from tbm_msgs_py.nodes import messages
 from tbm_msgs_py.nodes.managed import ManagedNode
 from tbm_msgs_py.recordings.mapping import SensorMapping, contract_sensor
+
+_STUDY = ("gsa.inputs", "gsa.outputs", "gsa.duration")
+
+
+@contextmanager
+def _of(parameters: str) -> Iterator[None]:
+    """Name the parameters in errors about their values."""
+    try:
+        yield
+    except InputError as error:
+        raise InputError(f"{parameters}: {error}") from None
 
 
 class AnalysisNode(ManagedNode[AnalysisSettings]):
@@ -54,7 +68,7 @@ class AnalysisNode(ManagedNode[AnalysisSettings]):
     def configure(self) -> None:
         """Read machine and mapping, create publishers, subscriptions and services."""
         self._machine = machine = load_machine(self.settings.machine)
-        self._check_study(self.settings)
+        self._check_study(self.settings.gsa)
         self._points = tuple(machine.description.test_points)
         sensors, unused = field_sensors(self.settings.mapping, self._points)
         for line in unused:
@@ -80,17 +94,17 @@ class AnalysisNode(ManagedNode[AnalysisSettings]):
 
     def check_settings(self, settings: AnalysisSettings, names: frozenset[str]) -> None:
         """Refuse outputs of a study and baselines that there are not."""
-        if not names.isdisjoint(("gsa.outputs", "gsa.duration")):
-            self._check_study(settings)
+        if not names.isdisjoint(_STUDY):
+            self._check_study(settings.gsa)
         if "baseline" in names:  # what was read holds until it is set again, whatever happens to the file
             self._baselines[settings.baseline] = self._history.usual_ratios(settings.baseline)
 
-    def _check_study(self, settings: AnalysisSettings) -> None:
+    def _check_study(self, given: GsaSettings) -> None:
         """Refuse what a study of the machine would refuse, before one is started."""
-        try:
-            checked_outputs(settings.gsa.outputs, self._machine.description.test_points, settings.gsa.duration)
-        except InputError as error:
-            raise InputError(f"parameters gsa.outputs, gsa.duration: {error}") from None
+        with _of("parameters gsa.outputs, gsa.duration"):
+            checked_outputs(given.outputs, self._machine.description.test_points, given.duration)
+        with _of("parameter gsa.inputs"):
+            study_definition(self._machine, given.inputs or None, given.outputs, given.duration)
 
     def settings_changed(self, names: frozenset[str]) -> None:
         """Restart with another window or alarm; a study that runs keeps its options."""
@@ -216,7 +230,12 @@ class AnalysisNode(ManagedNode[AnalysisSettings]):
     def _start_gsa(self, reason: str, pause: float = 0.0, observed: LiveObservation | None = None) -> str:
         """Start the sensitivity analysis, after an explanation of what was observed; why it was not, if it was not."""
         self._poll_gsa()
-        if problem := self._gsa.start(reason, pause, observed):
+        try:
+            self._check_study(self._gsa.options)  # once more: the file of the inputs may have changed
+            problem = self._gsa.start(reason, pause, observed)
+        except InputError as error:
+            problem = str(error)
+        if problem:
             self.get_logger().warning(f"sensitivity analysis: {problem}; not started: {reason}")
             return problem
         self._gsa_quality = {}

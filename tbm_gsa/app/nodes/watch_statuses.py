@@ -13,7 +13,7 @@ from tbm_gsa.explanation.machine_watch import LIKELY, MachineAlarm, WatchState
 from tbm_gsa.history import StateEntry
 from tbm_gsa.history.entries import StatePart
 from tbm_gsa.history.summary import iso_time
-from tbm_gsa.sensitivity.study.inputs import PAPER_INPUTS
+from tbm_gsa.sensitivity.study.inputs import known_input
 from tbm_msgs_py.nodes import messages
 
 _SENSOR = "the sensor, its mounting, cable and range"
@@ -118,4 +118,4 @@ def alarm_text(state: WatchState) -> str:
 def _place(alarm: MachineAlarm) -> str:
     if alarm.kind == "sensor":
         return _SENSOR
-    return PAPER_INPUTS[alarm.input].name if alarm.input else _UNNAMED
+    return known_input(alarm.input).name if alarm.input else _UNNAMED

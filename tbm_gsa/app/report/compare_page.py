@@ -66,7 +66,8 @@ def _provenance(result: ComparisonResult) -> dict[str, object]:
         **({"sensors off their node": result.off_node} if result.offsets else {}),
         "machine": f"{result.machine} ({result.machine_file.origin})",
         "SHA-256 of the machine": result.machine_file.sha256,
-        "model run": f"{result.model_duration:g} s a level, seed {result.seed}",
+        "model run": f"{result.model_duration:g} s a level after {result.settling:.3g} s of settling, "
+        f"time step {result.time_step:g} s, seed {result.seed}",
         "compared band": "; ".join(sorted(bands)),
         "window": f"{result.window_s:g} s",
         "versions": versions_text(result.versions),

@@ -12,7 +12,7 @@ from tbm_gsa.app.report.page import embed_figure, render_page
 from tbm_gsa.explanation.result import Explanation, Joint, JointInput
 from tbm_gsa.provenance import versions_text
 from tbm_gsa.sensitivity.study.distributions import LogUniform
-from tbm_gsa.sensitivity.study.inputs import PAPER_INPUTS
+from tbm_gsa.sensitivity.study.inputs import known_input
 from tbm_msgs_py.base.files import write_whole
 from tbm_msgs_py.base.units import STANDARD_GRAVITY
 
@@ -80,7 +80,7 @@ def joint_intervals(joint: Joint) -> Figure:
 
 def _range_label(code: str, row: JointInput) -> str:
     log = ", log" if row.distribution == LogUniform.name else ""
-    item = PAPER_INPUTS[code]
+    item = known_input(code)
     return f"{code} {item.symbol}: {row.lower:.3g} to {row.upper:.3g} {item.unit}".rstrip() + log
 
 

@@ -16,6 +16,7 @@ from tbm_gsa.comparison.workflow import RecordingComparison, compare_recording
 from tbm_gsa.paper.load_summary import found_line, line_amplitudes
 from tbm_gsa.paper.published import ACCELERATION_LINE_HZ, MESH_LINES_HZ
 from tbm_gsa.paper.reproduction.readings import Reading
+from tbm_gsa.signals.clock import sampling_rate
 from tbm_msgs_py.base.arrays import Array
 from tbm_msgs_py.base.units import STANDARD_GRAVITY
 
@@ -101,7 +102,7 @@ def gather_response(reading: Reading, bag: Path, seed: int, seconds: float, mode
         Of the comparison's run.
     """
     machine = reading.machine
-    response = simulate(machine, seconds, seed)
+    response = simulate(machine, seconds, seed, settling=machine.settling())
     points = machine.description.test_points
     head = response.acceleration(points["cutterhead"], "x") / STANDARD_GRAVITY
     head = head - head.mean()
@@ -130,14 +131,14 @@ def gather_response(reading: Reading, bag: Path, seed: int, seconds: float, mode
 
 def _found(response: Response, values: Array, wanted: list[float]) -> dict[float, float | None]:
     """Lines that stand out of a signal (n,), by where they were looked for (Hz)."""
-    rate = 1.0 / response.time[1]
+    rate = sampling_rate(response.time)
     frequency, power = scipy.signal.periodogram(values, rate, "hann", detrend="constant", scaling="spectrum")
     return {line: found_line(frequency, power, line) for line in wanted}
 
 
 def _excerpt(time: Array, values: Array) -> Excerpt:
-    shown = time < _SHOWN_S
-    return Excerpt(time[shown], values[shown], *line_amplitudes(values, 1.0 / time[1]))
+    shown = time - time[0] < _SHOWN_S
+    return Excerpt(time[shown], values[shown], *line_amplitudes(values, sampling_rate(time)))
 
 
 def _resonance(system: System, point: int, load_node: int) -> float | None:

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from tbm_dynamics.indicators import INDICATORS
-from tbm_gsa.paper.published import METHODS, SHOWN_WITHOUT_STATEMENT, TRENDS
+from tbm_gsa.paper.published import MEASURED_POINTS, METHODS, SHOWN_WITHOUT_STATEMENT, TRENDS
 from tbm_gsa.paper.reproduction.readings import Reading
 from tbm_gsa.sensitivity.study.analysis import Analysed, OutputAnalysis, OutputFit, fit_outputs
 from tbm_gsa.sensitivity.study.campaign import run_campaign
@@ -16,7 +16,7 @@ from tbm_gsa.sensitivity.study.curves import Curve, response_curve
 from tbm_gsa.sensitivity.study.errors import StudyError
 from tbm_gsa.sensitivity.study.evaluate import MachineEvaluation
 from tbm_gsa.sensitivity.study.failures import checked_failures
-from tbm_gsa.sensitivity.study.inputs import PAPER_INPUTS
+from tbm_gsa.sensitivity.study.inputs import PAPER_INPUTS, check_ends
 from tbm_gsa.sensitivity.study.problem import StudyProblem
 from tbm_gsa.sensitivity.study.run import FinishedStudy, StudyOptions, run_study
 from tbm_gsa.sensitivity.study.store import STORE_NAME, Store
@@ -49,7 +49,9 @@ class Campaign:
         """The simulation of a sample; of the machine's own reading `gsa resume` finds it too."""
         name = self.origin if self.reading.own else f"{self.origin} (damping: {self.reading.name})"
         text = self.reading.machine.description.model_dump_json()
-        return MachineEvaluation(name, text, self.simulation_s, self.seed)
+        machine = self.reading.machine
+        step, settling = machine.step(), machine.settling()
+        return MachineEvaluation(name, text, self.simulation_s, self.seed, time_step=step, settling=settling)
 
     @property
     def problem(self) -> StudyProblem:
@@ -57,11 +59,17 @@ class Campaign:
         return StudyProblem(PAPER_INPUTS, INDICATORS, self.train, self.test, self.seed, self.evaluation.settings)
 
     def check(self) -> None:
-        """Raise a StudyError where the machine does not take the paper's inputs."""
+        """Raise a StudyError where the machine does not have the paper's inputs, or the test points it measured at."""
+        points = self.reading.machine.description.test_points
         try:
-            self.evaluation.check({item.code: (item.lower, item.upper) for item in PAPER_INPUTS.inputs})
+            if lacking := [point for point in MEASURED_POINTS if point not in points]:
+                raise StudyError(f"no test point {', '.join(lacking)}")
+            check_ends(self.reading.machine, PAPER_INPUTS.ends)
         except StudyError as error:
-            raise StudyError(f"{self.origin}: does not take the paper's Table 4: {error}") from None
+            raise StudyError(
+                f"{self.origin}: cannot be held against the paper's machine: {error}; allowed: dz101 or one like it "
+                "(gsa run studies any machine)"
+            ) from None
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,12 +1,24 @@
 """The file in which a user defines a study: inputs with their distributions, groups, outputs."""
 
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import Final
 
+from tbm_dynamics import Machine
+from tbm_dynamics.indicators import INDICATORS
 from tbm_gsa.sensitivity.study.distributions import distribution_from, number
 from tbm_gsa.sensitivity.study.errors import StudyError
-from tbm_gsa.sensitivity.study.inputs import Input, InputSet, known_input
+from tbm_gsa.sensitivity.study.inputs import (
+    Input,
+    InputSet,
+    check_ends,
+    default_inputs,
+    known_input,
+    machine_input,
+)
+from tbm_gsa.sensitivity.study.outputs import checked_outputs
 from tbm_msgs_py.base.strict_yaml import read_yaml
 from tbm_msgs_py.base.texts import LONGEST_NAME, quoted
 
@@ -28,12 +40,36 @@ class Definition:
     outputs: tuple[str, ...] = ()
 
 
-def read_definition(path: str | Path) -> Definition:
+def study_definition(machine: Machine, path: str | Path | None, outputs: Sequence[str], duration: float) -> Definition:
+    """Define a study of a machine by a file, or by its `default_inputs`, and check it as far as no run is needed.
+
+    Parameters
+    ----------
+    machine : Machine
+    path : str or Path or None
+    outputs : sequence of str
+        In place of the file's; the eight indicators where neither names any.
+    duration : float
+        Of a simulation, s.
+
+    Raises
+    ------
+    StudyError
+        What `read_definition` refuses, a range or an output that the machine does not have.
+    """
+    found = Definition(default_inputs(machine)) if path is None else read_definition(path, machine)
+    check_ends(machine, found.inputs.ends)
+    names = tuple(outputs) or found.outputs or INDICATORS
+    checked_outputs(names, machine.description.test_points, duration)
+    return replace(found, outputs=names)
+
+
+def read_definition(path: str | Path, machine: Machine | None = None) -> Definition:
     """Read a definition.
 
     The file maps codes of inputs to distributions; everything else about an input is known by its code, and one with
-    nothing behind it is Table 4's or, of a factor of the loads, `LOAD_PRIOR`. An initial value that is not given is the
-    paper's (1 of a factor) if it lies inside the range, else the median::
+    nothing behind it is that of `default_inputs` or, of a factor of the loads, `LOAD_PRIOR`. An initial value that is
+    not given is the machine's (the paper's of ``dz101``, 1 of a factor) if it lies inside the range, else the median::
 
         inputs:
           x2:
@@ -50,6 +86,8 @@ def read_definition(path: str | Path) -> Definition:
     Parameters
     ----------
     path : str or Path
+    machine : Machine, optional
+        That is studied; the paper's without it.
 
     Raises
     ------
@@ -58,12 +96,12 @@ def read_definition(path: str | Path) -> Definition:
     """
     document = read_yaml(path, "a study definition", KEYS, StudyError)
     try:
-        return _definition(document)
+        return _definition(document, known_input if machine is None else partial(machine_input, machine))
     except StudyError as error:
         raise StudyError(f"{path}: {error}") from None
 
 
-def _definition(document: dict[str, object]) -> Definition:
+def _definition(document: dict[str, object], known: Callable[[str], Input]) -> Definition:
     """Build the definition of a parsed file."""
     stated = document.get("inputs")
     if not isinstance(stated, dict):  # nothing of it is quoted
@@ -71,7 +109,7 @@ def _definition(document: dict[str, object]) -> Definition:
     for key in document:
         if key not in KEYS:
             raise StudyError(f"unknown key {quoted(key)}, allowed: {', '.join(KEYS)}")
-    inputs = tuple(_input(str(code), given) for code, given in stated.items())
+    inputs = tuple(_input(known(str(code)), given) for code, given in stated.items())
     groups = document.get("groups") or {}
     if not isinstance(groups, dict):
         raise StudyError(f"groups: {quoted(groups)}, allowed: a mapping of names to lists of inputs")
@@ -81,9 +119,8 @@ def _definition(document: dict[str, object]) -> Definition:
     return Definition(InputSet(inputs, named), _names("outputs", document.get("outputs") or []))
 
 
-def _input(code: str, given: object) -> Input:
+def _input(known: Input, given: object) -> Input:
     """Return a known input, with another distribution where one is given."""
-    known = known_input(code)
     if given is None:
         return known
     try:
@@ -95,7 +132,7 @@ def _input(code: str, given: object) -> Input:
         else:
             initial = known.initial if law.lower <= known.initial <= law.upper else float(law.from_unit(0.5))
     except StudyError as error:
-        raise StudyError(f"input {code}: {error}") from None
+        raise StudyError(f"input {known.code}: {error}") from None
     return replace(known, initial=initial, distribution=law)
 
 

@@ -5,13 +5,14 @@ from dataclasses import dataclass
 from functools import cached_property, lru_cache
 from typing import Self
 
-from tbm_dynamics import Machine, MachineError, load_machine, simulate
+from tbm_dynamics import Machine, load_machine, simulate
 from tbm_dynamics.indicators import INDICATORS
 from tbm_dynamics.integration import DEFAULT_STEP
 from tbm_dynamics.machine.description import MachineDescription
 from tbm_dynamics.machine.sensor_place import SensorPlace
 from tbm_gsa.provenance import machine_sha256
 from tbm_gsa.sensitivity.study.errors import StudyError
+from tbm_gsa.sensitivity.study.inputs import check_ends
 from tbm_gsa.sensitivity.study.outputs import Vibration, checked_outputs, parse_outputs
 from tbm_msgs_py.base.texts import quoted
 
@@ -40,6 +41,10 @@ class MachineEvaluation:
         See `parse_outputs`.
     high_hz : float or None
         Upper limit of the band of accelerations, see `vibration_statistics`.
+    time_step : float
+        Of every run, s: one for all, or the outputs would jump where a mesh gets stiffer.
+    settling : float
+        Time before each run that is left out, s; for the same reason one for all.
     """
 
     machine: str
@@ -48,10 +53,12 @@ class MachineEvaluation:
     seed: int
     outputs: tuple[str, ...] = INDICATORS
     high_hz: float | None = None
+    time_step: float = DEFAULT_STEP
+    settling: float = 0.0
 
     def __post_init__(self) -> None:
-        if self.high_hz is not None and not LOWEST_HIGH_HZ <= self.high_hz < 0.5 / DEFAULT_STEP:
-            allowed = f"{LOWEST_HIGH_HZ:g} to below {0.5 / DEFAULT_STEP:g} Hz"
+        if self.high_hz is not None and not LOWEST_HIGH_HZ <= self.high_hz < 0.5 / self.time_step:
+            allowed = f"{LOWEST_HIGH_HZ:g} to below {0.5 / self.time_step:g} Hz"
             raise StudyError(f"upper limit of the band {self.high_hz:g} Hz, allowed: {allowed}")
         checked_outputs(self.outputs, self._points, self.duration, self.high_hz)
 
@@ -63,15 +70,23 @@ class MachineEvaluation:
         seed: int,
         outputs: tuple[str, ...] = INDICATORS,
         high_hz: float | None = None,
+        time_step: float = DEFAULT_STEP,
+        settling: float = 0.0,
     ) -> Self:
         """Load the machine; parameters as those of the class."""
         loaded = load_machine(machine)
-        return cls(loaded.origin, loaded.description.model_dump_json(), duration, seed, outputs, high_hz)
+        text = loaded.description.model_dump_json()
+        return cls(loaded.origin, text, duration, seed, outputs, high_hz, time_step, settling)
 
     def __call__(self, sample: dict[str, float]) -> Mapping[str, float]:
         """Simulate one sample."""
         response = simulate(
-            self._machine.with_inputs(**sample), duration=self.duration, seed=self.seed, outputs=self._motion
+            self._machine.with_inputs(**sample),
+            duration=self.duration,
+            seed=self.seed,
+            time_step=self.time_step,
+            settling=self.settling,
+            outputs=self._motion,
         )
         found = response.indicators()
         if self._vibrations:
@@ -82,19 +97,8 @@ class MachineEvaluation:
         return {name: found[name] for name in self.outputs}
 
     def check(self, ends: Mapping[str, tuple[float, float]]) -> None:
-        """Raise a StudyError where the machine allows no such value, before every simulation fails of it.
-
-        Parameters
-        ----------
-        ends : mapping of str to (float, float)
-            Lower and upper bound by input.
-        """
-        for code, bounds in ends.items():
-            for value in bounds:
-                try:
-                    self._machine.with_inputs(**{code: value})
-                except MachineError as error:
-                    raise StudyError(f"input {code} at {value:g}: {error}") from None
+        """Raise a StudyError where the machine does not allow the lower or upper bound of an input."""
+        check_ends(self._machine, ends)
 
     @property
     def settings(self) -> dict[str, str | float | int]:
@@ -112,6 +116,8 @@ class MachineEvaluation:
             "duration": self.duration,
             "load_seed": self.seed,
             **({} if self.high_hz is None else {"high_hz": self.high_hz}),
+            **({} if self.time_step == DEFAULT_STEP else {"time_step": self.time_step}),
+            **({} if self.settling == 0.0 else {"settling": self.settling}),
         }
 
     @classmethod
@@ -124,7 +130,8 @@ class MachineEvaluation:
             The machine file says something else now.
         """
         machine, duration, seed = (settings.get(name) for name in ("machine", "duration", "load_seed"))
-        high_hz = settings.get("high_hz")
+        high_hz, time_step = settings.get("high_hz"), settings.get("time_step", DEFAULT_STEP)
+        settling = settings.get("settling", 0.0)  # a study of before there was any goes on without
         if not (
             isinstance(machine, str)
             and isinstance(duration, float | int)
@@ -132,9 +139,14 @@ class MachineEvaluation:
             and isinstance(seed, int)
             and seed >= 0
             and isinstance(high_hz, float | int | None)
+            and isinstance(time_step, float)
+            and 0.0 < time_step <= duration
+            and isinstance(settling, float)
+            and 0.0 <= settling <= LONGEST_S
         ):
             raise StudyError(f"settings {quoted(dict(settings))}, allowed: those of a simulation that `gsa run` stores")
-        evaluation = cls.of(machine, float(duration), seed, outputs, None if high_hz is None else float(high_hz))
+        highest = None if high_hz is None else float(high_hz)
+        evaluation = cls.of(machine, float(duration), seed, outputs, highest, time_step, settling)
         if evaluation.settings["machine_sha256"] != settings.get("machine_sha256"):
             raise StudyError(
                 f"machine {evaluation.machine} has changed since the study was begun, allowed: the file as it was"
