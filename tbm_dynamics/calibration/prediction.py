@@ -15,7 +15,7 @@ import numpy as np
 from tbm_dynamics.frequency_response import FrequencyResponse
 from tbm_dynamics.loads.spectral import TRANSITION_HZ
 from tbm_dynamics.machine.machine import Machine
-from tbm_dynamics.structure.stress import shaft_stresses
+from tbm_dynamics.machine.stress import shaft_stresses
 from tbm_dynamics.structure.system import System
 
 _SPACING_HZ = 0.3

@@ -14,7 +14,7 @@ LOWEST_HZ = 0.5
 LEFT = 0.05
 """What is left of the free motion, of its amplitude, where it counts as died away."""
 LONGEST_S = 0.5
-"""A motion that takes longer is slow, or hardly excited: loads come in on a ramp, rotors and teeth move from the start."""
+"""A motion that takes longer is slow, or hardly excited: loads come in on a ramp, teeth move from the start."""
 
 
 def settling_time(system: System) -> float:

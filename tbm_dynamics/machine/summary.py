@@ -31,10 +31,12 @@ from tbm_dynamics.machine.drive import (
     Gear,
     Gearbox,
     Mesh,
+    Motor,
 )
 from tbm_dynamics.machine.machine import Machine
 from tbm_dynamics.machine.modes import ModeSummary, lowest_modes
 from tbm_dynamics.machine.sensor_place import SensorPlace
+from tbm_dynamics.machine.stress import shaft_stresses
 from tbm_dynamics.mesh.planetary import PlanetaryStage, stage_law
 from tbm_dynamics.structure.assembly import node_positions
 from tbm_dynamics.structure.couplings import STAGE_HARMONICS
@@ -123,9 +125,10 @@ class GearboxSummary(Gearbox):
 
 
 class ShownShaft(Shaft):
-    """A shaft, and the subsystem that it is in."""
+    """A shaft, the subsystem that it is in, and its largest stress under the allowed torque and thrust (Pa)."""
 
     subsystem: str
+    stress: float
 
 
 class ShownBody(Body):
@@ -171,6 +174,7 @@ class DriveSummary(FrozenModel):
     connections: tuple[ShownDriveConnection, ...]
     gear: GearSummary
     gearbox: GearboxSummary
+    motor: Motor
 
 
 class MachineSummary(FrozenModel):
@@ -237,7 +241,10 @@ def machine_summary(machine: Machine, count: int = 10) -> MachineSummary:
         nodes=tuple(_nodes(description)),
         places={name: part.source for name, part in structures},
         test_points=description.sensor_places,
-        shafts=tuple(ShownShaft(**dict(one), subsystem=name) for name, part in structures for one in part.shafts),
+        shafts=tuple(
+            ShownShaft(**dict(one.shaft), subsystem=one.subsystem, stress=one.stress)
+            for one in shaft_stresses(machine, system)
+        ),
         bodies=tuple(ShownBody(**dict(one), subsystem=name) for name, part in structures for one in part.bodies),
         connections=tuple(ShownConnection(**dict(one), where=where) for where, group in groups for one in group),
         drives=_drives(machine),
@@ -281,6 +288,7 @@ def _drives(machine: Machine) -> DriveSummary:
             stiffness=1.0 / (1.0 / drive.gearbox.shaft_stiffness + sum(1.0 / stage.stiffness for stage in stages)),
             rotor_speed_r_min=pinion_r_min * drive.gearbox.ratio,
         ),
+        motor=drive.motor,
     )
 
 

@@ -8,8 +8,9 @@ from typing import Annotated, Any  # click's contexts: typer may carry a click o
 import typer
 from typer.core import TyperGroup
 
-from tbm_dynamics import load_machine, shipped_machines
+from tbm_dynamics import MachineError, load_machine, shipped_machines
 from tbm_dynamics.loads.stepper import LoadModel
+from tbm_dynamics.machine.stress import overstressed
 from tbm_dynamics.machine.summary import machine_summary
 from tbm_gsa.app.cli.machine_observe import observe
 from tbm_gsa.app.cli.machine_tables import print_loads, print_tables
@@ -107,12 +108,14 @@ def show(
 
 @app.command()
 def check(machine: MachineOption = DEFAULT_MACHINE, json: Annotated[bool, JSON_OPTION] = False) -> None:
-    """Validate a machine file: its keys and values, floating nodes, the static equilibrium, the time step it needs."""
+    """Validate a machine file: keys and values, floating nodes, statics, stresses, the time step it needs."""
     from tbm_dynamics.integration.condensed import own_step  # noqa: PLC0415 - compiled code
     from tbm_dynamics.integration.settling import settling_time  # noqa: PLC0415
 
     described = load_machine(machine)
     system = described.assemble()
+    if problem := overstressed(described, system):
+        raise MachineError(f"{described.origin}: {problem}")
     meshes = system.couplings.drives
     found = CheckedMachine(
         machine=described.name,

@@ -87,10 +87,10 @@ def _general(*values: float) -> list[str]:
 
 def _print_parts(summary: MachineSummary) -> None:
     shafts = (
-        ("–".join(map(str, s.nodes)), *_general(s.outer_diameter, s.inner_diameter, s.mass), s.source)
+        ("–".join(map(str, s.nodes)), *_general(s.outer_diameter, s.inner_diameter, s.mass), f"{s.stress / 1e6:.3g}", s.source)
         for s in summary.shafts
     )
-    _print_table("shafts", ("nodes", ">outer, m", ">inner, m", ">mass, kg", "source"), shafts)
+    _print_table("shafts", ("nodes", ">outer, m", ">inner, m", ">mass, kg", ">stress, MPa", "source"), shafts)
     bodies = ((b.node, *_general(b.mass, *b.inertia), b.source) for b in summary.bodies)
     _print_table("bodies", ("node", ">mass, kg", ">about x, kg·m²", ">about y", ">about z", "source"), bodies)
 
@@ -121,6 +121,9 @@ def _print_drives(drives: DriveSummary) -> None:
         f"{drives.radius:.4g} m off the axis (places {at.source}), "
         f"mounted on node {mount}, driving the ring gear at node {drives.ring_node}"
     )
+    motor = drives.motor
+    damping = f", {motor.damping:g} N·m·s/rad and {motor.stiffness:g} N·m/rad at the pinion"
+    print_sentence(f"motors hold their {motor.control}{damping if motor.damping else ''} ({motor.source})")
     _print_overrides(drives)
     front, _, rear, output, rotor = drives.members[0].nodes
     between = (f"{front}, {rear}–{mount}", f"{rear}–{output}", f"{output}, {rotor}–{mount}")

@@ -12,6 +12,7 @@ from itertools import pairwise
 
 import numpy as np
 
+from tbm_dynamics.machine.description import Shaft, Subsystem
 from tbm_dynamics.machine.machine import Machine
 from tbm_dynamics.structure.assembly import node_positions
 from tbm_dynamics.structure.beam import Section, along_direction, beam_stiffness, circular_section
@@ -21,9 +22,10 @@ from tbm_msgs_py.base.operating_point import OperatingPoint
 
 @dataclass(frozen=True)
 class ShaftStress:
-    """Largest stress (Pa) along a shaft, by its nodes."""
+    """A shaft, the subsystem that it is in, and its largest stress (Pa)."""
 
-    nodes: tuple[int, ...]
+    shaft: Shaft
+    subsystem: str
     stress: float
 
 
@@ -42,16 +44,32 @@ def shaft_stresses(machine: Machine, system: System) -> tuple[ShaftStress, ...]:
     loaded = system.under(point, description.loads.mean * machine.load_scale(point))
     moved = dict(zip(system.nodes, loaded.equilibrium().displacement.reshape(-1, 6), strict=True))
     found = []
-    for shaft in (*description.cutterhead_bearing_gear.shafts, *description.carrier_girder.shafts):
-        section = circular_section(shaft.outer_diameter, shaft.inner_diameter, steel.poisson)
-        stresses = []
-        for first, second in pairwise(shaft.nodes):
-            vector = places[second] - places[first]
-            element = beam_stiffness(section, float(np.linalg.norm(vector)), steel.elasticity, steel.poisson)
-            ends = along_direction(element, vector) @ np.concatenate([moved[first], moved[second]])
-            stresses += [_von_mises(end, vector, section, shaft.outer_diameter / 2.0) for end in ends.reshape(2, 6)]
-        found.append(ShaftStress(shaft.nodes, max(stresses)))
+    for name in ("cutterhead_bearing_gear", "carrier_girder"):
+        subsystem: Subsystem = getattr(description, name)
+        for shaft in subsystem.shafts:
+            section = circular_section(shaft.outer_diameter, shaft.inner_diameter, steel.poisson)
+            stresses = []
+            for first, second in pairwise(shaft.nodes):
+                vector = places[second] - places[first]
+                element = beam_stiffness(section, float(np.linalg.norm(vector)), steel.elasticity, steel.poisson)
+                ends = along_direction(element, vector) @ np.concatenate([moved[first], moved[second]])
+                stresses += [_von_mises(end, vector, section, shaft.outer_diameter / 2.0) for end in ends.reshape(2, 6)]
+            found.append(ShaftStress(shaft, name, max(stresses)))
     return tuple(found)
+
+
+def overstressed(machine: Machine, system: System) -> str | None:
+    """Return one line about the shaft that exceeds the allowable stress of the file most; None if none does."""
+    allowable = machine.description.steel.allowable_stress
+    worst = max(shaft_stresses(machine, system), key=lambda one: one.stress, default=None)
+    if allowable is None or worst is None or worst.stress <= allowable:
+        return None
+    point, nodes = hardest_point(machine), worst.shaft.nodes
+    return (
+        f"{worst.subsystem}.shafts: nodes {nodes[0]} to {nodes[-1]}: {worst.stress / 1e6:.0f} MPa under "
+        f"{point.thrust / 1e3:g} kN and {point.torque / 1e3:g} kN·m, allowed are up to {allowable / 1e6:g} "
+        "(steel.allowable_stress)"
+    )
 
 
 def _von_mises(end: np.ndarray, vector: np.ndarray, section: Section, radius: float) -> float:
