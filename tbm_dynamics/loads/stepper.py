@@ -61,7 +61,7 @@ def load_stepper(machine: Machine, model: LoadModel = "spectral", seed: int = 0)
 
 
 class _SpectralStepper:
-    """Table 1's spectra: mean and fluctuation follow the ratios of thrust and torque; lines keep their frequency.
+    """Spectra of the file: mean and fluctuation follow the ratios of thrust and torque; lines keep their frequency.
 
     On a head that does not turn nothing fluctuates.
     """

@@ -29,7 +29,7 @@ class OperatingSettings(FrozenModel):
 class LoadSettings(MachineSettings):
     """Parameters of `load_node`."""
 
-    loads: LoadModel = parameter("spectral", "Table 1's spectra, or the forces on the disc cutters")
+    loads: LoadModel = parameter("spectral", "the file's spectra, or the forces on the disc cutters")
     schedule: str = parameter("", "CSV file with the operating point over stream time; empty: as the topic says")
     schedule_columns: Names = parameter((), f"its columns, where not {_COLUMNS}")
     schedule_where: Names = parameter((), "only rows with these cells, as column=text")

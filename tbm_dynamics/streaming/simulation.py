@@ -132,7 +132,7 @@ def simulate(
         Time that is run before, and left out of the response (s): `Machine.settling` of what statistics are taken of.
     method : "reduced" or "full"
     loads : "spectral" or "cutter"
-        Table 1's spectra, or the discs' forces; the motors then hold the mean torque of the discs.
+        The spectra of the file, or the discs' forces; the motors then hold the mean torque of the discs.
     schedule : Schedule, optional
         Operating point over time, taken every 50 ms and linear in between; the machine's own without it.
     outputs : iterable of int or SensorPlace, optional

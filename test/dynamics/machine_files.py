@@ -2,6 +2,7 @@
 
 import copy
 from dataclasses import replace
+from functools import cache
 from importlib import resources
 from pathlib import Path
 
@@ -33,6 +34,11 @@ def numbers(value):
 
 def plain(name="dz101"):
     """A shipped file as nested dictionaries and lists, read by PyYAML alone."""
+    return copy.deepcopy(_read(name))
+
+
+@cache
+def _read(name):
     text = (resources.files("tbm_dynamics") / "machines" / f"{name}.yaml").read_text("utf-8")
     return numbers(yaml.safe_load(text))
 

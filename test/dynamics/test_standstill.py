@@ -24,8 +24,7 @@ def standing(torque=800.0, name="open380"):
 
 
 @pytest.mark.filterwarnings("error")
-@pytest.mark.parametrize("method", ["reduced", "full"])
-@pytest.mark.parametrize("torque", [800.0, 0.0])
+@pytest.mark.parametrize(("torque", "method"), [(800.0, "reduced"), (0.0, "full")])
 def test_nothing_moves_and_forces_are_static(torque, method):
     machine = standing(torque)
     response = simulate(machine, 0.01, method=method)
@@ -57,7 +56,7 @@ def test_loads_begin_to_fluctuate_as_the_head_begins_to_turn():
     np.testing.assert_array_equal(loads.evaluate(still, still, time, 0.0 * time), np.tile(mean, (1000, 1)))
     started = loads.evaluate(still, turning, time, 0.0 * time)
     np.testing.assert_allclose(started - mean, (full - mean) * np.arange(1, 1001)[:, None] / 1000, atol=1e-6)
-    run = simulate(machine, 0.2, schedule=Schedule([0.0, 0.1, 0.2], [0, 0, 0.9], [8e5] * 3, [5e6] * 3))
+    run = simulate(machine, 0.15, schedule=Schedule([0.0, 0.1, 0.15], [0, 0, 0.9], [8e5] * 3, [5e6] * 3))
     assert np.ptp(run.mesh_force[:900]) < 1e-3 < np.ptp(run.mesh_force[1100:])
 
 

@@ -92,32 +92,25 @@ def test_the_page_says_what_the_document_says(result, text):
     assert "synthetic" not in text
 
 
-def test_names_of_others_are_escaped(tmp_path):
+def test_names_of_others_and_kinds_of_sensors_and_recordings(tmp_path):
     mapping = tmp_path / "points.yaml"
-    names = {"a": "cutterhead", "b": HOSTILE, "c": "<i>unknown"}
-    sensor = "units: m/s2, gravity: removed, frame: fixed"
+    names = {"a": "cutterhead", "b": HOSTILE, "c": "<i>unknown", "d": "girder"}
+    sensor = "units: m/s2, gravity: included"
     mapping.write_text(
-        "topics:\n" + "".join(f'  /tbm/field/{a}/block: {{point: "{p}", {sensor}}}\n' for a, p in names.items())
+        "topics:\n"
+        + "".join(
+            f'  /tbm/field/{a}/block: {{point: "{p}", {sensor}, frame: {"rotating" if a == "a" else "fixed"}}}\n'
+            for a, p in names.items()
+        )
     )
-    path = write_bag(tmp_path / "<u>bag", {name: noise(3.0) for name in names})
+    path = write_bag(tmp_path / "<u>bag", {name: noise(3.0) for name in names}, custom_data={"synthetic": "true"})
     compared = compare_recording(path, "dz101", mapping, model_duration=2.0)
     text = compare_page(compared)
-    assert list(compared.result.points) == ["cutterhead"]
+    assert list(compared.result.points) == ["cutterhead", "girder"]
     assert not {"b", "i", "u"} & set(_Page(text).tags)
     for name in (HOSTILE, "<i>unknown", "<u>bag"):
         assert name not in text
         assert name.replace("<", "&lt;").replace(">", "&gt;") in text
-
-
-def test_a_turning_sensor_and_a_synthetic_recording(tmp_path):
-    points = {"cutterhead": noise(3.0), "girder": noise(3.0)}
-    path = write_bag(tmp_path / "bag", points, custom_data={"synthetic": "true"})
-    sensor = "units: m/s2, gravity: included"
-    (path / "mapping.yaml").write_text(
-        f"topics:\n  /tbm/field/cutterhead/block: {{point: cutterhead, {sensor}, frame: rotating}}\n"
-        f"  /tbm/field/girder/block: {{point: girder, {sensor}, frame: fixed}}\n"
-    )
-    text = compare_page(compare_recording(path, model_duration=2.0))
     assert "This recording is synthetic" in text
     assert "across, √(y² + z²)" in text
 

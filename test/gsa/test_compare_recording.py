@@ -148,15 +148,18 @@ def test_the_recorded_operating_point_is_used(tmp_path):
     def level(name, *entries):
         points = [(at, OperatingPoint(speed, torque, 1.0e7)) for at, speed, torque in entries]
         path = write_bag(tmp_path / name, {"shield": noise(4.0)}, operating=points)
-        return compare_recording(path, **SHORT).result.operating_point
+        result = compare_recording(path, **SHORT).result
+        return result.operating_point, list(result.points["shield"]["x"].field_band_rms)
 
-    one = level("one", (0.0, 0.5, 2.0e6))
+    one, bands = level("one", (0.0, 0.5, 2.0e6))
     assert one.source == "recording"
     assert one.speed_r_min == pytest.approx(0.5 * 30 / np.pi)
     assert (one.torque_kn_m, one.thrust_kn) == pytest.approx((2000.0, 10000.0))
     # The first entry is older than the recording and holds for 1 s of it, the second for 1 s, the third to the end.
-    several = level("several", (-100.0, 0.5, 2.0e6), (1.0, 0.5, 4.0e6), (2.0, 0.0, 0.0), (3.0, 0.5, 6.0e6))
+    several, _ = level("several", (-100.0, 0.5, 2.0e6), (1.0, 0.5, 4.0e6), (2.0, 0.0, 0.0), (3.0, 0.5, 6.0e6))
     assert several.torque_kn_m == pytest.approx(4000.0, rel=1e-3)
+    # The stages mesh at 0.853 of 62.07 and 279.3 Hz.
+    assert bands == ["0.5-20_hz", "47-59_hz", "100-110_hz", "125-135_hz", "200-210_hz", "214-263_hz"]
     assert several.note == "never steady for 10 s: time-weighted mean of 3 stretches"
 
 

@@ -222,6 +222,7 @@ def _draw_end(axes: Axes, description: MachineDescription) -> None:
     drive = description.driveshaft
     pair = gear_pair(drive)
     ring = pair.driven_pitch_radius
+    outside = max(ring, pair.centre_distance + pair.pinion_pitch_radius)
     axes.add_patch(Circle((0.0, 0.0), ring, fill=False, ec=_COLOURS[STRUCTURES[0]], lw=2.0))
     axes.text(0.0, 0.0, f"ring gear\nnode {drive.ring_node}", ha="center", va="center", fontsize=8)
     for i, angle in enumerate(description.drive_angles):
@@ -232,12 +233,12 @@ def _draw_end(axes: Axes, description: MachineDescription) -> None:
         c, s = math.cos(angle), math.sin(angle)
         side = "center" if abs(c) < 0.05 else ("right" if c > 0.0 else "left")  # of the text; y is to the left
         label = f"drive {i + 1}: {front}–{rear}, {output}, {rotor}"
-        axes.text(1.08 * ring * c, 1.08 * ring * s, label, ha=side, va="center", fontsize=7)
+        axes.text(1.08 * outside * c, 1.08 * outside * s, label, ha=side, va="center", fontsize=7)
     ends = (0.42 * ring, -0.1 * ring), (0.0, 0.42 * ring)
     turn = FancyArrowPatch(*ends, connectionstyle="arc3,rad=-0.4", arrowstyle="-|>", mutation_scale=12, color="black")
     axes.add_patch(turn)
-    axes.set_xlim(2.0 * ring, -2.0 * ring)
-    axes.set_ylim(-1.15 * ring, 1.15 * ring)
+    axes.set_xlim(2.0 * outside, -2.0 * outside)
+    axes.set_ylim(-1.15 * outside, 1.15 * outside)
     axes.set_aspect("equal")
     axes.set_xlabel("y, m")
     axes.set_ylabel("z, m")
