@@ -19,6 +19,7 @@ from tbm_dynamics.indicators import INDICATORS
 from tbm_dynamics.integration import settling
 from tbm_gsa.sensitivity.study.inputs import default_inputs
 from tbm_gsa.sensitivity.study.store import Store
+from tbm_gsa.signals import conditioning
 
 MACHINES = {"dz101": "dz101", "open380": "open380", "rig": str(RIG)}
 TINY = ("--samples", "10", "--test", "2", "--duration", "0.02", "--workers", "1")
@@ -46,9 +47,10 @@ def recording(machine, tmp_path_factory):
 
 @pytest.fixture
 def run(typed, machine, monkeypatch, tmp_path):
-    """run(command, *options) → the document; here, with hardly any settling."""
+    """run(command, *options) → the document; here, with hardly any settling and less to filter."""
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr(settling, "LONGEST_S", 0.01)
+    monkeypatch.setattr(conditioning, "CONTEXT_S", 0.5)
 
     def call(*arguments):
         code, out, err = typed(*arguments, "--machine", machine.origin, "--json")
