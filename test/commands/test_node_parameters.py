@@ -15,6 +15,8 @@ import pytest
 
 pytest.importorskip("rclpy")
 
+from machine_files import RIG
+
 from tbm_dynamics.nodes.dynamics_node import DynamicsNode
 from tbm_dynamics.nodes.load_node import LoadNode
 from tbm_gsa.app.nodes.analysis_node import AnalysisNode
@@ -40,12 +42,14 @@ BAD = [
     ),
     (AnalysisNode, {"gsa.outputs": "[MF_M, MF_M]"}, "MF_M"),
     (AnalysisNode, {"gsa.outputs": "[rms_shield_x]", "gsa.duration": 0.5}, "duration 0.5 s, allowed: 1 s or more"),
+    (AnalysisNode, {"gsa.inputs": "/nowhere.yaml"}, "parameter gsa.inputs: /nowhere.yaml"),
     (AnalysisNode, {"mapping": "/nowhere.yaml"}, "/nowhere.yaml"),
     (AnalysisNode, {"history": "/dev/null/h.sqlite"}, "/dev/null/h.sqlite"),
     (AnalysisNode, {"baseline": "never_made"}, "no baseline never_made"),
     (AnalysisNode, {"baseline": "any", "history": "none"}, "baseline any: no history to find it in"),
     (AnalysisNode, {"watch.baseline": "' '"}, "watch.baseline: ' ', allowed: a name of 1 to 255 printable characters"),
     (DynamicsNode, {"block_rate": 3000}, "allowed: what divides"),
+    (DynamicsNode, {"machine": RIG}, "parameter load_rate 10000 Hz: time_step 0.0001 s: too coarse"),
     (DynamicsNode, {"sensor.rate": 3000}, "allowed: what divides"),
     (DynamicsNode, {"sensor.range": 1.0, "sensor.quantisation": 2.0}, "must not exceed the range"),
     (LoadNode, {"block_rate": 100.0}, "block_rate"),

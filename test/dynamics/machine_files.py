@@ -33,13 +33,14 @@ def numbers(value):
 
 
 def plain(name="dz101"):
-    """A shipped file as nested dictionaries and lists, read by PyYAML alone."""
+    """A shipped file, or one at a path, as nested dictionaries and lists, read by PyYAML alone."""
     return copy.deepcopy(_read(name))
 
 
 @cache
 def _read(name):
-    text = (resources.files("tbm_dynamics") / "machines" / f"{name}.yaml").read_text("utf-8")
+    file = name if isinstance(name, Path) else resources.files("tbm_dynamics") / "machines" / f"{name}.yaml"
+    text = file.read_text("utf-8")
     return numbers(yaml.safe_load(text))
 
 

@@ -27,7 +27,7 @@ def _own_values(seed, duration):
 
 def _values(machine, seed, duration):
     points = machine.description.test_points
-    response = simulate(machine, duration, seed, outputs=points.values())
+    response = simulate(machine, duration, seed, settling=machine.settling(), outputs=points.values())
     return {point: response.acceleration(node)[:, :3] for point, node in points.items()}
 
 

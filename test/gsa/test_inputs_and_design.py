@@ -14,7 +14,7 @@ from tbm_gsa.sensitivity.study.definition import read_definition
 from tbm_gsa.sensitivity.study.design import KINDS, add_points, make_design
 from tbm_gsa.sensitivity.study.distributions import LogUniform, Normal, Triangular, Uniform
 from tbm_gsa.sensitivity.study.errors import StudyError
-from tbm_gsa.sensitivity.study.inputs import PAPER_INPUTS, Input, InputSet, default_inputs, known_input
+from tbm_gsa.sensitivity.study.inputs import PAPER_INPUTS, Input, InputSet, default_inputs, known_input, unvaried_inputs
 
 HYPERCUBES = [kind for kind in KINDS if kind != "sobol"]
 
@@ -89,6 +89,7 @@ def test_inputs_are_those_a_machine_has():
     still = plain("open380")
     still["driveshaft"]["mesh"]["backlash"] = 0.0
     assert "x7" not in default_inputs(built(still)).codes
+    assert unvaried_inputs(built(still)) == ("x7",)
 
 
 def test_a_role_makes_a_name_free():

@@ -26,7 +26,7 @@ from tbm_gsa.sensitivity.study.evaluate import MachineEvaluation
 TEXT = {path.name: path.read_text("utf-8") for path in (resources.files("tbm_dynamics") / "machines").iterdir()}
 STRUCTURES = ("cutterhead_bearing_gear", "carrier_girder")
 KEYS = "machine title origin operating_point operating_limits nodes places shafts bodies connections drives cutters "
-KEYS += "test_points load_factors masses degrees_of_freedom time_step"
+KEYS += "test_points load_factors masses degrees_of_freedom time_step settling"
 DRIVE_KEYS = "count source ring_node mount_node radius placement members parts connections gear mesh gearbox"
 SOURCES = ("table1", "table4", "table5", "assumed", "calibrated", "updated")
 NODE_NUMBERS = r"(.*_)?node|.*_nodes(_from)?|between|test_points"  # keys

@@ -194,6 +194,16 @@ def test_one_study_at_a_time_cancelled_or_killed(host_node, peer, tmp_path):
     assert peer.transition(NODE, "activate")
     study.wait_for("idle")
 
+    file = tmp_path / "study.yaml"
+    file.write_text("inputs: {x2: }")
+    (refused,) = peer.set_parameters(NODE, gsa__inputs=str(tmp_path / "other.yaml"))
+    assert "parameter gsa.inputs: " in refused
+    assert not peer.set_parameters(NODE, gsa__inputs=str(file))
+    file.write_text("inputs: {x99: }")  # changed since: the service says so, and starts nothing
+    answer = peer.call(Trigger, "/tbm/analysis/run_gsa")
+    assert (answer.success, "unknown input 'x99'" in answer.message) == (False, True)
+    assert not peer.set_parameters(NODE, gsa__inputs="")
+
     assert peer.call(Trigger, "/tbm/analysis/run_gsa").success
     study.wait_for("running")
     node.wait_for(lambda: int(peer.value(GSA, "done") or 0) > 0)

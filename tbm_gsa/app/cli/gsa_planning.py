@@ -10,11 +10,11 @@ import typer
 
 from tbm_dynamics import Machine, load_machine
 from tbm_dynamics.indicators import INDICATORS
-from tbm_gsa.app.cli.output import OUTPUTS_HELP, split_names
+from tbm_gsa.app.cli.output import OUTPUTS_HELP, notes, split_names
 from tbm_gsa.sensitivity.study.definition import study_definition
 from tbm_gsa.sensitivity.study.design import KINDS
 from tbm_gsa.sensitivity.study.evaluate import MachineEvaluation
-from tbm_gsa.sensitivity.study.inputs import InputSet
+from tbm_gsa.sensitivity.study.inputs import InputSet, unvaried_inputs
 from tbm_gsa.sensitivity.study.problem import StudyProblem
 from tbm_msgs_py.base.errors import InputError
 
@@ -57,6 +57,8 @@ def planned_study(
     described = load_machine(machine)
     given = split_names("--outputs", [] if outputs is None else [outputs])
     definition = study_definition(described, inputs, given, duration)
+    if inputs is None and (still := unvaried_inputs(described)):
+        notes.print(f"not varied, 0 in the machine file: {', '.join(still)}", highlight=False)
     step = _time_step(described, definition.inputs, time_step)
     settling = described.settling()
     evaluate = MachineEvaluation.of(machine, duration, seed, definition.outputs, high_hz, step, settling)

@@ -264,13 +264,20 @@ def default_inputs(machine: Machine) -> InputSet:
     items = [
         _around(known_input(code), value, most.get(code, math.inf))
         for code, value in own.items()
-        if value > 0.0 and code not in LOAD_INPUTS.codes
+        if code not in (*LOAD_INPUTS.codes, *unvaried_inputs(machine))
     ]
     codes = [item.code for item in items]
     unknown = tuple(code for code in codes if code.startswith(STIFFNESS))
     groups = {name: tuple(code for code in members if code in codes) for name, members in PAPER_INPUTS.groups.items()}
     groups[_STIFFNESSES] += unknown
     return InputSet(tuple(items), {name: members for name, members in groups.items() if members})
+
+
+def unvaried_inputs(machine: Machine) -> tuple[str, ...]:
+    """Codes of inputs that `default_inputs` leaves out, for they are 0 and have no range around that."""
+    if machine.name == PAPER_MACHINE:
+        return ()
+    return tuple(code for code, value in input_values(machine.description).items() if value == 0.0)
 
 
 def check_ends(machine: Machine, ends: Mapping[str, tuple[float, float]]) -> None:
