@@ -7,6 +7,7 @@ import numpy as np
 from tbm_dynamics import Machine
 from tbm_dynamics.integration import DEFAULT_STEP
 from tbm_dynamics.streaming.simulation import ModelRun
+from tbm_gsa.comparison.drive_sides import DriveReducer
 from tbm_gsa.signals.reduction import ReducedSignal, SignalReducer
 from tbm_msgs_py.base.progress import ShareDone
 
@@ -17,6 +18,7 @@ def run_model(
     seed: int,
     reducers: Mapping[str, SignalReducer],
     progress: ShareDone = lambda _: None,
+    drives: DriveReducer | None = None,
 ) -> dict[str, ReducedSignal]:
     """Simulate a machine at its operating point and reduce the accelerations of test points, at the default step.
 
@@ -31,11 +33,16 @@ def run_model(
         By test point.
     progress : callable
         Called with the share that is done, 0 to 1.
+    drives : DriveReducer, optional
+        Fed with the drives.
     """
     places = [machine.description.sensor_places[point] for point in reducers]
-    run = ModelRun(machine, duration, seed, [place.node for place in places])
+    rotors = drives.nodes if drives else ()
+    run = ModelRun(machine, duration, seed, [*(place.node for place in places), *rotors])
     for chunk in run.chunks(progress=progress):
         time = np.arange(chunk.first_step, chunk.first_step + len(chunk.mesh_force), dtype=np.float64) * DEFAULT_STEP
         for k, (place, reducer) in enumerate(zip(places, reducers.values(), strict=True)):
             reducer.feed(time, np.ascontiguousarray(place.translation(chunk.acceleration[:, k])))
+        if drives:
+            drives.feed(chunk)
     return {point: reducer.finish() for point, reducer in reducers.items()}

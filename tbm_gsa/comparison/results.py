@@ -14,6 +14,7 @@ from typing import Annotated, Final, Literal
 from pydantic import Field, SerializerFunctionWrapHandler, model_serializer, model_validator
 
 from tbm_dynamics import Machine
+from tbm_gsa.comparison.drive_results import DrivesResult
 from tbm_gsa.reading import LARGEST_NUMBER, Interval, MachineFile, Name, Number, Part, PathText, Seed, Size, TextLine
 from tbm_msgs_py.base.fields import Vector3
 from tbm_msgs_py.recordings.channels import LeftOut
@@ -278,6 +279,7 @@ class ComparisonResult(Part):
     `offsets` are those of sensors that sit off their node, m. `skipped` names points that were not compared, `left_out`
     messages that are not used; `sources` says what is used, and `doubts` what may be wrong with it, a line each.
     `changes` are times at which the vibration changed while the machine was driven alike, s after the first sample.
+    `drives` is None where the recording holds none that can be compared.
     """
 
     window_s: Size
@@ -303,6 +305,7 @@ class ComparisonResult(Part):
     model_duration: Duration
     versions: dict[Name, TextLine]
     synthetic: bool = False
+    drives: DrivesResult | None = None
 
     @model_validator(mode="after")
     def _complete(self) -> ComparisonResult:
@@ -313,9 +316,9 @@ class ComparisonResult(Part):
 
     @model_serializer(mode="wrap")
     def _written(self, serialise: SerializerFunctionWrapHandler) -> dict[str, object]:
-        """Leave `synthetic` and `offsets` out of the JSON where there is none."""
+        """Leave `synthetic`, `offsets` and `drives` out of the JSON where there is none."""
         written: dict[str, object] = serialise(self)
-        return {key: value for key, value in written.items() if value or key not in ("synthetic", "offsets")}
+        return {key: value for key, value in written.items() if value or key not in ("synthetic", "offsets", "drives")}
 
     @property
     def axial_rows(self) -> list[AxialRow]:

@@ -7,6 +7,7 @@ from pathlib import Path
 
 from tbm_dynamics import Machine, MachineError, load_machine
 from tbm_gsa.comparison.change_times import change_times
+from tbm_gsa.comparison.drives import DriveComparison
 from tbm_gsa.comparison.expected import lines_of_levels
 from tbm_gsa.comparison.field_side import FieldSide, reduce_field
 from tbm_gsa.comparison.levels import NeverDrivenError, OperatingHistory, machine_history, recorded_history
@@ -108,10 +109,12 @@ def compare_recording(
     machines = _machines(reader.path, history, placed)
     lines = lines_of_levels(machines)
     chosen = _with_lines(chosen, lines)
-    predicted = _model_side(machines, field.signals, chosen, (model_duration, seed), progress)
+    drives = DriveComparison(reader, described, history, chosen)
+    predicted = _model_side(machines, field.signals, drives, chosen, (model_duration, seed), progress)
     _check_stretch(span, field, predicted, chosen.window_s)
     points, failed = _compare_each(reader, field, predicted, chosen)
-    result = _result(reader, described, placed, field, history, points, failed, chosen, lines, (model_duration, seed))
+    run = (model_duration, seed)
+    result = _result(reader, described, placed, field, history, points, failed, drives, chosen, lines, run)
     return RecordingComparison(
         result,
         {name: point.excerpts for name, point in points.items()},
@@ -145,6 +148,7 @@ def _result(
     history: OperatingHistory,
     points: Mapping[str, PointComparison],
     failed: Mapping[str, str],
+    drives: DriveComparison,
     settings: Settings,
     lines: tuple[ExpectedLine, ...],
     run: tuple[float, int],
@@ -166,7 +170,13 @@ def _result(
         machine=described.name,
         machine_file=machine_file(described),
         sources=reader.sources,
-        doubts=(*reader.doubts, *_operating_doubts(history, described), *_unit_doubts(points), *_changed(changed)),
+        doubts=(
+            *reader.doubts,
+            *_operating_doubts(history, described),
+            *_unit_doubts(points),
+            *_changed(changed),
+            *drives.problems,
+        ),
         operating_point=history.levels[0],
         levels=_levels(history, points),
         dwells=_dwells(history, field.begin_ns),
@@ -175,6 +185,7 @@ def _result(
         seed=run[1],
         versions=package_versions(),
         synthetic=is_synthetic(reader.path),
+        drives=drives.result,
     )
 
 
@@ -287,6 +298,7 @@ def _machines(path: Path, history: OperatingHistory, machine: Machine) -> dict[i
 def _model_side(
     machines: Mapping[int, Machine],
     field: Mapping[str, ReducedSignal],
+    drives: DriveComparison,
     settings: Settings,
     run: tuple[float, int],
     progress: Progress,
@@ -300,7 +312,9 @@ def _model_side(
             for point, signal in field.items()
         }
         name = "model" if len(machines) == 1 else f"model, level {level + 1} of {len(machines)}"
-        runs.append(run_model(machines[level], *run, reducers, partial(progress, name)))
+        reducer = drives.reducer(level, machines[level], run[0])
+        runs.append(run_model(machines[level], *run, reducers, partial(progress, name), reducer))
+    drives.finish()
     return {point: ReducedSignal.joined([signals[point] for signals in runs]) for point in field} if runs else {}
 
 
