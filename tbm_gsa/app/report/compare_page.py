@@ -3,6 +3,7 @@
 from typing import Final
 
 from tbm_gsa.app.report import compare_figures
+from tbm_gsa.app.report.drive_figure import drive_figure
 from tbm_gsa.app.report.page import embed_figure, render_page
 from tbm_gsa.comparison.results import ComparisonResult
 from tbm_gsa.comparison.workflow import RecordingComparison
@@ -25,6 +26,8 @@ def compare_page(compared: RecordingComparison) -> str:
         "title": "Recording against model",
         "subtitle": f"{result.recording.path}, machine {result.machine}, test points {', '.join(result.points)}",
         "result": result,
+        "drives": result.drives,
+        "drives_figure": result.drives and embed_figure(drive_figure(result.drives), "Torques of the drives"),
         "axis_names": compare_figures.AXIS_NAMES,
         "coverage": coverage,
         "low": [name for name, share in coverage.items() if share < LOW_COVERAGE],
