@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 
 from tbm_msgs_py.base.arrays import Array
-from tbm_msgs_py.base.drive_state import from_joint_state
+from tbm_msgs_py.base.drive_state import drive_name, from_joint_state
 from tbm_msgs_py.base.operating_point import JointState
 from tbm_msgs_py.recordings.clocks import ClockTrack
 from tbm_msgs_py.recordings.joint_states import ClockName, JointStates
@@ -41,6 +42,16 @@ class DriveRecord:
     duplicates: int = 0
     clock: ClockName = "header stamps"
     doubt: str = ""
+
+    @property
+    def rate_hz(self) -> float:
+        """From the median step; 0 of a single entry."""
+        return 1.0 / float(np.median(np.diff(self.time))) if len(self.time) > 1 else 0.0
+
+    def known(self, quantity: Literal["torque", "speed"]) -> dict[str, float]:
+        """Share of the entries that hold a number, by drive, of the drives that have one."""
+        shares = np.isfinite(getattr(self, quantity)).mean(axis=0).tolist()
+        return {drive_name(number): share for number, share in enumerate(shares, start=1) if share}
 
 
 class DriveEntries(JointStates[Array]):

@@ -12,6 +12,7 @@ from compare_bags import noise, write_bag, write_drives
 from typer.testing import CliRunner
 
 from tbm_dynamics import MachineError
+from tbm_gsa.app.cli.bag.info import info
 from tbm_gsa.app.cli.compare import compare
 from tbm_gsa.app.report.compare_page import compare_page
 from tbm_gsa.comparison import ComparisonResult, Settings
@@ -75,6 +76,17 @@ def test_the_page_holds_everything_itself(text):
     assert all(link.startswith("data:image/svg+xml;base64,") for link in page.links)
     assert not re.search(r"https?://|url\(|@import", text)
     assert len(text) < 3_000_000
+
+
+def test_a_scan_says_what_of_the_drives_is_there(bag, capsys):
+    info(bag, scan=True)
+    assert (
+        "drives /tbm/field/drives: 60 samples, 10 Hz, torque of 10 drives, speed of 10 drives"
+        in capsys.readouterr().out
+    )
+    info(bag, scan=True, json=True)
+    drives = json.loads(capsys.readouterr().out)["drives"]
+    assert (drives["duration"], drives["torque"]["drive_7"]) == (pytest.approx(5.9), 1.0)
 
 
 def test_an_axis_that_was_not_measured_is_a_dash(text):
