@@ -130,12 +130,12 @@ def _uniform(time: Array, values: Array, band: DriveBand) -> tuple[Array, Array]
     return np.concatenate([part[0] for part in parts]), np.concatenate([part[1] for part in parts])
 
 
-def _recorder(band: DriveBand) -> Array:
-    """Filter before the model is sampled: that of the recorder, or one that lets nothing through to be folded back."""
+def recorder_filter(band: DriveBand, rate_hz: float) -> Array:
+    """Filter of a model of a rate before it is sampled: the recorder's, or one that leaves nothing to fold back."""
     order, corner = ANTI_ALIAS_ORDER, ANTI_ALIAS_SHARE * band.rate_hz
-    if band.low_pass_hz is not None and band.low_pass_hz < MODEL_RATE_HZ / 2.0:
+    if band.low_pass_hz is not None and band.low_pass_hz < rate_hz / 2.0:
         order, corner = 1, band.low_pass_hz
-    return np.asarray(scipy.signal.butter(order, corner, fs=MODEL_RATE_HZ, output="sos"))
+    return np.asarray(scipy.signal.butter(order, corner, fs=rate_hz, output="sos"))
 
 
 class DriveReducer:
@@ -161,7 +161,7 @@ class DriveReducer:
         self.nodes = rotor_nodes(machine) if field.speeds else ()
         self._mean_speed = mean_pinion_speed(machine, machine.operating_point.speed)
         self._stride = MODEL_RATE_HZ / field.band.rate_hz
-        self._filter = CausalFilter(_recorder(field.band))
+        self._filter = CausalFilter(recorder_filter(field.band, MODEL_RATE_HZ))
         self._begin = min(max(SETTLED_S, SETTLED_PERIODS / field.band.high_hz), 0.5 * duration)
         self._angle: Array | None = None
         self._sampled = 0

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal
 
@@ -10,6 +11,7 @@ import numpy as np
 from tbm_msgs_py.base.arrays import Array
 from tbm_msgs_py.base.drive_state import drive_name, from_joint_state
 from tbm_msgs_py.base.operating_point import JointState
+from tbm_msgs_py.base.units import NANOSECONDS
 from tbm_msgs_py.recordings.clocks import ClockTrack
 from tbm_msgs_py.recordings.joint_states import ClockName, JointStates
 from tbm_msgs_py.recordings.mapping import DriveMapping
@@ -65,20 +67,25 @@ class DriveEntries(JointStates[Array]):
         """All so far, placed; None without any. Of entries at one time the first is kept."""
         if (found := self.placed(clock)) is None:
             return None
-        values = np.full((len(found.states), 2, max(state.shape[1] for state in found.states)), np.nan)
-        for row, state in zip(values, found.states, strict=True):
-            row[:, : state.shape[1]] = state
-        values *= self._factors
         kept = np.diff(found.time, prepend=-1.0) > 0.0
-        return DriveRecord(
-            found.start_ns,
-            found.time[kept],
-            values[kept, 0],
-            values[kept, 1],
-            int(np.count_nonzero(~kept)),
-            found.clock,
-            found.doubt,
-        )
+        torque, speed = (stacked(found.states) * self._factors)[kept].transpose(1, 0, 2)
+        again = int(np.count_nonzero(~kept))
+        return DriveRecord(found.start_ns, found.time[kept], torque, speed, again, found.clock, found.doubt)
+
+
+def stacked(states: Sequence[Array]) -> Array:
+    """Torque and speed of states (2, k), each of so many drives as it names, as (n, 2, p); NaN for the others."""
+    values = np.full((len(states), 2, max(state.shape[1] for state in states)), np.nan)
+    for row, state in zip(values, states, strict=True):
+        row[:, : state.shape[1]] = state
+    return values
+
+
+def drive_record(rows: Sequence[tuple[int, Array]]) -> DriveRecord:
+    """Record of stamps (ns), strictly increasing, and states (2, k)."""
+    start = rows[0][0]
+    torque, speed = stacked([state for _, state in rows]).transpose(1, 0, 2)
+    return DriveRecord(start, np.array([stamp - start for stamp, _ in rows]) / NANOSECONDS, torque, speed)
 
 
 def _torque_and_speed(message: JointState) -> Array:

@@ -14,9 +14,11 @@ from tbm_gsa.comparison.drive_moments import DriveBand, DriveMoments, drive_mome
 from tbm_gsa.comparison.drive_sides import field_drives
 from tbm_gsa.comparison.drives import compare_drives
 from tbm_gsa.comparison.levels import machine_history, recorded_history
+from tbm_gsa.comparison.live_drives import LiveDrives
 from tbm_gsa.comparison.workflow import compare_recording
 from tbm_gsa.signals.settings import Settings
 from tbm_msgs_py import OperatingPoint
+from tbm_msgs_py.base.drive_state import DriveState
 from tbm_msgs_py.base.errors import InputError
 from tbm_msgs_py.recordings.drives import DriveRecord
 from tbm_msgs_py.recordings.mapping import DriveMapping
@@ -171,6 +173,39 @@ def test_only_levels_of_operation_are_compared():
     found = held(torque, history=recorded_history(record, 0, 24_000_000_000))
     assert found.samples == 1600  # 8 s are no level
     assert found.drives["drive_2"].field.torque == pytest.approx(32e3, rel=1e-3)
+
+
+def live_window(seconds, rate, *, away_ns=0, drives=10):
+    """First window of a live stream whose third drive is off, beside a model of 100 Hz that is not."""
+    live, period = LiveDrives(DZ101, DriveMapping(), 2.0), round(1e9 / rate)
+    found = []
+    for stamp in range(0, round(seconds * 1e9), 10_000_000):
+        found.append(live.add("model", stamp + away_ns, DriveState((32e3,) * drives, (SPEED,) * drives)))
+        if stamp % period == 0:
+            wave = 32e3 * (1.0 + 0.1 * math.sin(stamp * 1e-9))
+            found.append(live.add("field", stamp, DriveState((wave, wave, 0.0), (NAN,) * 3)))
+    return next(filter(None, found))
+
+
+@pytest.mark.parametrize("rate", [10, 50, 100])
+def test_live_drives_are_compared_window_by_window(rate):
+    window = live_window(6.0, rate)
+    assert (window.begin_ns, window.end_ns) == (0, round(max(2.0, 30 / rate) * 1e9))
+    found = window.result
+    assert (found.field.running, found.model.running, found.windows, found.model_windows) == (2, 3, 1, 1)
+    assert found.findings == ("drive_3 is off in the recording, with 0.00% of the mean, and runs in the model",)
+    assert found.skipped.keys() == {f"drive_{number}" for number in range(4, 11)}
+
+
+@pytest.mark.parametrize(
+    ("given", "problem"),
+    [
+        ({"away_ns": 10**12}, "no signal of the model in the window"),
+        ({"drives": 2}, "the model has 2 drives, allowed: 3 or more"),
+    ],
+)
+def test_live_drives_without_a_model_say_so(given, problem):
+    assert live_window(4.0, 50, **given).problem == problem
 
 
 def test_moments_are_those_of_numpy():
