@@ -42,6 +42,7 @@ from tbm_gsa.provenance import machine_sha256
 from tbm_gsa.sensitivity.study.outputs import checked_outputs
 from tbm_msgs_py import topics
 from tbm_msgs_py.base.errors import InputError
+from tbm_msgs_py.base.units import NANOSECONDS
 from tbm_msgs_py.nodes import messages
 from tbm_msgs_py.nodes.managed import ManagedNode
 from tbm_msgs_py.recordings.mapping import SensorMapping, contract_sensor
@@ -110,6 +111,7 @@ class AnalysisNode(ManagedNode[AnalysisSettings]):
     def _restart_drives(self) -> None:
         self._drives = LiveDrives(self._machine, self._drive_mapping, self.settings.window)
         self._drives_window: DriveWindow | None = None
+        self._drives_ns = 0  # when it was complete
 
     def _open_history(self, machine: Machine) -> HistoryWriter:
         source = WindowSource("live", self.get_fully_qualified_name(), "", machine.name, machine_sha256(machine))
@@ -177,7 +179,8 @@ class AnalysisNode(ManagedNode[AnalysisSettings]):
             self.faults.report(topic, f"{topic}: {error}; not used")
             return
         self.faults.clear(topic)
-        self._drives_window = self._drives.add(side, stamp, state) or self._drives_window
+        if window := self._drives.add(side, stamp, state):
+            self._drives_window, self._drives_ns = window, self.get_clock().now().nanoseconds
 
     def _on_operating_point(self, topic: str, message: JointState) -> None:
         try:
@@ -292,7 +295,8 @@ class AnalysisNode(ManagedNode[AnalysisSettings]):
         if not self._drives.seen:
             return []
         kind = "steady" if window is None else self._comparison.kind(window.begin_ns, window.end_ns)
-        return [drives_status(self.status_name("drives"), self.settings.machine, window, kind)]
+        age = (self.get_clock().now().nanoseconds - self._drives_ns) / NANOSECONDS
+        return [drives_status(self.status_name("drives"), self.settings.machine, window, kind, age)]
 
     def _gsa_status_now(self) -> DiagnosticStatus:
         name = self.status_name("sensitivity analysis")
