@@ -64,6 +64,11 @@ class DriveComparison:
             with self._noted():
                 self._field = field_drives(self._record, machine, history, self._mapping.low_pass_hz, settings)
 
+    @property
+    def levels(self) -> set[int]:
+        """Levels of operation that the model is to be run at."""
+        return set() if self._field is None else set(self._field.levels)
+
     def reducer(self, level: int, machine: Machine, duration: float) -> DriveReducer | None:
         """Return what is to be fed with the run at a level, if it is wanted."""
         if self._field is not None and level in self._field.levels:

@@ -6,6 +6,7 @@ import numpy as np
 
 from tbm_dynamics import Machine
 from tbm_dynamics.integration import DEFAULT_STEP
+from tbm_dynamics.response import default_outputs
 from tbm_dynamics.streaming.simulation import ModelRun
 from tbm_gsa.comparison.drive_sides import DriveReducer
 from tbm_gsa.signals.reduction import ReducedSignal, SignalReducer
@@ -38,7 +39,8 @@ def run_model(
     """
     places = [machine.description.sensor_places[point] for point in reducers]
     rotors = drives.nodes if drives else ()
-    run = ModelRun(machine, duration, seed, [*(place.node for place in places), *rotors])
+    nodes = [*(place.node for place in places), *rotors] or default_outputs(machine)[:1]  # a run has one at least
+    run = ModelRun(machine, duration, seed, nodes)
     for chunk in run.chunks(progress=progress):
         time = np.arange(chunk.first_step, chunk.first_step + len(chunk.mesh_force), dtype=np.float64) * DEFAULT_STEP
         for k, (place, reducer) in enumerate(zip(places, reducers.values(), strict=True)):

@@ -288,7 +288,7 @@ class ComparisonResult(Part):
     spectra: dict[Name, dict[Name, AxisSpectra]]
     nodes: dict[Name, int]
     offsets: dict[Name, Vector3] = Field(default_factory=dict)
-    bands: Annotated[dict[Name, PointBand], Field(min_length=1)]
+    bands: dict[Name, PointBand]
     skipped: dict[str, str]
     left_out: tuple[LeftOut, ...] = ()
     recording: RecordingResult
@@ -309,6 +309,8 @@ class ComparisonResult(Part):
 
     @model_validator(mode="after")
     def _complete(self) -> ComparisonResult:
+        if not self.points and self.drives is None:
+            raise ValueError("points: none, allowed: at least one, or drives")
         for key, found in (("bands", self.bands), ("spectra", self.spectra), ("nodes", self.nodes)):
             if self.points.keys() != found.keys():
                 raise ValueError(f"{key}: other test points than in points")

@@ -113,6 +113,9 @@ def compare_recording(
     predicted = _model_side(machines, field.signals, drives, chosen, (model_duration, seed), progress)
     _check_stretch(span, field, predicted, chosen.window_s)
     points, failed = _compare_each(reader, field, predicted, chosen)
+    if not points and drives.result is None:
+        reasons = [*(f"test point {point}: {reason}" for point, reason in failed.items()), *drives.problems]
+        raise RecordingError(f"{reader.path}: {listed(reasons, separator='; ')}")
     run = (model_duration, seed)
     result = _result(reader, described, placed, field, history, points, failed, drives, chosen, lines, run)
     return RecordingComparison(
@@ -233,7 +236,7 @@ def _checked(settings: Settings, model_duration: float, seed: int, span: tuple[f
 def _shared_points(reader: RecordingReader, machine: Machine) -> list[str]:
     """Test points of the machine that are recorded, in the machine's order: along the power flow."""
     shared = [point for point in machine.description.test_points if point in reader.sensors]
-    if not shared:
+    if not shared and reader.drive_topic is None:
         raise RecordingError(
             f"{reader.path}: test points {listed(map(repr, reader.sensors))}: none is one of machine "
             f"{machine.name}, allowed: {listed(machine.description.test_points)}"
@@ -304,7 +307,7 @@ def _model_side(
     progress: Progress,
 ) -> dict[str, ReducedSignal]:
     """Signals of the model at every level that a window belongs to, for (duration, seed), by test point."""
-    seen = {int(level) for signal in field.values() for level in signal.level}
+    seen = {int(level) for signal in field.values() for level in signal.level} | drives.levels
     runs = []
     for level in sorted(seen & set(machines)):
         reducers = {
@@ -336,11 +339,7 @@ def _compare_each(
         point: "; ".join([reason, *_came(field.health.get(point)), *reader.not_used(point)])
         for point, reason in unusable.items()
     }
-    failed |= reader.problems
-    if not compared:
-        reasons = (f"test point {point}: {reason}" for point, reason in failed.items())
-        raise RecordingError(f"{reader.path}: {listed(reasons, separator='; ')}")
-    return compared, failed
+    return compared, {**failed, **reader.problems}
 
 
 def _came(health: PointHealth | None) -> Iterator[str]:

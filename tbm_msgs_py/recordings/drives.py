@@ -46,6 +46,11 @@ class DriveRecord:
     doubt: str = ""
 
     @property
+    def end_ns(self) -> int:
+        """Time of the last entry, ns."""
+        return self.start_ns + round(float(self.time[-1]) * NANOSECONDS)
+
+    @property
     def rate_hz(self) -> float:
         """From the median step; 0 of a single entry."""
         return 1.0 / float(np.median(np.diff(self.time))) if len(self.time) > 1 else 0.0

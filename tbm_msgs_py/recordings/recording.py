@@ -66,7 +66,7 @@ class RecordingReader:
     path : Path
         Of the recording, absolute, links followed.
     sensors : dict
-        Sensor of each mapped test point that is in the recording.
+        Sensor of each mapped test point that is in the recording; none where it holds the drives alone.
     mapping : UsedMapping
         What says so.
     """
@@ -77,7 +77,7 @@ class RecordingReader:
         self._channels = _channels(bag)
         self._restart()
         self.sensors = {point: topic.sensor for point, topic in self._sensors.items()}
-        if not self.sensors:
+        if not self.sensors and self._drives is None:
             raise RecordingError(f"{bag.path}: {self._no_sensor()}")
 
     @property
@@ -111,6 +111,11 @@ class RecordingReader:
     def drives(self) -> DriveRecord | None:
         """Torque and speed of the drives read so far, on the reference clock of the sensors; None without any."""
         return None if self._drives is None else self._drives.states.record(self._reference)
+
+    @property
+    def drive_topic(self) -> str | None:
+        """Topic of the drives, where the recording has it."""
+        return None if self._drives is None else self._drives.name
 
     @property
     def drive_mapping(self) -> DriveMapping:
@@ -164,10 +169,9 @@ class RecordingReader:
         record, file = self.operating_point, self.mapping.file
         mapping = str(file) if file else BY_PROGRAM if self.mapping.stated else None
         placed = tuple(point for point, shift in clock_shifts(self.clocks).items() if shift)
-        drives = None if self._drives is None else self._drives.name
         if self._operating is None or record is None:
-            return UsedSources(mapping, placed=placed, drives=drives)
-        return UsedSources(mapping, self._operating.name, len(record.points), record.clock, placed, drives)
+            return UsedSources(mapping, placed=placed, drives=self.drive_topic)
+        return UsedSources(mapping, self._operating.name, len(record.points), record.clock, placed, self.drive_topic)
 
     @property
     def doubts(self) -> list[str]:
@@ -211,7 +215,8 @@ class RecordingReader:
             yield from map(self._records, splitter.due())
         yield from map(self._records, splitter.rest())
         if not self._sampled:
-            raise NoSampleError(f"{self.path}: {listed(self.problems.values(), separator='; ')}")
+            reasons = self.problems.values()
+            raise NoSampleError(f"{self.path}: {listed(reasons, separator='; ') if reasons else self._no_sensor()}")
 
     def _restart(self) -> None:
         """Forget what was read, and find the topics of the mapping."""

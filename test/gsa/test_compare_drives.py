@@ -9,6 +9,8 @@ from compare_bags import noise, plc_values, write_bag, write_drives
 from scipy.signal import butter, sosfiltfilt
 
 from tbm_dynamics import load_machine, simulate
+from tbm_gsa.app.cli.compare import print_tables
+from tbm_gsa.app.report.compare_page import compare_page
 from tbm_gsa.comparison import ComparisonResult
 from tbm_gsa.comparison.drive_moments import DriveBand, DriveMoments, drive_moments
 from tbm_gsa.comparison.drive_sides import field_drives
@@ -17,7 +19,7 @@ from tbm_gsa.comparison.levels import machine_history, recorded_history
 from tbm_gsa.comparison.live_drives import LiveDrives
 from tbm_gsa.comparison.workflow import compare_recording
 from tbm_gsa.signals.settings import Settings
-from tbm_msgs_py import OperatingPoint
+from tbm_msgs_py import OperatingPoint, RecordingError
 from tbm_msgs_py.base.drive_state import DriveState
 from tbm_msgs_py.base.errors import InputError
 from tbm_msgs_py.recordings.drives import DriveRecord
@@ -142,6 +144,34 @@ def test_a_record_of_nothing_is_a_doubt_of_the_comparison(tmp_path):
         result.doubts
     )
     assert "drives" not in json.loads(result.model_dump_json())
+
+
+@pytest.mark.parametrize("dead", [False, True])
+def test_drives_alone_are_compared(tmp_path, capsys, dead):
+    points = {"shield": np.full((2000, 3), NAN)} if dead else {}
+    share = np.array([0.985, 1.03, 0.99, 0.0, 1.0, 1.01, 0.98, 0.0, 1.0, 1.005])
+    torque = 32e3 * share * np.random.default_rng(2).normal(1.0, 0.03, (100, 1))
+    write_bag(tmp_path / "bag", points, more=lambda writer: write_drives(writer, torque, 10))
+    compared = compare_recording(tmp_path / "bag", model_duration=1.0)
+    result = compared.result
+    assert (result.points, list(result.skipped)) == ({}, ["shield"] if dead else [])
+    assert (result.drives.samples, result.recording.duration) == (100, pytest.approx(9.9))
+    assert result.drives.field.sharing_factor == pytest.approx(1.03, rel=1e-3)
+    assert result.drives.field.correlation == pytest.approx(1.0)
+    assert ComparisonResult.model_validate_json(result.model_dump_json()) == result
+    print_tables(result)
+    assert "8 drives run, sharing factor 1.030, lowest share 0.980" in capsys.readouterr().out
+    if not dead:
+        page = compare_page(compared)
+        assert "<h2>Drives</h2>" in page
+        assert "Axial acceleration" not in page
+
+
+def test_a_sensor_and_drives_that_are_both_of_no_use_are_one_line(tmp_path):
+    points, torque = {"shield": np.full((2000, 3), NAN)}, TORQUE[:1]
+    write_bag(tmp_path / "bag", points, more=lambda writer: write_drives(writer, torque, 10))
+    with pytest.raises(RecordingError, match=r"test point shield: .* no finite sample.*; drives .*: not compared: a "):
+        compare_recording(tmp_path / "bag", model_duration=1.0)
 
 
 def test_gaps_and_lost_values_are_counted():

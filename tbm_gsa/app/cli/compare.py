@@ -120,7 +120,8 @@ def _keep(compared: RecordingComparison, kind: SourceKind, path: Path | None) ->
 
 def print_tables(result: ComparisonResult) -> None:
     """Print the axial accelerations as the paper's Table 2 has them, the levels, and the state of the recording."""
-    results.print(_axial_table(result))
+    if result.points:
+        results.print(_axial_table(result))
     if len(result.dwells) > 1:
         results.print(_level_table(result))
     if result.drives is not None:

@@ -251,7 +251,8 @@ def _print_points(found: ScannedBag) -> None:
     for name, point in _first(found.points):
         clock = (f"{point.clock_offset:+.3f}", f"{point.clock_drift:+.2f}")
         add_row(table, name, point.samples, f"{point.rate_hz:.3f}", point.gaps, f"{point.missing_s:.3f}", *clock)
-    results.print(table)
+    if found.points:
+        results.print(table)
     _print_rest("test points", len(found.points))
     for name, point in _first(found.points):
         faults = [f"{getattr(point, key)} {key}" for key in COUNTS if getattr(point, key)]
