@@ -9,7 +9,6 @@ import numpy as np
 
 from tbm_dynamics.indicators import indicators
 from tbm_dynamics.machine.sensor_place import SensorPlace, place_of
-from tbm_dynamics.structure.drive import drive_nodes, gear_pair
 from tbm_msgs_py.base.errors import MachineError
 
 if TYPE_CHECKING:
@@ -31,12 +30,16 @@ def default_outputs(machine: Machine) -> tuple[int, ...]:
 
 def rotor_nodes(machine: Machine) -> tuple[int, ...]:
     """Nodes of the motors' rotors, whose angle θx is that on the side of the pinion."""
+    from tbm_dynamics.structure.drive import drive_nodes  # noqa: PLC0415 - a stream of loads needs none
+
     drive = machine.description.driveshaft
     return tuple(drive_nodes(drive, i)[-1] for i in range(drive.count))
 
 
 def pinion_torque(machine: Machine, mesh_force: np.ndarray) -> np.ndarray:
     """Torque of each pinion (n, p), N·m, from the forces of the meshes (n, p), N."""
+    from tbm_dynamics.structure.drive import gear_pair  # noqa: PLC0415 - a stream of loads needs none
+
     return np.asarray(mesh_force * gear_pair(machine.description.driveshaft).pinion_base_radius)
 
 

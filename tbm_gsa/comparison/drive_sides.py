@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
 import scipy  # its parts load on first use
 
 from tbm_dynamics import Machine
-from tbm_dynamics.integration.simulator import Chunk
 from tbm_dynamics.response import mean_pinion_speed, pinion_torque, rotor_nodes
 from tbm_gsa.comparison.drive_moments import DriveBand, DriveMoments, drive_moments
 from tbm_gsa.comparison.levels import OperatingHistory
@@ -20,6 +19,9 @@ from tbm_msgs_py.base.causal_filter import CausalFilter
 from tbm_msgs_py.base.drive_state import drive_name
 from tbm_msgs_py.base.errors import InputError
 from tbm_msgs_py.recordings.drives import DriveRecord
+
+if TYPE_CHECKING:  # the live comparison needs no simulator
+    from tbm_dynamics.integration.simulator import Chunk
 
 USABLE: Final = 0.9
 """Share of the samples that hold a number from which on a drive is compared."""

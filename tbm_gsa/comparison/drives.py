@@ -22,7 +22,6 @@ from tbm_msgs_py.base.drive_state import drive_name
 from tbm_msgs_py.base.errors import InputError
 from tbm_msgs_py.recordings.drives import DriveRecord
 from tbm_msgs_py.recordings.mapping import DriveMapping
-from tbm_msgs_py.recordings.recording import RecordingReader
 
 RUNNING: Final = 0.1
 """Share of the strongest drive's torque from which on a drive runs."""
@@ -38,8 +37,9 @@ class DriveComparison:
 
     Parameters
     ----------
-    reader : RecordingReader
-        That has read the recording.
+    record : DriveRecord or None
+    mapping : DriveMapping
+        How it was recorded.
     machine : Machine
     history : OperatingHistory
     settings : Settings
@@ -53,16 +53,21 @@ class DriveComparison:
     """
 
     def __init__(
-        self, reader: RecordingReader, machine: Machine, history: OperatingHistory, settings: Settings
+        self,
+        record: DriveRecord | None,
+        mapping: DriveMapping,
+        machine: Machine,
+        history: OperatingHistory,
+        settings: Settings,
     ) -> None:
-        self._machine, self._mapping, self._record = machine, reader.drive_mapping, reader.drives
+        self._machine, self._mapping, self._record = machine, mapping, record
         self._reducers: dict[int, DriveReducer] = {}
         self._field: FieldDrives | None = None
         self.result: DrivesResult | None = None
         self.problems: tuple[str, ...] = ()
-        if self._record is not None:
+        if record is not None:
             with self._noted():
-                self._field = field_drives(self._record, machine, history, self._mapping.low_pass_hz, settings)
+                self._field = field_drives(record, machine, history, mapping.low_pass_hz, settings)
 
     @property
     def levels(self) -> set[int]:
