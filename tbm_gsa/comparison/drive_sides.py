@@ -99,6 +99,7 @@ def _usable(record: DriveRecord, machine: Machine) -> tuple[Flags, dict[str, str
     """Whether torque and speed of a drive can be compared, (2, p), and why drives of record or machine cannot."""
     count, skipped = machine.description.driveshaft.count, dict[str, str]()
     usable = np.zeros((2, max(count, record.torque.shape[1])), np.bool_)
+    recorded = [bool(np.isfinite(one).any()) for one in (record.torque, record.speed)]
     for number in range(1, usable.shape[1] + 1):
         shares = [
             float(np.isfinite(one[:, number - 1]).mean()) if number <= one.shape[1] else 0.0
@@ -111,11 +112,11 @@ def _usable(record: DriveRecord, machine: Machine) -> tuple[Flags, dict[str, str
         usable[:, number - 1] = np.array(shares) >= USABLE
         lacking = [
             f"{share:.0%} of its {what}s are numbers, allowed: {USABLE:.0%} or more"
-            for what, share in zip(("torque", "speed"), shares, strict=True)
-            if 0.0 < share < USABLE
+            for what, share, there in zip(("torque", "speed"), shares, recorded, strict=True)
+            if there and share < USABLE
         ]
         if lacking or not any(shares):
-            skipped[drive_name(number)] = "; ".join(lacking) or "not in the recording"
+            skipped[drive_name(number)] = "; ".join(lacking) if any(shares) else "not in the recording"
     return usable, skipped
 
 

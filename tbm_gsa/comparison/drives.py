@@ -114,6 +114,7 @@ def compare_drives(
         raise InputError("no sample at a steady level of operation")
     shares = {level: samples / sum(seen.values()) for level, samples in seen.items()}
     recorded, computed = (DriveMoments.joined(levels, shares) for levels in (field.levels, model))
+    known = np.isfinite(recorded.torque)
     names = [drive_name(number) for number in field.numbers]
     sides = [dict(zip(names, _each_drive(one), strict=True)) for one in (recorded, computed)]
     return DrivesResult(
@@ -127,8 +128,8 @@ def compare_drives(
         model_windows=computed.windows,
         duplicates=record.duplicates,
         invalid=field.invalid,
-        field=_sharing(recorded),
-        model=_sharing(computed),
+        field=_sharing(recorded, known),
+        model=_sharing(computed, known),
         drives={name: _drive(sides[0][name], sides[1][name]) for name in names},
         skipped=field.skipped,
         findings=(
@@ -162,10 +163,11 @@ def _each_drive(moments: DriveMoments) -> Iterator[DriveSide]:
         )
 
 
-def _sharing(moments: DriveMoments) -> SharingSide:
-    runs = running(moments)
+def _sharing(moments: DriveMoments, known: Flags) -> SharingSide:
+    """How the drives whose torque is recorded share it."""
+    runs = running(moments) & known
     torque, covariance = moments.torque[runs], moments.covariance[np.ix_(runs, runs)]
-    known, count = np.isfinite(moments.torque), len(torque)
+    count = len(torque)
     total = float(moments.torque[known].sum()) if known.any() else math.nan
     if not count:
         unknown = SharingSide.model_fields.keys() - {"running", "torque"}
@@ -194,7 +196,9 @@ def _drive(field: DriveSide, model: DriveSide) -> DriveResult:
 
 
 def _not_compared(field: DriveMoments, model: DriveMoments, window_s: float) -> Iterator[str]:
-    """Say which side is too short for a fluctuation."""
+    """Say which side is too short for a fluctuation, and that nothing runs."""
+    if np.isfinite(field.torque).any() and not running(field).any():
+        yield "no drive carries torque in the recording"
     for what, moments in (("recording", field), ("run of the model", model)):
         if not moments.windows:
             yield f"the {what} holds no window of {window_s:.4g} s at one level: its fluctuation is not known"

@@ -99,6 +99,28 @@ def test_odd_drives_are_named():
     assert found.drives["drive_4"].field.share == pytest.approx(-0.01 * 9 / 9.2)
 
 
+def test_a_drive_without_one_quantity_is_named_and_kept():
+    torque, speed = TORQUE.copy(), np.full_like(TORQUE, SPEED)
+    torque[:, 4], speed[:, 3] = NAN, NAN
+    found = held(torque, speed=speed)
+    assert {name: why.split(",")[0] for name, why in found.skipped.items()} == {
+        "drive_4": "0% of its speeds are numbers",
+        "drive_5": "0% of its torques are numbers",
+    }
+    assert (found.drives["drive_5"].field.torque, found.drives["drive_4"].field.speed) == (None, None)
+    assert found.drives["drive_5"].field.speed == pytest.approx(SPEED)
+    assert found.field.torque == pytest.approx(9 * 32e3)
+    assert found.model.torque == pytest.approx(9 * 32e3)
+    assert found.findings == ()
+
+
+def test_drives_that_rest_and_speeds_alone_are_said():
+    assert held(0.0 * TORQUE).findings == ("no drive carries torque in the recording",)
+    alone = held(NAN * TORQUE, speed=np.full_like(TORQUE, SPEED))
+    assert (alone.findings, alone.skipped, alone.field.running) == ((), {}, 0)
+    assert alone.drives["drive_1"].field.speed == pytest.approx(SPEED)
+
+
 @pytest.mark.parametrize(
     ("change", "skipped"),
     [

@@ -42,7 +42,7 @@ def _sharing(side: SharingSide) -> str:
 
 def _torque(side: DriveSide) -> str:
     value = _number(None if side.torque is None else side.torque / 1e3, ".4g")
-    return value if side.running else f"{value} off"
+    return value if side.running or side.torque is None else f"{value} off"
 
 
 def _number(value: float | None, form: str) -> str:
