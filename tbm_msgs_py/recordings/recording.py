@@ -281,12 +281,18 @@ class Recording(RecordingReader):
     Attributes
     ----------
     points : dict
-        Record of each mapped test point that has samples.
+        Record of each mapped test point that has samples; none where the recording holds the drives alone.
     """
 
     def __init__(self, bag: Bag, mapping: UsedMapping) -> None:
         super().__init__(bag, mapping)
-        found = {point: record for piece in self.pieces(math.inf) for point, record in piece.items()}
+        found: dict[str, AccelerationRecord] = {}
+        try:
+            for piece in self.pieces(math.inf):
+                found.update(piece)
+        except NoSampleError:
+            if self.sensors or self.drives is None:
+                raise
         self.points = {point: found[point] for point in self.sensors if point in found}
 
 
@@ -337,8 +343,10 @@ def read_acceleration(
     stated = _stated_mapping(bag, mapping)
     sensor = stated.mapping.topics.get(topic) if stated else None
     chosen = TopicMapping(topics={topic: sensor or contract_sensor(_point_of(topic))})
-    (record,) = Recording(bag, UsedMapping(chosen, stated.file if stated else None)).points.values()
-    return record
+    recording = Recording(bag, UsedMapping(chosen, stated.file if stated else None))
+    for record in recording.points.values():
+        return record
+    raise RecordingError(f"{bag.path}: {listed(recording.problems.values())}")
 
 
 def _opened(path: str | Path, mapping: TopicMapping | str | Path | None) -> tuple[Bag, UsedMapping]:

@@ -11,7 +11,7 @@ from import_files import START, START_NS, refused, write_csv
 from mcap_ros2.reader import read_ros2_messages
 from rosbags.typesys import Stores, get_typestore
 
-from tbm_msgs_py import ACCELERATION, load_mapping, open_recording
+from tbm_msgs_py import ACCELERATION, RecordingError, load_mapping, open_recording, read_acceleration, read_recording
 from tbm_msgs_py.bags.definitions import JOINT_STATE_TYPE
 from tbm_msgs_py.bags.writing import BagWriter
 from tbm_msgs_py.base.drive_state import DriveState, DriveStateError, from_joint_state
@@ -112,6 +112,15 @@ def test_drives_that_cannot_be_used_are_a_doubt(tmp_path, mapping, second, doubt
     reader = recorded(tmp_path / "bag", [(second, DriveState((1.0,), (2.0,)))], stated)
     (found,) = reader.doubts
     assert re.match(doubt, found)
+
+
+def test_a_recording_of_drives_alone_is_read(tmp_path):
+    with BagWriter(tmp_path / "bag") as writer:
+        writer.write_drives(START_NS, DriveState((1.0, 2.0), (NAN, NAN)))
+    recording = read_recording(tmp_path / "bag")
+    assert (recording.points, recording.drives.torque.tolist()) == ({}, [[1.0, 2.0]])
+    with pytest.raises(RecordingError, match="topic /tbm/field/drives: type sensor_msgs/msg/JointState, allowed: geom"):
+        read_acceleration(tmp_path / "bag", TOPIC)
 
 
 def test_columns_of_motors_become_drives_at_the_pinions(tmp_path):
