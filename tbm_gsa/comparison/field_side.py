@@ -39,7 +39,7 @@ class FieldSide:
     shifts : mapping of str to int
         How far the clock of a point is ahead of that of the others, ns, where it is another one.
     drives : DriveRecord or None
-        They say how long a recording without any other sample is.
+        Of a recording without any other sample: they say how long it is.
     """
 
     signals: Mapping[str, ReducedSignal]
@@ -51,14 +51,14 @@ class FieldSide:
     @property
     def begin_ns(self) -> int:
         """Time of the first sample of all, on the clock of the others where a point has its own."""
-        if self.drives is not None and not self.health:
+        if self.drives is not None:
             return self.drives.start_ns
         return min(health.start_ns - self.shifts.get(point, 0) for point, health in self.health.items())
 
     @property
     def end_ns(self) -> int:
         """Time of the last sample of all, likewise."""
-        if self.drives is not None and not self.health:
+        if self.drives is not None:
             return self.drives.end_ns
         ends = {point: health.start_ns + round(health.duration * 1e9) for point, health in self.health.items()}
         return max(end - self.shifts.get(point, 0) for point, end in ends.items())
@@ -102,7 +102,8 @@ def reduce_field(
     for point in [point for point in points if point not in failed]:
         with _noted(failed, point):
             signals[point] = intakes[point].finish()
-    return FieldSide(signals, recorded.points, failed, clock_shifts(reader.clocks), reader.drives)
+    drives = None if recorded.points else reader.drives
+    return FieldSide(signals, recorded.points, failed, clock_shifts(reader.clocks), drives)
 
 
 def _pieces(reader: RecordingReader) -> Iterator[Mapping[str, AccelerationRecord]]:

@@ -109,7 +109,7 @@ def compare_recording(
     machines = _machines(reader.path, history, placed)
     lines = lines_of_levels(machines)
     chosen = _with_lines(chosen, lines)
-    drives = DriveComparison(field.drives, reader.drive_mapping, described, history, chosen)
+    drives = DriveComparison(reader.drives, reader.drive_mapping, described, history, chosen)
     predicted = _model_side(machines, field.signals, drives, chosen, (model_duration, seed), progress)
     _check_stretch(span, field, predicted, chosen.window_s)
     points, failed = _compare_each(reader, field, predicted, chosen)
