@@ -28,6 +28,31 @@ def default_outputs(machine: Machine) -> tuple[int, ...]:
     return tuple(dict.fromkeys(nodes))
 
 
+def rotor_nodes(machine: Machine) -> tuple[int, ...]:
+    """Nodes of the motors' rotors, whose angle θx is that on the side of the pinion."""
+    from tbm_dynamics.structure.drive import drive_nodes  # noqa: PLC0415 - a stream of loads needs none
+
+    drive = machine.description.driveshaft
+    return tuple(drive_nodes(drive, i)[-1] for i in range(drive.count))
+
+
+def pinion_torque(machine: Machine, mesh_force: np.ndarray) -> np.ndarray:
+    """Torque of each pinion (n, p), N·m, from the forces of the meshes (n, p), N."""
+    from tbm_dynamics.structure.drive import gear_pair  # noqa: PLC0415 - a stream of loads needs none
+
+    return np.asarray(mesh_force * gear_pair(machine.description.driveshaft).pinion_base_radius)
+
+
+def mean_pinion_speed(machine: Machine, head_speed: float) -> np.ndarray:
+    """Mean speed of each drive (p,) on the side of its pinion at a speed of the head, rad/s; uncoupled, it rests.
+
+    The motion of a run is a perturbation about this uniform turning: the rate of a rotor's θx comes on top.
+    """
+    gear = machine.description.driveshaft.gear
+    turning = [drive.off != "uncoupled" for drive in machine.description.each_drive]
+    return np.asarray(head_speed * gear.ring_teeth / gear.pinion_teeth * np.array(turning, dtype=float))
+
+
 @dataclass(frozen=True)
 class Response:
     """Motion of selected nodes and mesh forces, at every step and unfiltered.

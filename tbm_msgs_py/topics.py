@@ -29,6 +29,7 @@ LOADS_BLOCK = "loads/block"
 LOADS_WRENCH = "loads/wrench"
 MODEL_DRIVES = "model/drives"
 MODEL_MESH_FORCES = "model/mesh_forces"
+FIELD_DRIVES = "field/drives"
 GSA_STATUS = "analysis/gsa_status"
 GSA_RESULT = "analysis/gsa_result"
 ROCK = "analysis/rock"
@@ -87,6 +88,7 @@ _CONTRACT = {
     LOADS_OPERATING_POINT: TopicContract(_JOINTS, LOADS_OPERATING_POINT_QOS),
     LOADS_WRENCH: TopicContract("geometry_msgs/msg/WrenchStamped", BLOCK_QOS),
     MODEL_DRIVES: TopicContract(_JOINTS, LIVE_QOS),
+    FIELD_DRIVES: TopicContract(_JOINTS, LIVE_QOS),
     "*/accel": TopicContract("geometry_msgs/msg/AccelStamped", LIVE_QOS),
     **dict.fromkeys(ANALYSIS_STATUSES, TopicContract(_STATUSES, GSA_QOS)),
     "analysis/*": TopicContract("geometry_msgs/msg/Vector3Stamped", ANALYSIS_QOS),

@@ -14,10 +14,11 @@ from tbm_dynamics.integration.simulator import Chunk
 from tbm_dynamics.machine.machine import Machine, load_machine
 from tbm_dynamics.nodes.pacer import RealTimePacer
 from tbm_dynamics.nodes.settings import DynamicsSettings
+from tbm_dynamics.response import mean_pinion_speed, pinion_torque
 from tbm_dynamics.streaming.sensors import LiveFilter, SensorModel, SensorPacket, SensorParameters
 from tbm_dynamics.streaming.streams import DynamicsStream, step_ns
-from tbm_dynamics.structure.drive import gear_pair
 from tbm_msgs_py import blocks, topics
+from tbm_msgs_py.base.drive_state import DriveState
 from tbm_msgs_py.base.errors import InputError, SimulationError
 from tbm_msgs_py.base.operating_point import OperatingPoint
 from tbm_msgs_py.base.units import NANOSECONDS
@@ -45,7 +46,6 @@ class DynamicsNode(ManagedNode[DynamicsSettings]):
         self._step = step_ns(self._rate)
         self._points = self._machine.description.sensor_places
         self._stream = self._new_stream()
-        self._pinion_radius = gear_pair(self._machine.description.driveshaft).pinion_base_radius
         self._refused = 0
         self._faults: FaultLog[str] = FaultLog(lambda text: self.get_logger().warning(text))
         self._pacer = RealTimePacer()
@@ -161,8 +161,14 @@ class DynamicsNode(ManagedNode[DynamicsSettings]):
         for point, acceleration in points.items():
             for step, values in self._live[point].process(chunk.first_step, acceleration):
                 self._accels[point].publish(messages.accel(self._stamp(step), values.tolist(), point))
-        for step, values in self._live["drives"].process(chunk.first_step, chunk.mesh_force * self._pinion_radius):
-            self._drives.publish(messages.drives(self._stamp(step), values))
+        self._publish_drives(chunk)
+
+    def _publish_drives(self, chunk: Chunk) -> None:
+        torque = pinion_torque(self._machine, chunk.mesh_force)
+        speed = tuple(mean_pinion_speed(self._machine, self._stream.operating_point.speed).tolist())
+        for step, values in self._live["drives"].process(chunk.first_step, torque):
+            state = DriveState(tuple(values.tolist()), speed)
+            self._drives.publish(messages.drives_message(self._stamp(step), state))
 
     def _publish_packet(self, point: str, packet: SensorPacket) -> None:
         stamp = self._stream.epoch_ns + packet.stamp_ns

@@ -216,6 +216,11 @@ class DynamicsStream:
         return self._continuity.dropped
 
     @property
+    def operating_point(self) -> OperatingPoint:
+        """That which holds now."""
+        return self._point
+
+    @property
     def mean_loads(self) -> np.ndarray:
         """Mean loads at the operating point that holds now, (6,), N and N·m."""
         return self._loads.mean(self._point)

@@ -17,7 +17,8 @@ from tbm_msgs_py.base.errors import InputError
 from tbm_msgs_py.base.progress import ShareDone
 from tbm_msgs_py.recordings.acceleration import AccelerationRecord
 from tbm_msgs_py.recordings.clocks import clock_shifts
-from tbm_msgs_py.recordings.recording import RecordingReader
+from tbm_msgs_py.recordings.drives import DriveRecord
+from tbm_msgs_py.recordings.recording import NoSampleError, RecordingReader
 from tbm_msgs_py.recordings.recording_health import PointHealth, RecordingHealth
 
 LEAST_SAMPLES = 1000  # that a sampling rate is taken from, if there are as many
@@ -37,21 +38,28 @@ class FieldSide:
         Points whose signal cannot be conditioned, with the reason.
     shifts : mapping of str to int
         How far the clock of a point is ahead of that of the others, ns, where it is another one.
+    drives : DriveRecord or None
+        Of a recording without any other sample: they say how long it is.
     """
 
     signals: Mapping[str, ReducedSignal]
     health: Mapping[str, PointHealth]
     failed: Mapping[str, str]
     shifts: Mapping[str, int]
+    drives: DriveRecord | None = None
 
     @property
     def begin_ns(self) -> int:
         """Time of the first sample of all, on the clock of the others where a point has its own."""
+        if self.drives is not None:
+            return self.drives.start_ns
         return min(health.start_ns - self.shifts.get(point, 0) for point, health in self.health.items())
 
     @property
     def end_ns(self) -> int:
         """Time of the last sample of all, likewise."""
+        if self.drives is not None:
+            return self.drives.end_ns
         ends = {point: health.start_ns + round(health.duration * 1e9) for point, health in self.health.items()}
         return max(end - self.shifts.get(point, 0) for point, end in ends.items())
 
@@ -84,7 +92,7 @@ def reduce_field(
     intakes = {point: _Intake(reader.sensors[point].frame, settings, history, known.get(point, 0)) for point in points}
     signals: dict[str, ReducedSignal] = {}
     failed: dict[str, str] = {}
-    for piece in reader.pieces():
+    for piece in _pieces(reader):
         recorded.add(piece)
         for point in intakes.keys() & piece.keys() - failed.keys():
             with _noted(failed, point):
@@ -94,7 +102,17 @@ def reduce_field(
     for point in [point for point in points if point not in failed]:
         with _noted(failed, point):
             signals[point] = intakes[point].finish()
-    return FieldSide(signals, recorded.points, failed, clock_shifts(reader.clocks))
+    drives = None if recorded.points else reader.drives
+    return FieldSide(signals, recorded.points, failed, clock_shifts(reader.clocks), drives)
+
+
+def _pieces(reader: RecordingReader) -> Iterator[Mapping[str, AccelerationRecord]]:
+    """Pieces of a recording; none of one that holds the drives alone."""
+    try:
+        yield from reader.pieces()
+    except NoSampleError:
+        if reader.drives is None:
+            raise
 
 
 @contextmanager

@@ -6,7 +6,9 @@ import numpy as np
 
 from tbm_dynamics import Machine
 from tbm_dynamics.integration.simulator import MethodName
+from tbm_dynamics.response import default_outputs
 from tbm_dynamics.streaming.simulation import ModelRun
+from tbm_gsa.comparison.drive_sides import DriveReducer
 from tbm_gsa.signals.conditioning import LOW_PASS_LIMIT_HZ
 from tbm_gsa.signals.reduction import ReducedSignal, SignalReducer
 from tbm_msgs_py.base.progress import ShareDone
@@ -21,6 +23,7 @@ def run_model(
     settling: float,
     progress: ShareDone = lambda _: None,
     high_hz: float = LOW_PASS_LIMIT_HZ,
+    drives: DriveReducer | None = None,
 ) -> dict[str, ReducedSignal]:
     """Simulate a machine at its operating point and reduce the accelerations of test points, the settling left out.
 
@@ -39,13 +42,18 @@ def run_model(
         Called with the share that is done, 0 to 1.
     high_hz : float
         Up to which the accelerations are wanted: what the reduced basis does not hold comes from the full system.
+    drives : DriveReducer, optional
+        Fed with the drives.
     """
     places = [machine.description.sensor_places[point] for point in reducers]
     method: MethodName = "reduced" if high_hz <= LOW_PASS_LIMIT_HZ else "full"
-    nodes = [place.node for place in places]
+    rotors = drives.nodes if drives else ()
+    nodes = [*(place.node for place in places), *rotors] or default_outputs(machine)[:1]  # a run has one at least
     run = ModelRun(machine, duration, seed, nodes, time_step=time_step, settling=settling, method=method)
     for chunk in run.chunks(progress=progress):
         time = np.arange(chunk.first_step, chunk.first_step + len(chunk.mesh_force), dtype=np.float64) * time_step
         for k, (place, reducer) in enumerate(zip(places, reducers.values(), strict=True)):
             reducer.feed(time, np.ascontiguousarray(place.translation(chunk.acceleration[:, k])))
+        if drives:
+            drives.feed(chunk)
     return {point: reducer.finish() for point, reducer in reducers.items()}

@@ -15,6 +15,7 @@ from pydantic import Field, SerializerFunctionWrapHandler, model_serializer, mod
 
 from tbm_dynamics import Machine
 from tbm_dynamics.integration import DEFAULT_STEP
+from tbm_gsa.comparison.drive_results import DrivesResult
 from tbm_gsa.reading import LARGEST_NUMBER, Interval, MachineFile, Name, Number, Part, PathText, Seed, Size, TextLine
 from tbm_msgs_py.base.fields import Vector3
 from tbm_msgs_py.recordings.channels import LeftOut
@@ -279,6 +280,7 @@ class ComparisonResult(Part):
     `offsets` are those of sensors that sit off their node, m. `skipped` names points that were not compared, `left_out`
     messages that are not used; `sources` says what is used, and `doubts` what may be wrong with it, a line each.
     `changes` are times at which the vibration changed while the machine was driven alike, s after the first sample.
+    `drives` is None where the recording holds none that can be compared.
     """
 
     window_s: Size
@@ -287,7 +289,7 @@ class ComparisonResult(Part):
     spectra: dict[Name, dict[Name, AxisSpectra]]
     nodes: dict[Name, int]
     offsets: dict[Name, Vector3] = Field(default_factory=dict)
-    bands: Annotated[dict[Name, PointBand], Field(min_length=1)]
+    bands: dict[Name, PointBand]
     skipped: dict[str, str]
     left_out: tuple[LeftOut, ...] = ()
     recording: RecordingResult
@@ -306,9 +308,12 @@ class ComparisonResult(Part):
     time_step: Number = DEFAULT_STEP
     versions: dict[Name, TextLine]
     synthetic: bool = False
+    drives: DrivesResult | None = None
 
     @model_validator(mode="after")
     def _complete(self) -> ComparisonResult:
+        if not self.points and self.drives is None:
+            raise ValueError("points: none, allowed: at least one, or drives")
         for key, found in (("bands", self.bands), ("spectra", self.spectra), ("nodes", self.nodes)):
             if self.points.keys() != found.keys():
                 raise ValueError(f"{key}: other test points than in points")
@@ -316,9 +321,9 @@ class ComparisonResult(Part):
 
     @model_serializer(mode="wrap")
     def _written(self, serialise: SerializerFunctionWrapHandler) -> dict[str, object]:
-        """Leave `synthetic` and `offsets` out of the JSON where there is none."""
+        """Leave `synthetic`, `offsets` and `drives` out of the JSON where there is none."""
         written: dict[str, object] = serialise(self)
-        return {key: value for key, value in written.items() if value or key not in ("synthetic", "offsets")}
+        return {key: value for key, value in written.items() if value or key not in ("synthetic", "offsets", "drives")}
 
     @property
     def axial_rows(self) -> list[AxialRow]:

@@ -8,6 +8,7 @@ from pathlib import Path
 from tbm_dynamics import Machine, MachineError, load_machine
 from tbm_gsa.comparison.bands import bands_of_levels, machine_bands
 from tbm_gsa.comparison.change_times import change_times
+from tbm_gsa.comparison.drives import DriveComparison
 from tbm_gsa.comparison.expected import lines_of_levels
 from tbm_gsa.comparison.field_side import FieldSide, reduce_field
 from tbm_gsa.comparison.levels import NeverDrivenError, OperatingHistory, machine_history, recorded_history
@@ -115,12 +116,16 @@ def compare_recording(
     field, history, machines, chosen = _read(reader, placed, shared, chosen, progress, span)
     lines = lines_of_levels(machines, highest_hz(chosen))
     chosen = _with_lines(chosen, lines)
+    drives = DriveComparison(reader.drives, reader.drive_mapping, described, history, chosen)
     started = step, described.settling()
-    predicted = _model_side(machines, field.signals, chosen, (model_duration, seed), started, progress)
+    predicted = _model_side(machines, field.signals, drives, chosen, (model_duration, seed), started, progress)
     _check_stretch(span, field, predicted, chosen.window_s)
     points, failed = _compare_each(reader, field, predicted, chosen)
+    if not points and drives.result is None:
+        reasons = [*(f"test point {point}: {reason}" for point, reason in failed.items()), *drives.problems]
+        raise RecordingError(f"{reader.path}: {listed(reasons, separator='; ')}")
     run = model_duration, seed, *started
-    result = _result(reader, described, placed, field, history, points, failed, chosen, lines, run)
+    result = _result(reader, described, placed, field, history, points, failed, drives, chosen, lines, run)
     return RecordingComparison(
         result,
         {name: point.excerpts for name, point in points.items()},
@@ -164,6 +169,7 @@ def _result(
     history: OperatingHistory,
     points: Mapping[str, PointComparison],
     failed: Mapping[str, str],
+    drives: DriveComparison,
     settings: Settings,
     lines: tuple[ExpectedLine, ...],
     run: tuple[float, int, float, float],
@@ -188,7 +194,13 @@ def _result(
         machine=described.name,
         machine_file=machine_file(described),
         sources=reader.sources,
-        doubts=(*reader.doubts, *_operating_doubts(history, described), *_unit_doubts(points), *_changed(changed)),
+        doubts=(
+            *reader.doubts,
+            *_operating_doubts(history, described),
+            *_unit_doubts(points),
+            *_changed(changed),
+            *drives.problems,
+        ),
         operating_point=history.levels[0],
         levels=_levels(history, points),
         dwells=_dwells(history, field.begin_ns),
@@ -199,6 +211,7 @@ def _result(
         settling=run[3],
         versions=package_versions(),
         synthetic=is_synthetic(reader.path),
+        drives=drives.result,
     )
 
 
@@ -246,7 +259,7 @@ def _checked(settings: Settings, model_duration: float, seed: int, span: tuple[f
 def _shared_points(reader: RecordingReader, machine: Machine) -> list[str]:
     """Test points of the machine that are recorded, in the machine's order: along the power flow."""
     shared = [point for point in machine.description.test_points if point in reader.sensors]
-    if not shared:
+    if not shared and reader.drive_topic is None:
         raise RecordingError(
             f"{reader.path}: test points {listed(map(repr, reader.sensors))}: none is one of machine "
             f"{machine.name}, allowed: {listed(machine.description.test_points)}"
@@ -315,6 +328,7 @@ def _machines(path: Path, history: OperatingHistory, machine: Machine) -> dict[i
 def _model_side(
     machines: Mapping[int, Machine],
     field: Mapping[str, ReducedSignal],
+    drives: DriveComparison,
     settings: Settings,
     run: tuple[float, int],
     started: tuple[float, float],
@@ -324,7 +338,7 @@ def _model_side(
 
     `run` are duration and seed, `started` time step and settling.
     """
-    seen = {int(level) for signal in field.values() for level in signal.level}
+    seen = {int(level) for signal in field.values() for level in signal.level} | drives.levels
     runs = []
     for level in sorted(seen & set(machines)):
         reducers = {
@@ -332,7 +346,9 @@ def _model_side(
             for point, signal in field.items()
         }
         name = "model" if len(machines) == 1 else f"model, level {level + 1} of {len(machines)}"
-        runs.append(run_model(machines[level], *run, reducers, *started, partial(progress, name), highest_hz(settings)))
+        reducer, most = drives.reducer(level, machines[level], run[0]), highest_hz(settings)
+        runs.append(run_model(machines[level], *run, reducers, *started, partial(progress, name), most, reducer))
+    drives.finish()
     return {point: ReducedSignal.joined([signals[point] for signals in runs]) for point in field} if runs else {}
 
 
@@ -354,11 +370,7 @@ def _compare_each(
         point: "; ".join([reason, *_came(field.health.get(point)), *reader.not_used(point)])
         for point, reason in unusable.items()
     }
-    failed |= reader.problems
-    if not compared:
-        reasons = (f"test point {point}: {reason}" for point, reason in failed.items())
-        raise RecordingError(f"{reader.path}: {listed(reasons, separator='; ')}")
-    return compared, failed
+    return compared, {**failed, **reader.problems}
 
 
 def _came(health: PointHealth | None) -> Iterator[str]:

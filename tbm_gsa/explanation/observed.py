@@ -123,7 +123,7 @@ def observed(comparison: ComparisonResult, machine: Machine) -> Observed:
     if len(comparison.points) < FEWEST_POINTS:
         raise StudyError(
             f"a verdict needs {FEWEST_POINTS} test points, for of one nothing tells the machine from its sensor; "
-            f"the comparison has {', '.join(comparison.points)}"
+            f"the comparison has {', '.join(comparison.points) or 'none'}"
         )
     reading = _reading(comparison, machine.driven_loads.bands)
     spectra = [comparison.spectra[point][axis].field for point in reading.sensors for axis in comparison.spectra[point]]

@@ -30,7 +30,7 @@ def sampling_rate(time: ArrayLike) -> float:
 
 @dataclass(frozen=True, eq=False)
 class UniformRun:
-    """Uniform samples without a gap: time (n,) s, values (n, 3); `joined` if they go on where the last run ended."""
+    """Uniform samples without a gap: time (n,) s, values (n, c); `joined` if they go on where the last run ended."""
 
     time: Array
     values: Array
@@ -42,19 +42,26 @@ class UniformClock:
 
     Uniform stamps are taken as they are, whatever their clock drifts by. Once stamps jitter, a cubic spline gives the
     values on a grid of the nominal rate until the next gap.
+
+    Parameters
+    ----------
+    rate_hz : float
+        Nominal sampling rate.
+    columns : int
+        Of the values.
     """
 
-    def __init__(self, rate_hz: float) -> None:
-        self._period = 1.0 / rate_hz
+    def __init__(self, rate_hz: float, columns: int = 3) -> None:
+        self._period, self._columns = 1.0 / rate_hz, columns
         self._forget()
 
     def _forget(self) -> None:
-        self._time, self._values = np.empty(0), np.empty((0, 3))  # the last samples that came
+        self._time, self._values = np.empty(0), np.empty((0, self._columns))  # the last samples that came
         self._grid: float | None = None  # next time of the grid, once stamps jitter
         self._begun = False
 
     def feed(self, time: Array, values: Array) -> Iterator[UniformRun]:
-        """Return the runs that the next samples complete: time (n,) s strictly increasing, values (n, 3) finite."""
+        """Return the runs that the next samples complete: time (n,) s strictly increasing, values (n, c) finite."""
         self._check_rate(time)
         cuts = np.flatnonzero(np.diff(time) > GAP_PERIODS * self._period) + 1
         for stamps, rows in zip(np.split(time, cuts), np.split(values, cuts), strict=True):

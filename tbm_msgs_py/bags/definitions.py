@@ -15,6 +15,7 @@ from rosbags.typesys.store import Typestore
 
 from tbm_msgs_py import blocks
 from tbm_msgs_py.bags.batch import Topic
+from tbm_msgs_py.base.drive_state import DriveState
 from tbm_msgs_py.base.errors import RecordingError
 from tbm_msgs_py.base.operating_point import OperatingPoint
 from tbm_msgs_py.base.texts import LONGEST_NAME, quoted, shortened
@@ -83,8 +84,17 @@ def serialised_block(
 
 def serialised_operating_point(stamp_ns: int, point: OperatingPoint) -> memoryview:
     """CDR of an operating point."""
-    name, *numbers = point.joints()
-    position, velocity, effort = map(np.array, numbers)
+    return _serialised_joints(stamp_ns, *point.joints())
+
+
+def serialised_drives(stamp_ns: int, state: DriveState) -> memoryview:
+    """CDR of the state of the drives."""
+    name, velocity, effort = state.joints()
+    return _serialised_joints(stamp_ns, name, [], velocity, effort)
+
+
+def _serialised_joints(stamp_ns: int, name: list[str], *numbers: list[float]) -> memoryview:
+    position, velocity, effort = (np.array(one, np.float64) for one in numbers)
     message = typestore().types[JOINT_STATE_TYPE](
         header=header(stamp_ns), name=name, position=position, velocity=velocity, effort=effort
     )

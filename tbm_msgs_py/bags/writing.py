@@ -19,11 +19,13 @@ from tbm_msgs_py.bags.definitions import (
     BLOCK_TYPE,
     JOINT_STATE_TYPE,
     serialised_block,
+    serialised_drives,
     serialised_operating_point,
     typestore,
 )
 from tbm_msgs_py.bags.folder import lock
 from tbm_msgs_py.bags.metadata import TopicEntry
+from tbm_msgs_py.base.drive_state import DriveState
 from tbm_msgs_py.base.errors import RecordingError
 from tbm_msgs_py.base.files import hidden_beside
 from tbm_msgs_py.base.operating_point import OperatingPoint
@@ -216,6 +218,14 @@ class BagWriter:
         """Write an operating point, by default on the contract's topic."""
         topic = topic or topics.absolute(topics.OPERATING_POINT)
         data = serialised_operating_point(stamp_ns, point)
+        self.write(topic, JOINT_STATE_TYPE, stamp_ns if log_ns is None else log_ns, data)
+
+    def write_drives(
+        self, stamp_ns: int, state: DriveState, *, topic: str | None = None, log_ns: int | None = None
+    ) -> None:
+        """Write torques and speeds of the drives, by default on the contract's topic."""
+        topic = topic or topics.absolute(topics.FIELD_DRIVES)
+        data = serialised_drives(stamp_ns, state)
         self.write(topic, JOINT_STATE_TYPE, stamp_ns if log_ns is None else log_ns, data)
 
     def _declare(

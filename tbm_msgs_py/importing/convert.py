@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import heapq
+import math
 import warnings
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
@@ -16,16 +17,23 @@ from numpy.typing import NDArray
 from tbm_msgs_py import topics
 from tbm_msgs_py.bags.writing import BagWriter
 from tbm_msgs_py.base.arrays import Array, Integers
+from tbm_msgs_py.base.drive_state import DriveState, drive_name
 from tbm_msgs_py.base.errors import RecordingError
 from tbm_msgs_py.base.files import write_whole
 from tbm_msgs_py.base.operating_point import LARGEST, OperatingPoint
 from tbm_msgs_py.base.units import NANOSECONDS
 from tbm_msgs_py.blocks import ACCELERATION, LONGEST_S
-from tbm_msgs_py.importing.description import Description, OperatingColumns, PointColumns
+from tbm_msgs_py.importing.description import (
+    DRIVES,
+    NO_POINTS,
+    Description,
+    OperatingColumns,
+    PointColumns,
+    StreamColumns,
+)
 from tbm_msgs_py.importing.measurement_file import library_warnings
 from tbm_msgs_py.importing.sources import Sources, StampedRows
-from tbm_msgs_py.recordings import mapping
-from tbm_msgs_py.recordings.mapping import contract_sensor
+from tbm_msgs_py.recordings.mapping import FILE_NAME, TopicMapping, contract_sensor
 
 BLOCK_SAMPLES = topics.MODEL_BLOCK_SAMPLES
 
@@ -47,7 +55,7 @@ class ImportedStream:
     gaps, restarts : int
         Steps of more than 1.5 median ones; times that began again.
     unmeasured : list of str
-        Sensor axes written as 0.
+        Sensor axes written as 0; quantities of drives that are not written.
     """
 
     topic: str
@@ -61,14 +69,14 @@ class ImportedStream:
 
 @dataclass
 class Imported:
-    """Result of an import: streams by test point (and ``operating_point``), and what the user should look at."""
+    """Result of an import: streams (test points, ``operating_point``, ``drives``), and what the user should look at."""
 
     streams: dict[str, ImportedStream]
     warnings: list[str]
 
 
 class _Message(NamedTuple):
-    """What is written in one step: a block of a point, or one operating point."""
+    """What is written in one step: a block of a point, one operating point, or one state of the drives."""
 
     stamp_ns: int
     name: str
@@ -104,11 +112,14 @@ def import_recording(
 
 
 def _import(sources: Sources, description: Description, out: Path, progress: Callable[[int], None] | None) -> Imported:
-    stated = {topics.absolute(topics.field_block(name)): point.written() for name, point in description.points.items()}
-    if out.suffix == ".mcap" and any(sensor != contract_sensor(sensor.point) for sensor in stated.values()):
+    stated = _mapping(description)
+    bare = out.suffix == ".mcap"
+    if bare and any(sensor != contract_sensor(sensor.point) for sensor in stated.topics.values()):
         raise RecordingError(
             f"{out}: a bare file cannot say gravity, frame, axes or more of a sensor, allowed: a new folder"
         )
+    if bare and stated.drives:
+        raise RecordingError(f"{out}: a bare file cannot say low_pass_hz of the drives, allowed: a new folder")
     other_units = sources.check_units()
     streams = {name: _stream(name, entry.columns) for name, entry in description.streams.items()}
     groups = [{name: streams[name] for name in group} for group in sources.groups()]
@@ -118,18 +129,35 @@ def _import(sources: Sources, description: Description, out: Path, progress: Cal
             _write(writer, streams[message.name].topic, message)
             if progress:
                 progress(len(message.times_ns))
-        if stated and out.suffix != ".mcap":
-            content = mapping.TopicMapping(topics=stated).model_dump(mode="json", exclude_none=True)
+        if (stated.topics or stated.drives) and not bare:
+            content = stated.model_dump(mode="json", exclude_none=True)
             text = yaml.safe_dump(content, sort_keys=False)
-            write_whole(out / mapping.FILE_NAME, text.encode())
+            write_whole(out / FILE_NAME, text.encode())
     return Imported(streams, other_units)
+
+
+def _mapping(description: Description) -> TopicMapping:
+    """How the recording is to be read."""
+    points = {topics.absolute(topics.field_block(name)): point.written() for name, point in description.points.items()}
+    return TopicMapping(topics=points, drives=description.drives.written() if description.drives else None)
 
 
 def _stream(name: str, columns: Sequence[str | None]) -> ImportedStream:
     if name == topics.OPERATING_POINT:
         return ImportedStream(topics.absolute(topics.OPERATING_POINT))
+    if name == DRIVES:
+        return ImportedStream(topics.absolute(topics.FIELD_DRIVES), unmeasured=_unmeasured(columns))
     missing = [axis for axis, column in zip("xyz", columns, strict=True) if column is None]
     return ImportedStream(topics.absolute(topics.field_block(name)), unmeasured=missing)
+
+
+def _unmeasured(columns: Sequence[str | None]) -> list[str]:
+    """Name what no column holds of the torques, then the speeds of the drives."""
+    count, found = len(columns) // 2, list[str]()
+    for what, own in (("torque", columns[:count]), ("speed", columns[count:])):
+        lacking = [f"{drive_name(number)} {what}" for number, column in enumerate(own, 1) if column is None]
+        found += [what] if len(lacking) == count else lacking
+    return found
 
 
 def _messages(sources: Sources, description: Description, streams: dict[str, ImportedStream]) -> Iterator[_Message]:
@@ -179,16 +207,18 @@ class _BelowZero:
             warnings.warn(f"{first}{more}: no comparison is made with such an operating point", stacklevel=2)
 
 
-def _scaled(rows: StampedRows, values: Array, entry: PointColumns | OperatingColumns) -> Array:
+def _scaled(rows: StampedRows, values: Array, entry: StreamColumns) -> Array:
     """Values of a stream in SI units, (n, k); refuses those that its message cannot hold."""
+    pairs = list(zip(entry.columns, entry.constants, strict=True))
     parts = [
         values[:, rows.columns.index(column)] if column else np.full(len(values), constant)
-        for column, constant in zip(entry.columns, entry.constants, strict=True)
+        for column, constant in pairs
     ]
     largest = float(np.finfo(np.float32).max) if isinstance(entry, PointColumns) else LARGEST
     with np.errstate(over="ignore"):
         scaled = np.column_stack(parts) * entry.factors
-    too_large = np.argwhere(~(np.abs(scaled) <= largest))
+    stated = np.array([column is not None or math.isfinite(constant) for column, constant in pairs])
+    too_large = np.argwhere(stated & ~(np.abs(scaled) <= largest))
     if len(too_large):
         row, column = too_large[0]
         raise RecordingError(
@@ -214,10 +244,10 @@ def _with_constant(
 
 
 def _batches(name: str, stamps: Integers, values: Array, edges: NDArray[np.intp]) -> list[_Message]:
-    """Messages of the rows of a piece: single operating points, blocks that end at a gap or would last too long."""
+    """Messages of the rows of a piece: single joint states, blocks that end at a gap or would last too long."""
     slow = np.flatnonzero(np.diff(stamps) >= LONGEST_S * NANOSECONDS / BLOCK_SAMPLES) + 1
     edges = np.union1d(edges, slow)
-    if name == topics.OPERATING_POINT:
+    if name in NO_POINTS:
         starts = list(range(len(stamps)))
     else:
         starts = [
@@ -237,6 +267,10 @@ def _write(writer: BagWriter, topic: str, message: _Message) -> None:
         speed, torque, thrust, *advance = map(float, message.values[0])
         point = OperatingPoint(speed, torque, thrust, advance=advance[0] if advance else 0.0)
         writer.write_operating_point(message.stamp_ns, point)
+        return
+    if message.name == DRIVES:
+        torques, speeds = np.split(message.values[0], 2)
+        writer.write_drives(message.stamp_ns, DriveState(tuple(torques.tolist()), tuple(speeds.tolist())))
         return
     offsets = (message.times_ns - message.stamp_ns) / NANOSECONDS
     writer.write_block(topic, message.stamp_ns, ACCELERATION, offsets, message.values, frame_id=message.name)

@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any, Generic, Literal, TypeVar
+from typing import Annotated, Any, Generic, Literal, TypeAlias, TypeVar
 
 from pydantic import Field, field_validator, model_validator
 
 from tbm_msgs_py import topics
+from tbm_msgs_py.base.drive_state import MOST_DRIVES
 from tbm_msgs_py.base.errors import RecordingError
 from tbm_msgs_py.base.fields import FrozenModel, Name
 from tbm_msgs_py.base.operating_point import LARGEST
@@ -18,7 +20,7 @@ from tbm_msgs_py.base.texts import quoted
 from tbm_msgs_py.base.units import R_MIN, STANDARD_GRAVITY
 from tbm_msgs_py.base.validation import validated
 from tbm_msgs_py.importing.layout import ColumnName, FileLayout, Number, Positive
-from tbm_msgs_py.recordings.mapping import IN_UNITS, SensorMapping
+from tbm_msgs_py.recordings.mapping import IN_UNITS, DriveMapping, SensorMapping
 
 UnitT = TypeVar("UnitT", bound=str)
 # Factor to SI units, and how files write the unit.
@@ -37,6 +39,9 @@ _UNITS: dict[str, tuple[float, tuple[str, ...]]] = {
     "mm/min": (1e-3 / 60.0, ("mm/min", "mm.min-1")),
 }
 _SIGNS = str.maketrans({"²": "2", "¹": "1", **dict.fromkeys(" .·⋅∙*-⁻^", "")})
+DRIVES = "drives"
+NO_POINTS = (topics.OPERATING_POINT, DRIVES)
+"""Streams that are no test points."""
 _POINT_NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]*")
 
 
@@ -149,6 +154,88 @@ class OperatingColumns(FrozenModel):
         return [_UNITS[unit][0] for unit in self.stated_units]
 
 
+class QuantityColumns(FrozenModel, Generic[UnitT]):
+    """Columns of a quantity of the drives 1, 2 … in one unit; None for a drive that was not recorded."""
+
+    columns: Annotated[tuple[ColumnName | None, ...], Field(min_length=1, max_length=MOST_DRIVES)]
+    unit: UnitT
+
+    @field_validator("columns")
+    @classmethod
+    def _each_column_once(cls, columns: tuple[str | None, ...]) -> tuple[str | None, ...]:
+        named = [column for column in columns if column is not None]
+        if not named or len(set(named)) < len(named):
+            raise ValueError("none or one twice, allowed: a column for each drive, null for one that was not recorded")
+        return columns
+
+
+class DriveColumns(FrozenModel):
+    """Columns of torque and speed of the drives, by their number.
+
+    Attributes
+    ----------
+    torque, speed : QuantityColumns or None
+        At least one of them.
+    ratio : float
+        Turns of the motor per turn of the pinion where the columns are the motor's; 1: they are the pinion's.
+    low_pass_hz : float or None
+        Corner of the filter that the values went through before they were recorded, Hz.
+    """
+
+    torque: QuantityColumns[Literal["N.m", "kN.m", "MN.m"]] | None = None
+    speed: QuantityColumns[Literal["rad/s", "r/min"]] | None = None
+    ratio: Positive = 1.0
+    low_pass_hz: Positive | None = None
+
+    @model_validator(mode="after")
+    def _one_quantity(self) -> DriveColumns:
+        if self.torque is None and self.speed is None:
+            raise ValueError("torque or speed: missing, allowed: at least one of them")
+        return self
+
+    @property
+    def count(self) -> int:
+        """Highest number of a drive."""
+        return max(len(one.columns) for one in (self.torque, self.speed) if one)
+
+    @property
+    def _quantities(self) -> list[tuple[QuantityColumns[Any] | None, float]]:
+        """Torque and speed, and from the columns' side to that of the pinion."""
+        return [(self.torque, self.ratio), (self.speed, 1.0 / self.ratio)]
+
+    @property
+    def columns(self) -> list[str | None]:
+        """Columns of the torques of all drives, then of the speeds."""
+        return [
+            column
+            for one, _ in self._quantities
+            for column in ((*one.columns, *[None] * (self.count - len(one.columns))) if one else [None] * self.count)
+        ]
+
+    @property
+    def constants(self) -> list[float]:
+        """What is written where there is no column: nothing is known."""
+        return [math.nan] * len(self.columns)
+
+    @property
+    def stated_units(self) -> list[str]:
+        """Unit of each column; of one that is not there any."""
+        return [one.unit if one else "N.m" for one, _ in self._quantities for _ in range(self.count)]
+
+    @property
+    def factors(self) -> list[float]:
+        """From a reading of each column to SI units on the side of the pinion."""
+        sides = [factor for _, factor in self._quantities for _ in range(self.count)]
+        return [_UNITS[unit][0] * factor for unit, factor in zip(self.stated_units, sides, strict=True)]
+
+    def written(self) -> DriveMapping | None:
+        """How they are read from the recording: on the side of the pinion; None where the contract says it all."""
+        return DriveMapping(low_pass_hz=self.low_pass_hz) if self.low_pass_hz else None
+
+
+StreamColumns: TypeAlias = PointColumns | OperatingColumns | DriveColumns
+
+
 class Description(FileLayout):
     """An import description; `docs/importing.md` explains it.
 
@@ -158,12 +245,15 @@ class Description(FileLayout):
         Columns of each test point.
     operating_point : OperatingColumns or None
         Columns or values of the operating point.
+    drives : DriveColumns or None
+        Columns of torque and speed of the drives.
     files : dict
         What is different in a file of several, by its name.
     """
 
     points: dict[Name, PointColumns] = Field(default_factory=dict)
     operating_point: OperatingColumns | None = None
+    drives: DriveColumns | None = None
     files: dict[Name, FileLayout] = Field(default_factory=dict)
 
     @model_validator(mode="before")
@@ -176,15 +266,15 @@ class Description(FileLayout):
 
     @model_validator(mode="after")
     def _complete(self) -> Description:
-        if not self.points and self.operating_point is None:
+        if not self.streams:
             raise ValueError(
-                "points or operating_point: missing, allowed: at least one of them, in the file of --map or as "
+                "points, operating_point or drives: missing, allowed: at least one of them, in the file of --map or as "
                 "--map POINT=X,Y,Z"
             )
         if not any(column for entry in self.streams.values() for column in entry.columns):
             raise ValueError("operating_point: constant, and no points, allowed: at least one column")
         for key, point in self.points.items():
-            if not _POINT_NAME.fullmatch(key) or point.point != key or key == topics.OPERATING_POINT:
+            if not _POINT_NAME.fullmatch(key) or point.point != key or key in NO_POINTS:
                 raise ValueError(
                     f"point {quoted(key)}, allowed: a name of letters, digits and _, such as {topics.TEST_POINTS[0]}"
                 )
@@ -195,10 +285,10 @@ class Description(FileLayout):
         return self
 
     @property
-    def streams(self) -> dict[str, PointColumns | OperatingColumns]:
-        """Columns of each stream: test points, and the operating point under its topic."""
+    def streams(self) -> dict[str, StreamColumns]:
+        """Columns of each stream: test points, the operating point under its topic, and the drives."""
         operating = {topics.OPERATING_POINT: self.operating_point} if self.operating_point else {}
-        return {**self.points, **operating}
+        return {**self.points, **operating, **({DRIVES: self.drives} if self.drives else {})}
 
     def layout(self, file: str) -> FileLayout:
         """Layout of a file by its name: what is stated for it goes over what is stated for all.

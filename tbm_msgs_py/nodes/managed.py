@@ -162,13 +162,13 @@ class ManagedNode(LifecycleNode, Generic[SettingsT]):  # type: ignore[misc]  # r
             messages.message_class(kind), topic, qos.profile(quality), qos_overriding_options=options
         )
 
-    def contract_subscription(self, topic: str, callback: Callable[[Any], None]) -> None:
-        """Subscribe to a topic of the contract; parameters may override its quality of service.
+    def contract_subscription(self, topic: str, callback: Callable[[Any], None], like: str = "") -> None:
+        """Subscribe to a topic of the contract, or to one `like` it; parameters may override its quality of service.
 
         A publisher that offers less is used, too; one of another type is a fault on `/diagnostics`.
         """
         made = MatchingSubscription(
-            self, topic, contract(topic), callback, self.get_logger().warning, qos.overridable()
+            self, topic, contract(like or topic), callback, self.get_logger().warning, qos.overridable()
         )
         self._matching.append(made)
         self._gather(made, self._leave)

@@ -23,6 +23,8 @@ from sensor_msgs.msg import JointState, PointCloud2, PointField
 from std_msgs.msg import Header
 
 from tbm_msgs_py import blocks
+from tbm_msgs_py.base import drive_state
+from tbm_msgs_py.base.drive_state import DriveState
 from tbm_msgs_py.base.operating_point import OperatingPoint, from_joint_state
 from tbm_msgs_py.base.texts import printable
 from tbm_msgs_py.blocks import Block, BlockError, BlockLayout
@@ -125,10 +127,15 @@ def operating_point_message(stamp_ns: int, point: OperatingPoint) -> JointState:
     return JointState(header=header(stamp_ns), name=name, position=position, velocity=velocity, effort=effort)
 
 
-def drives(stamp_ns: int, torques: Iterable[float]) -> JointState:
-    """`sensor_msgs/JointState` of the pinion torques, N·m: joints ``drive_1`` ..."""
-    efforts = [float(torque) for torque in torques]
-    return JointState(header=header(stamp_ns), name=[f"drive_{i + 1}" for i in range(len(efforts))], effort=efforts)
+def drives_message(stamp_ns: int, state: DriveState) -> JointState:
+    """`sensor_msgs/JointState` of the drives: joints ``drive_1`` ..."""
+    name, velocity, effort = state.joints()
+    return JointState(header=header(stamp_ns), name=name, velocity=velocity, effort=effort)
+
+
+def drives_from(message: JointState) -> tuple[int, DriveState]:
+    """Stamp (ns) and state of the drives of a message; raises InputError for one that is none, or of no time."""
+    return stamp_to_ns(message.header.stamp), drive_state.from_joint_state(message)
 
 
 def vector(xyz: Sequence[float]) -> Vector3:

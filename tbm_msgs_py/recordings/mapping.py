@@ -19,7 +19,7 @@ from tbm_msgs_py.base.strict_yaml import read_yaml
 from tbm_msgs_py.base.texts import LONGEST_NAME
 from tbm_msgs_py.base.units import STANDARD_GRAVITY
 from tbm_msgs_py.base.validation import validated
-from tbm_msgs_py.topics import OPERATING_POINT, absolute
+from tbm_msgs_py.topics import FIELD_DRIVES, OPERATING_POINT, absolute
 
 FILE_NAME = "mapping.yaml"
 _NO_SHARE = 1e-9  # of an axis that is lacking in one of the machine's
@@ -139,13 +139,33 @@ class SensorMapping(BaseModel):
         return (x, y and z, y and z) if self.frame == "rotating" else (x, y, z)
 
 
+class DriveMapping(BaseModel):
+    """The recorded topic of the drives, a `sensor_msgs/JointState`.
+
+    Attributes
+    ----------
+    topic : str
+    ratio : float
+        Turns of the motor per turn of the pinion where torque and speed are the motor's; 1: they are the pinion's.
+    low_pass_hz : float or None
+        Corner of the filter that the values went through before they were recorded, Hz.
+    """
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+    topic: Name = absolute(FIELD_DRIVES)
+    ratio: Positive = 1.0
+    low_pass_hz: Positive | None = None
+
+
 class TopicMapping(BaseModel):
-    """Topics of a recording, and the topic of its operating point."""
+    """Topics of a recording: of its sensors, of its operating point, and of its drives (default: the contract's)."""
 
     model_config = ConfigDict(frozen=True, extra="forbid")
 
     topics: dict[Name, SensorMapping]
     operating_point: Name = absolute(OPERATING_POINT)
+    drives: DriveMapping | None = None
 
     @model_validator(mode="after")
     def _one_topic_a_point(self) -> TopicMapping:

@@ -3,19 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Literal
 
-import numpy as np
-from rosbags.typesys.store import Typestore
-
-from tbm_msgs_py.bags.batch import MessageBatch
-from tbm_msgs_py.bags.definitions import JOINT_STATE_TYPE, UNDECODABLE, other_encoding
-from tbm_msgs_py.base.arrays import Array, Integers
+from tbm_msgs_py.base.arrays import Array
 from tbm_msgs_py.base.operating_point import OperatingPoint, from_joint_state
-from tbm_msgs_py.blocks import StampError, stamp_to_ns
 from tbm_msgs_py.recordings.clocks import ClockTrack
-
-ClockName = Literal["header stamps", "log times"]
+from tbm_msgs_py.recordings.joint_states import ClockName, JointStates
 
 
 @dataclass(frozen=True)
@@ -43,79 +35,14 @@ class OperatingRecord:
     doubt: str = ""
 
 
-class OperatingPoints:
-    """Collects operating points while a recording is read.
-
-    Attributes
-    ----------
-    undecodable : int
-        Messages that are no operating point.
-    problem : str
-        What was wrong with the first of those.
-    """
+class OperatingPoints(JointStates[OperatingPoint]):
+    """Collects operating points while a recording is read."""
 
     def __init__(self) -> None:
-        self.undecodable, self.problem = 0, ""
-        self._entries: list[tuple[int | None, int, OperatingPoint]] = []  # stamp, log time
-        self._no_time = ""
-
-    def add(self, messages: MessageBatch, store: Typestore) -> None:
-        """Add the joint states of a batch, decoded by the definitions of a store."""
-        for message in messages.raw():
-            try:
-                if other := other_encoding(message.data):
-                    raise ValueError(other)
-                state = store.deserialize_cdr(message.data, JOINT_STATE_TYPE)
-                point = from_joint_state(state)  # type: ignore[arg-type]
-                stamp = self._stamp(state)
-            except (*UNDECODABLE, AttributeError, TypeError) as error:
-                self.undecodable += 1
-                self.problem = self.problem or str(error) or type(error).__name__
-                continue
-            self._entries.append((stamp, message.log_ns, point))
-
-    def _stamp(self, state: object) -> int | None:
-        try:
-            return stamp_to_ns(state.header.stamp)  # type: ignore[attr-defined]
-        except StampError as error:
-            self._no_time = self._no_time or str(error)
-            return None
+        super().__init__(from_joint_state, latched=True)
 
     def record(self, clock: ClockTrack | None = None) -> OperatingRecord | None:
-        """All so far in order of time, on the clock of the sensors; None without any.
-
-        Header stamps are used if they fit that clock. If one does not, log times are used for all. The first entry is
-        often older than the recording, for the topic is latched: that is no fault, and it holds from the begin on.
-        """
-        if not self._entries:
+        """All so far, placed; None without any. The first holds from the begin on, however old it is."""
+        if (found := self.placed(clock)) is None:
             return None
-        log = np.array([entry[1] for entry in self._entries], np.int64)
-        stamps = np.array([-1 if stamp is None else stamp for stamp, *_ in self._entries], np.int64)
-        times, doubt = self._times(stamps, log, clock) if clock else (stamps, self._no_time)
-        if doubt and len(log) > 1 and clock and not clock.dated:
-            self.problem = f"{doubt}, which are all the same"
-            return None
-        order = np.argsort(times, kind="stable")
-        points = tuple(self._entries[k][2] for k in order)
-        times = times[order]
-        name: ClockName = "log times" if doubt else "header stamps"
-        return OperatingRecord(int(times[0]), (times - times[0]) * 1e-9, points, name, doubt)
-
-    def _times(self, stamps: Integers, log: Integers, clock: ClockTrack) -> tuple[Integers, str]:
-        """Find the times of the entries, and why they are not the header stamps."""
-        fits = clock.fits(stamps, log)
-        first = int(np.argmin(log))
-        if 0 < stamps[first] < clock.stamps_at(log)[first]:
-            fits[first] = True
-        if fits.all():
-            return stamps, ""
-        worst = int(np.flatnonzero(~fits)[0])
-        if stamps[worst] < 0:
-            reason = self._no_time
-        elif stamps[worst] == 0:
-            reason = "the stamp is 0"
-        else:
-            away = (stamps[worst] - clock.stamps_at(log)[worst]) * 1e-9
-            reason = f"{abs(away):.3f} s {'ahead of' if away > 0 else 'behind'} the sensors'"
-        count = f"{np.count_nonzero(~fits)} of {len(fits)} header stamps do not fit the clock of the sensors ({reason})"
-        return clock.stamps_at(log), f"{count}: placed by the log times"
+        return OperatingRecord(found.start_ns, found.time, tuple(found.states), found.clock, found.doubt)

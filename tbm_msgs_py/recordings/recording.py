@@ -16,17 +16,19 @@ from tbm_msgs_py.base.texts import listed
 from tbm_msgs_py.recordings.acceleration import AccelerationRecord, acceleration_record
 from tbm_msgs_py.recordings.channels import LeftOut
 from tbm_msgs_py.recordings.clocks import ClockTrack, clock_doubts, clock_shifts, reference_clock
+from tbm_msgs_py.recordings.drives import DriveEntries, DriveRecord
 from tbm_msgs_py.recordings.faults import FaultCounts
 from tbm_msgs_py.recordings.mapping import (
+    DriveMapping,
     TopicMapping,
     contract_mapping,
     contract_sensor,
     default_mapping_file,
     load_mapping,
 )
-from tbm_msgs_py.recordings.operating import OperatingRecord
+from tbm_msgs_py.recordings.operating import OperatingPoints, OperatingRecord
 from tbm_msgs_py.recordings.reading_order import follows_log
-from tbm_msgs_py.recordings.sources import OperatingTopic, SensorTopic
+from tbm_msgs_py.recordings.sources import JointTopic, SensorTopic, StatesT
 from tbm_msgs_py.recordings.splitting import RecordSplitter
 from tbm_msgs_py.recordings.timeline import DecodedStream
 from tbm_msgs_py.recordings.used import BY_PROGRAM, UsedSources
@@ -64,7 +66,7 @@ class RecordingReader:
     path : Path
         Of the recording, absolute, links followed.
     sensors : dict
-        Sensor of each mapped test point that is in the recording.
+        Sensor of each mapped test point that is in the recording; none where it holds the drives alone.
     mapping : UsedMapping
         What says so.
     """
@@ -75,7 +77,7 @@ class RecordingReader:
         self._channels = _channels(bag)
         self._restart()
         self.sensors = {point: topic.sensor for point, topic in self._sensors.items()}
-        if not self.sensors:
+        if not self.sensors and self._drives is None:
             raise RecordingError(f"{bag.path}: {self._no_sensor()}")
 
     @property
@@ -88,7 +90,7 @@ class RecordingReader:
         """Messages known to be missing or undecodable; complete when all pieces were read, like all below."""
         found = (topic.line.total for topic in self._sensors.values())
         undecodable = sum(faults.undecodable + faults.unstamped for faults in found)
-        return self._bag.lost + undecodable + (self._operating.points.undecodable if self._operating else 0)
+        return self._bag.lost + undecodable + sum(topic.states.undecodable for topic in self._joints)
 
     @property
     def truncated(self) -> bool:
@@ -103,11 +105,34 @@ class RecordingReader:
     @property
     def operating_point(self) -> OperatingRecord | None:
         """Operating points read so far, on the reference clock of the sensors; None without any."""
-        if self._operating is None:
-            return None
+        return None if self._operating is None else self._operating.states.record(self._reference)
+
+    @property
+    def drives(self) -> DriveRecord | None:
+        """Torque and speed of the drives read so far, on the reference clock of the sensors; None without any."""
+        return None if self._drives is None else self._drives.states.record(self._reference)
+
+    @property
+    def drive_topic(self) -> str | None:
+        """Topic of the drives, where the recording has it."""
+        return None if self._drives is None else self._drives.name
+
+    @property
+    def drive_mapping(self) -> DriveMapping:
+        """What says which topic is that of the drives, and how it was recorded."""
+        return self.mapping.mapping.drives or DriveMapping()
+
+    @property
+    def _joints(self) -> list[JointTopic[OperatingPoints] | JointTopic[DriveEntries]]:
+        """Topics of joint states that are read."""
+        return [topic for topic in (self._operating, self._drives) if topic is not None]
+
+    @property
+    def _reference(self) -> ClockTrack | None:
+        """Clock that joint states are placed on."""
         clocks = self.clocks
         reference = reference_clock(clocks)
-        return self._operating.points.record(None if reference is None else clocks[reference])
+        return None if reference is None else clocks[reference]
 
     @property
     def clocks(self) -> dict[str, ClockTrack]:
@@ -128,8 +153,7 @@ class RecordingReader:
     @property
     def left_out(self) -> list[LeftOut]:
         """Messages of mapped topics that are not used, so far."""
-        chosen = [topic.channel for topic in self._sensors.values()]
-        chosen += [self._operating.channel] if self._operating else []
+        chosen = [topic.channel for topic in (*self._sensors.values(), *self._joints)]
         return [*self._beside, *(one for channel in chosen for one in channel.left_out)]
 
     @property
@@ -146,19 +170,16 @@ class RecordingReader:
         mapping = str(file) if file else BY_PROGRAM if self.mapping.stated else None
         placed = tuple(point for point, shift in clock_shifts(self.clocks).items() if shift)
         if self._operating is None or record is None:
-            return UsedSources(mapping, placed=placed)
-        return UsedSources(mapping, self._operating.name, len(record.points), record.clock, placed)
+            return UsedSources(mapping, placed=placed, drives=self.drive_topic)
+        return UsedSources(mapping, self._operating.name, len(record.points), record.clock, placed, self.drive_topic)
 
     @property
     def doubts(self) -> list[str]:
         """What is not as mapping, stamps or rates say: the operating point, unused messages, clocks; a line each."""
-        found = [self._no_operating] if self._no_operating else []
-        if self._operating is not None:
-            points, record, name = self._operating.points, self.operating_point, self._operating.name
-            if record is not None and record.doubt:
-                found.append(f"operating point {name}: {record.doubt}")
-            if points.undecodable or (record is None and points.problem):
-                found.append(f"operating point {name}: {points.undecodable} messages cannot be used: {points.problem}")
+        found = list(self._no_joints)
+        for topic in self._joints:
+            record = topic.states.record(self._reference)
+            found += topic.doubts(None if record is None else record.doubt)
         found += [doubt for point, topic in self._sensors.items() if point in self._sampled for doubt in topic.doubts]
         return [*found, *clock_doubts(self.clocks)]
 
@@ -194,7 +215,8 @@ class RecordingReader:
             yield from map(self._records, splitter.due())
         yield from map(self._records, splitter.rest())
         if not self._sampled:
-            raise NoSampleError(f"{self.path}: {listed(self.problems.values(), separator='; ')}")
+            reasons = self.problems.values()
+            raise NoSampleError(f"{self.path}: {listed(reasons, separator='; ') if reasons else self._no_sensor()}")
 
     def _restart(self) -> None:
         """Forget what was read, and find the topics of the mapping."""
@@ -207,15 +229,22 @@ class RecordingReader:
             except RecordingError as error:
                 self._missing[sensor.point] = str(error)
         self._beside = [] if self.mapping.stated else _beside_blocks(self._channels, self.mapping.mapping)
-        self._operating: OperatingTopic | None = None
-        self._no_operating = ""
-        named = self.mapping.mapping.operating_point
-        try:
-            self._operating = OperatingTopic(named, self._found(named))
-        except RecordingError as error:
-            if named in self._channels or "operating_point" in self.mapping.mapping.model_fields_set:
-                self._no_operating = f"operating point: {error}: none of the recording is used"
+        self._no_joints: list[str] = []
+        named, drives = self.mapping.mapping, self.drive_mapping
+        self._operating = self._joint_topic(
+            "operating point", named.operating_point, OperatingPoints(), "operating_point" in named.model_fields_set
+        )
+        self._drives = self._joint_topic("drives", drives.topic, DriveEntries(drives), named.drives is not None)
         self._topics = {topic.name: topic for topic in self._sensors.values()}
+
+    def _joint_topic(self, what: str, name: str, states: StatesT, stated: bool) -> JointTopic[StatesT] | None:
+        """Topic of joint states; None where there is none, a doubt where it is there or was `stated`."""
+        try:
+            return JointTopic(what, name, self._found(name), states)
+        except RecordingError as error:
+            if stated or name in self._channels:
+                self._no_joints.append(f"{what}: {error}: none of the recording is used")
+        return None
 
     def _found(self, name: str) -> Mapping[Topic, int]:
         """Channels of a topic that the mapping names."""
@@ -234,8 +263,9 @@ class RecordingReader:
         for topic, messages in batch.by_topic():
             if topic.name in self._topics:
                 self._topics[topic.name].add(topic, messages)
-            if self._operating is not None and topic.name == self._operating.name:
-                self._operating.add(topic, messages)
+            for joints in self._joints:
+                if topic.name == joints.name:
+                    joints.add(topic, messages)
 
     def _records(self, piece: Mapping[str, DecodedStream]) -> dict[str, AccelerationRecord]:
         self._sampled |= piece.keys()
@@ -251,12 +281,18 @@ class Recording(RecordingReader):
     Attributes
     ----------
     points : dict
-        Record of each mapped test point that has samples.
+        Record of each mapped test point that has samples; none where the recording holds the drives alone.
     """
 
     def __init__(self, bag: Bag, mapping: UsedMapping) -> None:
         super().__init__(bag, mapping)
-        found = {point: record for piece in self.pieces(math.inf) for point, record in piece.items()}
+        found: dict[str, AccelerationRecord] = {}
+        try:
+            for piece in self.pieces(math.inf):
+                found.update(piece)
+        except NoSampleError:
+            if self.sensors or self.drives is None:
+                raise
         self.points = {point: found[point] for point in self.sensors if point in found}
 
 
@@ -307,8 +343,10 @@ def read_acceleration(
     stated = _stated_mapping(bag, mapping)
     sensor = stated.mapping.topics.get(topic) if stated else None
     chosen = TopicMapping(topics={topic: sensor or contract_sensor(_point_of(topic))})
-    (record,) = Recording(bag, UsedMapping(chosen, stated.file if stated else None)).points.values()
-    return record
+    recording = Recording(bag, UsedMapping(chosen, stated.file if stated else None))
+    for record in recording.points.values():
+        return record
+    raise RecordingError(f"{bag.path}: {listed(recording.problems.values())}")
 
 
 def _opened(path: str | Path, mapping: TopicMapping | str | Path | None) -> tuple[Bag, UsedMapping]:

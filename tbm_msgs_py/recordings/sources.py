@@ -1,8 +1,9 @@
-"""The two kinds of topics that a recording is read for: those of sensors, and that of the operating point."""
+"""The kinds of topics that a recording is read for: those of sensors, and the joint states."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
+from typing import Any, Generic, TypeVar
 
 import numpy as np
 
@@ -11,8 +12,8 @@ from tbm_msgs_py.bags.definitions import JOINT_STATE_TYPE
 from tbm_msgs_py.recordings.channels import ChosenChannel
 from tbm_msgs_py.recordings.clocks import ClockTrack
 from tbm_msgs_py.recordings.decoding import ACCELERATION_TYPES, DecodedSamples, decode_samples
+from tbm_msgs_py.recordings.joint_states import JointStates
 from tbm_msgs_py.recordings.mapping import SensorMapping
-from tbm_msgs_py.recordings.operating import OperatingPoints
 from tbm_msgs_py.recordings.timeline import Timeline
 
 _FEW = 0.01  # share of the messages, or samples, of a topic
@@ -117,8 +118,22 @@ def _overlap(samples: DecodedSamples) -> float:
     return float(np.median(length)) / apart if apart else 0.0
 
 
-class OperatingTopic:
-    """The topic of the operating point, while it is read.
+StatesT = TypeVar("StatesT", bound=JointStates[Any])
+
+
+class JointTopic(Generic[StatesT]):
+    """A topic of joint states, while it is read: that of the operating point, or of the drives.
+
+    Parameters
+    ----------
+    what : str
+        What it is, for messages.
+    name : str
+        Of the topic.
+    channels : mapping of Topic to int
+        Every channel of that name, and its messages.
+    states : JointStates
+        Takes the messages that are used.
 
     Raises
     ------
@@ -126,12 +141,19 @@ class OperatingTopic:
         No channel can be decoded.
     """
 
-    def __init__(self, name: str, channels: Mapping[Topic, int]) -> None:
-        self.name = name
+    def __init__(self, what: str, name: str, channels: Mapping[Topic, int], states: StatesT) -> None:
+        self.what, self.name, self.states = what, name, states
         self.channel = ChosenChannel(name, channels, (JOINT_STATE_TYPE,))
-        self.points = OperatingPoints()
 
     def add(self, topic: Topic, messages: MessageBatch) -> None:
         """Add the next messages of one channel."""
         if self.channel.takes(topic, len(messages)):
-            self.points.add(messages, self.channel.used.store)
+            self.states.add(messages, self.channel.used.store)
+
+    def doubts(self, doubt: str | None) -> list[str]:
+        """Say what may be wrong with it, given the doubt of its record, None where it has none."""
+        states, place = self.states, f"{self.what} {self.name}:"
+        lines = [f"{place} {doubt}"] if doubt else []
+        if states.undecodable or (doubt is None and states.problem):
+            lines.append(f"{place} {states.undecodable} messages cannot be used: {states.problem}")
+        return lines

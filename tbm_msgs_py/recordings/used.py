@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from typing import Final
 
 from tbm_msgs_py.base.texts import listed
-from tbm_msgs_py.recordings.operating import ClockName
+from tbm_msgs_py.recordings.joint_states import ClockName
 
 BY_PROGRAM: Final = "given by the program, no file"
 
@@ -26,6 +26,8 @@ class UsedSources:
         Where the times of the operating points come from.
     placed : tuple of str
         Test points whose clock is another than that of the others: placed beside them by the log times.
+    drives : str or None
+        Topic of the drives; None where there is none.
     """
 
     mapping: str | None = None
@@ -33,6 +35,7 @@ class UsedSources:
     operating_entries: int = 0
     operating_clock: ClockName | None = None
     placed: tuple[str, ...] = ()
+    drives: str | None = None
 
     @property
     def clock(self) -> str:
@@ -49,4 +52,5 @@ class UsedSources:
             f"mapping: {self.mapping or 'none, the topics of the contract'}",
             f"operating point: {operating}",
             f"clock: {self.clock}",
+            *([f"drives: {self.drives}"] if self.drives else []),
         ]

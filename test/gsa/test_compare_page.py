@@ -2,14 +2,17 @@
 
 import json
 import re
+from functools import partial
 from html.parser import HTMLParser
 
+import numpy as np
 import pytest
 import typer
-from compare_bags import noise, write_bag
+from compare_bags import noise, write_bag, write_drives
 from typer.testing import CliRunner
 
 from tbm_dynamics import MachineError
+from tbm_gsa.app.cli.bag.info import info
 from tbm_gsa.app.cli.compare import compare
 from tbm_gsa.app.report.compare_page import compare_page
 from tbm_gsa.comparison import ComparisonResult, Settings
@@ -27,7 +30,9 @@ app.command()(compare)
 @pytest.fixture(scope="module")
 def bag(tmp_path_factory):
     points = {"cutterhead": noise(6.0, 5.0), "shield": noise(6.0), "belt": noise(2.0)}
-    path = write_bag(tmp_path_factory.mktemp("bag") / "bag", points)
+    torque = 32e3 * np.random.default_rng(2).normal(1.0, 0.02, (60, 10)) * (np.arange(10) != 6)
+    more = partial(write_drives, torque=torque, rate=10, speed=np.full_like(torque, 5.571))
+    path = write_bag(tmp_path_factory.mktemp("bag") / "bag", points, more=more)
     sensors = {point: {"units": "m/s2", "gravity": "removed", "frame": "fixed", "point": point} for point in points}
     sensors["shield"]["axes"] = [None, "y", "z"]
     mapping = {"topics": {f"/tbm/field/{point}/block": sensor for point, sensor in sensors.items()}}
@@ -67,11 +72,22 @@ class _Page(HTMLParser):
 
 def test_the_page_holds_everything_itself(text):
     page = _Page(text)
-    assert page.tags.count("img") == 4
+    assert page.tags.count("img") == 5
     assert not {"script", "link", "iframe", "object", "b"} & set(page.tags)
     assert all(link.startswith("data:image/svg+xml;base64,") for link in page.links)
     assert not re.search(r"https?://|url\(|@import", text)
     assert len(text) < 3_000_000
+
+
+def test_a_scan_says_what_of_the_drives_is_there(bag, capsys):
+    info(bag, scan=True)
+    assert (
+        "drives /tbm/field/drives: 60 samples, 10 Hz, torque of 10 drives, speed of 10 drives"
+        in capsys.readouterr().out
+    )
+    info(bag, scan=True, json=True)
+    drives = json.loads(capsys.readouterr().out)["drives"]
+    assert (drives["duration"], drives["torque"]["drive_7"]) == (pytest.approx(5.9), 1.0)
 
 
 def test_an_axis_that_was_not_measured_is_a_dash(text):
@@ -90,6 +106,16 @@ def test_the_page_says_what_the_document_says(result, text):
     assert MachineEvaluation.of("dz101", 1.0, 0).settings["machine_sha256"] in text  # as a study names the machine
     assert "Test point belt was not compared: machine dz101 has no such test point." in text
     assert "synthetic" not in text
+
+
+def test_the_page_says_how_the_drives_share(result, text):
+    seventh, drives = result.drives.drives["drive_7"], result.drives
+    rows = [re.sub("<[^>]*>", " ", row).split() for row in text.split("<tr>")]
+    (row,) = (row for row in rows if row[:1] == ["drive_7"])
+    assert row[1:4] == ["0", "(off)", f"{seventh.model.torque / 1000:.4g}"]
+    assert ["Drives", "that", "run", "9", "10"] in [row[:5] for row in rows]
+    assert any(row[-2:] == [f"{drives.field.sharing_factor:.3f}", f"{drives.model.sharing_factor:.3f}"] for row in rows)
+    assert "Drive_7 is off in the recording, with 0.00% of the mean, and runs in the model" in text
 
 
 def test_names_of_others_and_kinds_of_sensors_and_recordings(tmp_path):
@@ -144,6 +170,9 @@ def test_the_command_prints_the_table(bag, result):
     assert f"{head.field_rms_g:.3f}" in row
     assert f"{head.relative_error:.0%}" in row
     assert "0 lost" in done.stdout
+    drives = result.drives
+    assert f"measured: 9 drives run, sharing factor {drives.field.sharing_factor:.3f}" in done.stdout
+    assert "/tbm/field/drives: 60 samples at a level, 10 Hz, filter not stated" in done.stdout
 
 
 def test_windows_and_bands_of_the_command(bag):

@@ -103,7 +103,8 @@ def test_a_result_is_read_back_as_it_was_written(own):
         ("machine", None, "machine: None, allowed: a "),
         ("points.shield.x.field_rms", 1e31, r"points.shield.x.field_rms: 1e\+31, allowed: less than or equal to 10"),
         ("points.shield.x.model_band_rms", {}, "points.shield.x: other bands of the field than of the model"),
-        ("bands", {}, "bands: {}, allowed: at least 1 item"),
+        ("bands", {}, "bands: other test points than in points"),
+        ("points", {}, "points: none, allowed: at least one, or drives"),
         ("spectra", {}, "spectra: other test points than in points"),
     ],
 )

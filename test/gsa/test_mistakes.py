@@ -50,8 +50,8 @@ MISTAKES = {
     ),
     "an import without a description": (
         ["bag", "import", "run.csv", "--out", "new"],
-        "import description: points or operating_point: missing, allowed: at least one of them, in the file of --map "
-        "or as --map POINT=X,Y,Z",
+        "import description: points, operating_point or drives: missing, allowed: at least one of them, in the file "
+        "of --map or as --map POINT=X,Y,Z",
     ),
     "a recording to explain": (
         ["gsa", "explain", "old"],

@@ -74,7 +74,7 @@ def test_options_go_over_the_description(command, tmp_path):
 @pytest.mark.parametrize(
     ("arguments", "named"),
     [
-        ([], "points or operating_point"),
+        ([], "points, operating_point or drives"),
         (["--map", "girder=a,b"], "girder=a,b: 2 columns"),
         (["--map", "girder=a(:,1),b(2,:)"], "b(2,:): 2 columns"),
         (["--map", "girder=a(:,1),,", *SENSOR, "--rate", "50", "--start", START], "column a(:,1) is not there"),

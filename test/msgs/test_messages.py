@@ -10,6 +10,7 @@ pytest.importorskip("rclpy")
 from diagnostic_msgs.msg import DiagnosticStatus
 from rclpy.serialization import deserialize_message, serialize_message
 
+from tbm_msgs_py.base.drive_state import DriveState
 from tbm_msgs_py.base.operating_point import OperatingPoint, from_joint_state
 from tbm_msgs_py.blocks import LOADS, mesh_forces
 from tbm_msgs_py.nodes import messages
@@ -38,8 +39,11 @@ def test_whole_numbers_and_numpy_scalars_become_floats():
     assert over_the_wire(messages.accel(STAMP_NS, [1, 2, 3])).accel.linear.z == 3.0
     wrench = over_the_wire(messages.wrench(STAMP_NS, range(6))).wrench
     assert (wrench.force.x, wrench.torque.z) == (0.0, 5.0)
-    drives = over_the_wire(messages.drives(STAMP_NS, numbers))
-    assert (list(drives.effort), drives.name[-1]) == ([1.0, 2.0, 3.0], "drive_3")
+    state = DriveState(tuple(numbers), (*numbers[:2], np.nan))
+    assert messages.drives_from(over_the_wire(messages.drives_message(STAMP_NS, state))) == (
+        STAMP_NS,
+        DriveState((1.0, 2.0, 3.0), (1.0, 2.0, pytest.approx(np.nan, nan_ok=True))),
+    )
 
 
 def test_operating_point_and_clock():

@@ -20,6 +20,7 @@ from tbm_gsa.app.nodes.analysis_node import AnalysisNode  # noqa: E402
 from tbm_gsa.history import Baseline, History  # noqa: E402
 from tbm_gsa.history.baseline import ErrorStatistics  # noqa: E402
 from tbm_msgs_py import ACCELERATION, OperatingPoint  # noqa: E402
+from tbm_msgs_py.base.drive_state import DriveState  # noqa: E402
 from tbm_msgs_py.nodes import messages, qos  # noqa: E402
 from tbm_msgs_py.topics import ANALYSIS_QUANTITIES  # noqa: E402
 
@@ -239,12 +240,13 @@ def test_one_study_at_a_time_cancelled_or_killed(host_node, peer, tmp_path):
 
 
 def test_mapped_topics_with_their_units_axes_and_types(host_node, peer, tmp_path):
-    """A block in g with turned axes, and an Imu whose driver publishes as sensors do."""
+    """A block in g with turned axes, an Imu whose driver publishes as sensors do, and drives on their motors' side."""
     mapping = tmp_path / "mapping.yaml"
     mapping.write_text(
         "topics:\n"
         "  /rig/head: {point: cutterhead, units: g, gravity: included, frame: fixed, axes: ['-z', x, y]}\n"
         "  /rig/imu: {point: gripper, units: m/s2, gravity: included, frame: fixed}\n"
+        "drives: {topic: /rig/drives, ratio: 20}\n"
     )
     windows = {**listen_to(peer, "cutterhead"), **{f"gripper {k}": v for k, v in listen_to(peer, "gripper").items()}}
     node = host_node(AnalysisNode, window=0.5, mapping=mapping, threshold=10.0)
@@ -255,6 +257,14 @@ def test_mapped_topics_with_their_units_axes_and_types(host_node, peer, tmp_path
         peer.node.create_publisher(PointCloud2, f"/tbm/model/{point}/block", qos.BLOCK)
         for point in ("cutterhead", "gripper")
     ]
+
+    motors, pinions = (
+        peer.node.create_publisher(JointState, name, sensor) for name in ("/rig/drives", "/tbm/model/drives")
+    )
+    torque = 1600.0 * (np.arange(10) != 3)  # 2 s of 20 Hz; the fourth is off
+
+    def drives(torques, k):
+        return messages.drives_message(START_NS + k * BLOCK_NS, DriveState(tuple(torques), (100.0,) * 10))
 
     def turned(k):
         x, y, z = sine(FIELD, k).T / 9.80665
@@ -275,7 +285,11 @@ def test_mapped_topics_with_their_units_axes_and_types(host_node, peer, tmp_path
                 peer.settle()
 
     pairs = [(model, lambda k: block_message(k, sine(MODEL, k))) for model in models]
-    Feed(peer, node, windows, [*pairs, (head, turned), (Samples(), lambda k: k)])(3)
+    pairs += [(motors, lambda k: drives(torque, k)), (pinions, lambda k: drives([32e3] * 10, k))]
+    feed = Feed(peer, node, windows, [*pairs, (head, turned), (Samples(), lambda k: k)])
+    feed(3, until=lambda: "drive_4 is off in the recording" in peer.text("tbm: drives"))
+    said = {key: float(peer.value("tbm: drives", key)) for key in ("field_running", "drive_1_field_torque")}
+    assert said == {"field_running": 9.0, "drive_1_field_torque": pytest.approx(32e3, rel=1e-4)}
     assert vectors(windows["field_rms"])[-1] == pytest.approx(FIELD / np.sqrt(2), rel=0.01)
     assert vectors(windows["relative_error"])[-1] == pytest.approx(np.abs(FIELD - MODEL) / FIELD, abs=0.02)
     assert vectors(windows["gripper field_rms"])[-1] == pytest.approx(FIELD / np.sqrt(2), rel=0.05)

@@ -1,6 +1,7 @@
 """Bag recorder as a process: killed, on a full disk, under a quota; the commands `bag record` and `bag play`."""
 
 import json
+import math
 import os
 import resource
 import signal
@@ -23,6 +24,7 @@ from sensor_msgs.msg import JointState, PointCloud2  # noqa: E402
 from tbm_gsa.app.cli.bag.info import BagContents  # noqa: E402
 from tbm_msgs_py import ACCELERATION, Bag, BagWriter, OperatingPoint, read_recording  # noqa: E402
 from tbm_msgs_py.bags.definitions import typestore  # noqa: E402
+from tbm_msgs_py.base.drive_state import DriveState  # noqa: E402
 from tbm_msgs_py.blocks import from_cloud  # noqa: E402
 from tbm_msgs_py.nodes import messages, qos  # noqa: E402
 from tbm_msgs_py.nodes.bag_recorder import BagRecorder  # noqa: E402
@@ -237,13 +239,15 @@ def test_losses_are_a_fault_once_and_counted_for_good(tmp_path):
 
 @pytest.fixture(scope="module")
 def bag(tmp_path_factory):
-    """Two seconds of blocks and an operating point at the beginning."""
+    """Two seconds of blocks, drives of 2 Hz, and an operating point at the beginning."""
     path = tmp_path_factory.mktemp("bags") / "field"
     with BagWriter(path) as writer:
         writer.write_operating_point(START_NS, OperatingPoint(0.586, 3.04e6, 1.2e7))
         for k in range(40):
             values = np.full((250, 3), float(k))
             writer.write_block(TOPIC, START_NS + k * PERIOD, ACCELERATION, np.arange(250) / 5000, values)
+            if k % 10 == 0:
+                writer.write_drives(START_NS + k * PERIOD, DriveState((float(k), math.nan), (5.5, 0.0)))
     return path
 
 
@@ -268,14 +272,18 @@ def started(tmp_path):
 
 def test_record_and_play_commands(started, bag, tmp_path):
     output = tmp_path / "copy"
-    record = started("record", "--topics", f"operating_point,{TOPIC}", "--out", output, "--json")
+    record = started("record", "--topics", f"operating_point,{TOPIC},field/drives", "--out", output, "--json")
     wait_for((output / "metadata.yaml").exists)
-    play = started("play", bag, "--start", 1.0, "--rate", 2.0, "--subscribers", 2, "--json")
+    play = started("play", bag, "--start", 1.0, "--rate", 2.0, "--subscribers", 3, "--json")
     out, _ = play.communicate(timeout=DEADLINE)
     assert play.returncode == 0
     document = json.loads(out)
-    assert (document["played"], document["lost"], document["ended"]) == (21, 0, True)  # 20 blocks, and the point before
-    wait_for(lambda: Bag(output).info().messages == 21)
+    assert (document["played"], document["lost"], document["ended"]) == (
+        23,
+        0,
+        True,
+    )  # 20 blocks, 2 states, the point before
+    wait_for(lambda: Bag(output).info().messages == 23)
     nodes = children(record.pid)
     record.send_signal(signal.SIGTERM)
     out, _ = record.communicate(timeout=DEADLINE)
@@ -286,12 +294,15 @@ def test_record_and_play_commands(started, bag, tmp_path):
     assert {name: topic["messages"] for name, topic in document["topics"].items()} == {
         TOPIC: 20,
         "/tbm/operating_point": 1,
+        "/tbm/field/drives": 2,
     }
     assert (document["lost"], document["deleted"], document["files"]) == (0, [], ["copy.mcap"])
     told = json.loads(BagContents.of(output, Bag(output).info()).model_dump_json())
     assert {key: document[key] for key in told} == told
     assert numbers(output) == list(range(20, 40))
-    assert read_recording(output).operating_point.points == (OperatingPoint(0.586, 3.04e6, 1.2e7),)
+    copied = read_recording(output)
+    assert copied.operating_point.points == (OperatingPoint(0.586, 3.04e6, 1.2e7),)
+    np.testing.assert_array_equal(copied.drives.torque, [[20.0, math.nan], [30.0, math.nan]])
 
 
 def test_looping_play_ends_cleanly_with_a_signal(started, peer, bag):

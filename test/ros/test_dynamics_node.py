@@ -1,5 +1,6 @@
 """`dynamics_node`: the bits of its blocks, lost and wrong loads, lifecycle; and behind a load node, as processes."""
 
+import math
 import signal
 
 import numpy as np
@@ -96,6 +97,7 @@ def test_live_equals_offline_bit_for_bit(run_node, peer, off_axis):
     torque = np.mean([message.effort for message in drives])
     gear = machine.description.driveshaft.gear
     assert torque == pytest.approx(3.04e6 / 10 * gear.pinion_teeth / gear.ring_teeth, rel=0.3)
+    assert list(drives[0].velocity) == pytest.approx([5.6 * math.pi / 30.0 * gear.ring_teeth / gear.pinion_teeth] * 10)
     peer.wait_for(lambda: peer.text(STATUS) == "integrating")
     assert peer.value(STATUS, "lost_steps") == "0"
     assert float(peer.value(STATUS, "real_time_factor")) > 0.0

@@ -22,6 +22,7 @@ from sensor_msgs.msg import JointState  # noqa: E402
 
 from tbm_gsa.app.cli.commands import load  # noqa: E402
 from tbm_msgs_py import OperatingPoint, topics  # noqa: E402
+from tbm_msgs_py.base.drive_state import DriveState  # noqa: E402
 from tbm_msgs_py.nodes import messages  # noqa: E402
 from tbm_msgs_py.nodes.parameters import node_parameters  # noqa: E402
 from tbm_msgs_py.nodes.registry import MACHINE_NODES, NODES  # noqa: E402
@@ -43,7 +44,7 @@ NOT_SHOWN = {name for name in CONTRACT if name.endswith(("/block", topics.MODEL_
 EXAMPLES = {  # a message of the topics with this last name
     "operating_point": messages.operating_point_message(0, OperatingPoint(0.5, 2e6, 1e7)),
     "wrench": messages.wrench(0, [0.0] * 6),
-    "drives": messages.drives(0, [0.0] * 10),
+    "drives": messages.drives_message(0, DriveState((0.0,) * 10, (0.0,) * 10)),
     "accel": messages.accel(0, [0.0] * 3),
     **dict.fromkeys(topics.ANALYSIS_QUANTITIES, messages.vector3(0, [0.0] * 3)),
 }

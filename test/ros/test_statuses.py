@@ -9,10 +9,13 @@ pytest.importorskip("diagnostic_msgs")
 
 from diagnostic_msgs.msg import DiagnosticStatus
 
+from tbm_gsa.app.nodes.drive_statuses import drives_status
 from tbm_gsa.app.nodes.gsa_process import GsaStatus
 from tbm_gsa.app.nodes.statuses import comparison_status, gsa_result_statuses, gsa_status
 from tbm_gsa.app.nodes.stream_health import Condition
 from tbm_gsa.comparison import WindowResult
+from tbm_gsa.comparison.drive_results import DriveResult, DriveSide, DrivesResult, SharingSide
+from tbm_gsa.comparison.live_drives import DriveWindow
 from tbm_gsa.sensitivity.results import OutputResult, StudyResult
 from tbm_gsa.sensitivity.study.failures import Failures
 
@@ -22,6 +25,33 @@ def window(model=1.0, field=1.0, rms=1.0):
     return WindowResult("girder", 0, 2_000_000_000, np.ones(3), level, np.zeros(3), model, field, peak, kurtosis)
 
 
+SECOND = 1_000_000_000
+SIDE = DriveSide(
+    torque=32e3, share=1.0, fluctuation=0.1, peak_factor=1.2, speed=None, speed_fluctuation=None, running=True
+)
+SHARING = SharingSide(
+    running=1, torque=32e3, fluctuation=0.1, sharing_factor=1.0, least_share=1.0, scatter=0.0, correlation=None
+)
+COMPARED = DrivesResult(
+    topic="/tbm/field/drives",
+    rate_hz=31.0,
+    high_hz=12.4,
+    low_pass_hz=None,
+    window_s=1.0,
+    samples=31,
+    windows=1,
+    model_windows=1,
+    duplicates=0,
+    invalid=0,
+    field=SHARING,
+    model=SHARING,
+    drives={"drive_1": DriveResult(field=SIDE, model=SIDE, relative_error=0.0)},
+    skipped={},
+    findings=(),
+)
+DRIVES = DriveWindow(0, SECOND, COMPARED)
+FOUND = {"findings": ("drive_1 is off",), "skipped": {"drive_2": "not in the recording"}}
+ODD = DriveWindow(0, SECOND, COMPARED.model_copy(update=FOUND))
 REFUSED = Condition(refused=["block fields: none"], silent=["no signal of the model for 3 s"])
 SILENT = Condition(silent=["no signal of the field for 3 s"])
 DOUBT = Condition(doubts=["2 publishers"])
@@ -72,6 +102,27 @@ def test_status_of_a_comparison(latest, alarm, health, level, message):
     status = comparison_status("tbm: comparison girder", "girder", latest, None, alarm, health)
     assert (status.level, status.message) == (level, message)
     assert (status.name, status.hardware_id) == ("tbm: comparison girder", "girder")
+
+
+@pytest.mark.parametrize(
+    ("window", "kind", "age", "level", "message"),
+    [
+        (None, "steady", 0.0, DiagnosticStatus.STALE, "no window yet"),
+        (DriveWindow(0, SECOND, None, "no signal"), "steady", 0.0, DiagnosticStatus.WARN, "not compared: no signal"),
+        (DRIVES, "steady", 5.0, DiagnosticStatus.OK, "compared"),
+        (DRIVES, "steady", 5.1, DiagnosticStatus.STALE, "no window of field and model for 5 s"),
+        (ODD, "steady", 0.0, DiagnosticStatus.WARN, "drive_1 is off; drive_2: not in the recording"),
+        (ODD, "transient", 0.0, DiagnosticStatus.OK, "not compared: the operating point changes"),
+        (ODD, "standstill", 0.0, DiagnosticStatus.OK, "not compared: the machine stands still"),
+    ],
+)
+def test_status_of_the_drives(window, kind, age, level, message):
+    status = drives_status("tbm: drives", "dz101", window, kind, age)
+    assert (status.level, status.message) == (level, message)
+    values = {pair.key: pair.value for pair in status.values}
+    if window in (DRIVES, ODD) and age < 5.1:
+        assert (values["field_running"], values["drive_1_model_torque"]) == ("1", "32000")
+        assert "drive_1_field_speed" not in values  # it is not known
 
 
 def test_values_of_the_latest_window():

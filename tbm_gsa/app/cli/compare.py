@@ -12,6 +12,7 @@ import typer
 from rich.table import Table
 from rich.text import Text
 
+from tbm_gsa.app.cli.drive_tables import print_drives
 from tbm_gsa.app.cli.history import HISTORY_HELP
 from tbm_gsa.app.cli.output import (
     DEFAULT_MACHINE,
@@ -135,10 +136,13 @@ def _keep(compared: RecordingComparison, kind: SourceKind, path: Path | None) ->
 
 
 def print_tables(result: ComparisonResult) -> None:
-    """Print the axial accelerations, the levels, and the state of the recording."""
-    results.print(_axial_table(result))
+    """Print the axial accelerations, the levels, the drives, and the state of the recording."""
+    if result.points:
+        results.print(_axial_table(result))
     if len(result.dwells) > 1:
         results.print(_level_table(result))
+    if result.drives is not None:
+        print_drives(result.drives)
     faulty = _fault_table(result)
     if faulty.row_count:
         results.print(faulty)

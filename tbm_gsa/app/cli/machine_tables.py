@@ -87,7 +87,12 @@ def _general(*values: float) -> list[str]:
 
 def _print_parts(summary: MachineSummary) -> None:
     shafts = (
-        ("–".join(map(str, s.nodes)), *_general(s.outer_diameter, s.inner_diameter, s.mass), f"{s.stress / 1e6:.3g}", s.source)
+        (
+            "–".join(map(str, s.nodes)),
+            *_general(s.outer_diameter, s.inner_diameter, s.mass),
+            f"{s.stress / 1e6:.3g}",
+            s.source,
+        )
         for s in summary.shafts
     )
     _print_table("shafts", ("nodes", ">outer, m", ">inner, m", ">mass, kg", ">stress, MPa", "source"), shafts)

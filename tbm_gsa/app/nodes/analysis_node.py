@@ -14,12 +14,13 @@ from sensor_msgs.msg import JointState, PointCloud2
 from std_srvs.srv import Trigger
 
 from tbm_dynamics.machine.machine import Machine, load_machine
+from tbm_gsa.app.nodes.drive_statuses import drives_status
 from tbm_gsa.app.nodes.error_alarm import ErrorAlarm
 from tbm_gsa.app.nodes.field_topics import FieldTopics
 from tbm_gsa.app.nodes.gsa_process import GsaProcess, GsaStatus
 from tbm_gsa.app.nodes.history_writer import HistoryWriter, live_now
 from tbm_gsa.app.nodes.level_watch import LevelWatch
-from tbm_gsa.app.nodes.live_comparison import LiveComparison, field_sensors
+from tbm_gsa.app.nodes.live_comparison import LiveComparison, drive_mapping, field_sensors
 from tbm_gsa.app.nodes.live_watch import LiveWatch
 from tbm_gsa.app.nodes.settings import AnalysisSettings, GsaSettings
 from tbm_gsa.app.nodes.statuses import (
@@ -33,6 +34,7 @@ from tbm_gsa.app.nodes.stream_health import Condition
 from tbm_gsa.app.nodes.watch_statuses import WatchStatuses, alarm_text
 from tbm_gsa.app.nodes.watch_store import WatchStore
 from tbm_gsa.comparison import WindowResult
+from tbm_gsa.comparison.live_drives import DriveWindow, LiveDrives
 from tbm_gsa.comparison.streams import Side
 from tbm_gsa.comparison.units import operating_doubts
 from tbm_gsa.explanation.live_observation import LiveObservation
@@ -43,6 +45,7 @@ from tbm_gsa.sensitivity.study.definition import study_definition
 from tbm_gsa.sensitivity.study.outputs import checked_outputs
 from tbm_msgs_py import topics
 from tbm_msgs_py.base.errors import InputError
+from tbm_msgs_py.base.units import NANOSECONDS
 from tbm_msgs_py.nodes import messages
 from tbm_msgs_py.nodes.managed import ManagedNode
 from tbm_msgs_py.recordings.mapping import SensorMapping, contract_sensor
@@ -79,6 +82,8 @@ class AnalysisNode(ManagedNode[AnalysisSettings]):
         self._comparison = LiveComparison(
             self._points, sensors.values(), self.settings.window, lambda text: self.get_logger().warning(text)
         )
+        self._drive_mapping = drive_mapping(self.settings.mapping)
+        self._restart_drives()
         by_point = {sensor.point: sensor for sensor in sensors.values()}
         store, steady_point = WatchStore(self._history), self._comparison.steady_point
         self._watch = LiveWatch(machine, by_point, self.settings.watch, store, steady_point)
@@ -110,11 +115,17 @@ class AnalysisNode(ManagedNode[AnalysisSettings]):
         """Restart with another window or alarm; a study that runs keeps its options."""
         if "window" in names:
             self._comparison.set_window(self.settings.window)
+            self._restart_drives()
         if not names.isdisjoint(("alarm", "threshold", "threshold_windows", "alarm_axes", "baseline")):
             self._alarm = self._new_alarm()
         if not names.isdisjoint(("watch.baseline", "watch.commissioning", "watch.false_alarm", "watch.workers")):
             self._watch.set_options(self.settings.watch)
         self._gsa.options = self.settings.gsa
+
+    def _restart_drives(self) -> None:
+        self._drives = LiveDrives(self._machine, self._drive_mapping, self.settings.window)
+        self._drives_window: DriveWindow | None = None
+        self._drives_ns = 0  # when it was complete
 
     def _open_history(self, machine: Machine) -> HistoryWriter:
         source = WindowSource("live", self.get_fully_qualified_name(), "", machine.name, machine_sha256(machine))
@@ -140,6 +151,9 @@ class AnalysisNode(ManagedNode[AnalysisSettings]):
     def _subscribe_model(self) -> None:
         for point in self._points:
             self.contract_subscription(topics.model_block(point), partial(self._on_model, contract_sensor(point)))
+        recorded = self._drive_mapping.topic
+        self.contract_subscription(topics.MODEL_DRIVES, partial(self._on_drives, "model", topics.MODEL_DRIVES))
+        self.contract_subscription(recorded, partial(self._on_drives, "field", recorded), like=topics.FIELD_DRIVES)
         for name in (topics.OPERATING_POINT, topics.LOADS_OPERATING_POINT):
             self.contract_subscription(name, partial(self._on_operating_point, name))
 
@@ -169,6 +183,18 @@ class AnalysisNode(ManagedNode[AnalysisSettings]):
             self._comparison.health.refuse(sensor.point, "model", str(error))
         else:
             self._on_samples("model", sensor, block.stamp_ns, block.offsets, block.values)
+
+    def _on_drives(self, side: Side, topic: str, message: JointState) -> None:
+        if not self.active:
+            return
+        try:
+            stamp, state = messages.drives_from(message)
+        except InputError as error:
+            self.faults.report(topic, f"{topic}: {error}; not used")
+            return
+        self.faults.clear(topic)
+        if window := self._drives.add(side, stamp, state):
+            self._drives_window, self._drives_ns = window, self.get_clock().now().nanoseconds
 
     def _on_operating_point(self, topic: str, message: JointState) -> None:
         try:
@@ -273,7 +299,23 @@ class AnalysisNode(ManagedNode[AnalysisSettings]):
         ]
         history = history_status(self.status_name("history"), self.settings.machine, self._history)
         says = self._watch_statuses()
-        return [*statuses, says.rock_summary(), says.machine_summary(), history, self._gsa_status_now()]
+        return [
+            *statuses,
+            *self._drive_statuses(),
+            says.rock_summary(),
+            says.machine_summary(),
+            history,
+            self._gsa_status_now(),
+        ]
+
+    def _drive_statuses(self) -> list[DiagnosticStatus]:
+        """Say what the drives do, once somebody publishes them."""
+        window = self._drives_window
+        if not self._drives.seen:
+            return []
+        kind = "steady" if window is None else self._comparison.kind(window.begin_ns, window.end_ns)
+        age = (self.get_clock().now().nanoseconds - self._drives_ns) / NANOSECONDS
+        return [drives_status(self.status_name("drives"), self.settings.machine, window, kind, age)]
 
     def _gsa_status_now(self) -> DiagnosticStatus:
         name = self.status_name("sensitivity analysis")

@@ -18,7 +18,7 @@ from tbm_msgs_py.base.arrays import Array
 from tbm_msgs_py.base.texts import listed
 from tbm_msgs_py.base.units import NANOSECONDS
 from tbm_msgs_py.recordings.faults import CLOCK_JUMP_NS
-from tbm_msgs_py.recordings.mapping import SensorMapping, contract_sensor, load_mapping
+from tbm_msgs_py.recordings.mapping import DriveMapping, SensorMapping, contract_sensor, load_mapping
 
 _NOT_STEADY: tuple[OperatingKind, ...] = ("standstill", "transient")  # the first says more
 
@@ -42,6 +42,11 @@ def field_sensors(mapping: str, points: Collection[str]) -> tuple[dict[str, Sens
     if stated.operating_point != own:
         unused.append(f"{mapping}: operating_point {stated.operating_point}: live the nodes follow {own}; not used")
     return dict(stated.topics), unused
+
+
+def drive_mapping(mapping: str) -> DriveMapping:
+    """How the drives of the field are recorded, by a mapping file or, without one, by the contract."""
+    return (load_mapping(mapping).drives if mapping else None) or DriveMapping()
 
 
 class LiveComparison:
@@ -144,12 +149,15 @@ class LiveComparison:
 
     def _without_error_unless_steady(self, result: WindowResult) -> WindowResult:
         """Window without its error where the machine, or the model after it, was not driven steadily."""
-        end_ns = result.start_ns + result.length_ns
-        kinds = [operation.kind(result.start_ns, end_ns) for operation in self._operation.values()]
-        for kind in _NOT_STEADY:
-            if kind in kinds:
-                return replace(result, relative_error=np.full(3, np.nan), operation=kind)
-        return result
+        kind = self.kind(result.start_ns, result.start_ns + result.length_ns)
+        if kind == "steady":
+            return result
+        return replace(result, relative_error=np.full(3, np.nan), operation=kind)
+
+    def kind(self, begin_ns: int, end_ns: int) -> OperatingKind:
+        """How the machine, and the model after it, were driven from begin to end."""
+        kinds = [operation.kind(begin_ns, end_ns) for operation in self._operation.values()]
+        return next((kind for kind in _NOT_STEADY if kind in kinds), "steady")
 
     def pop_spans(self) -> dict[str, list[SpanSpectrum]]:
         """Remove and return the spectra of the field's spans that are over, by test point of the machine."""

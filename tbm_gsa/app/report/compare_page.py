@@ -3,6 +3,7 @@
 from typing import Final
 
 from tbm_gsa.app.report import compare_figures
+from tbm_gsa.app.report.drive_figure import drive_figure
 from tbm_gsa.app.report.page import embed_figure, render_page
 from tbm_gsa.comparison.results import ComparisonResult
 from tbm_gsa.comparison.workflow import RecordingComparison
@@ -16,15 +17,17 @@ ALWAYS_SHOWN: Final = ("clipped", "duplicates", "invalid", "undecodable")
 def compare_page(compared: RecordingComparison) -> str:
     """Page of a comparison that holds its figures and style."""
     result = compared.result
-    first, axes = next(iter(result.points.items()))
+    points = f"test points {', '.join(result.points)}" if result.points else "drives"
     coverage = {
         name: next(axis.coverage for axis in point.values() if axis.coverage is not None)  # of all alike
         for name, point in result.points.items()
     }
     context = {
         "title": "Recording against model",
-        "subtitle": f"{result.recording.path}, machine {result.machine}, test points {', '.join(result.points)}",
+        "subtitle": f"{result.recording.path}, machine {result.machine}, {points}",
         "result": result,
+        "drives": result.drives,
+        "drives_figure": result.drives and embed_figure(drive_figure(result.drives), "Torques of the drives"),
         "axis_names": compare_figures.AXIS_NAMES,
         "coverage": coverage,
         "low": [name for name, share in coverage.items() if share < LOW_COVERAGE],
@@ -34,11 +37,20 @@ def compare_page(compared: RecordingComparison) -> str:
             for name in (*result.points, *result.skipped)
             if name in result.recording.points  # a dead sensor has no samples, a missing topic no sensor
         },
-        "excerpt": first,
         "fault_names": _fault_names(result),
+        "provenance": _provenance(result),
+    }
+    return render_page("compare.html", context | (_of_points(compared) if result.points else {}))
+
+
+def _of_points(compared: RecordingComparison) -> dict[str, object]:
+    """Figures of the test points, and what their tables need."""
+    result = compared.result
+    first, axes = next(iter(result.points.items()))
+    return {
+        "excerpt": first,
         "band_names": [name.replace("-", " to ").replace("_hz", " Hz") for name in axes["x"].field_band_rms],
         "window_count": max(len(axis.windows.start) for point in result.points.values() for axis in point.values()),
-        "provenance": _provenance(result),
         "series": embed_figure(
             compare_figures.time_series(*compared.excerpts[first]),
             f"Axial acceleration measured and computed at {first}",
@@ -47,7 +59,6 @@ def compare_page(compared: RecordingComparison) -> str:
         "flow": embed_figure(compare_figures.power_flow(result), "RMS of every test point in each direction"),
         "windows": embed_figure(compare_figures.windows(result), "Axial RMS and relative error by window"),
     }
-    return render_page("compare.html", context)
 
 
 def _fault_names(result: ComparisonResult) -> dict[str, str]:
@@ -68,7 +79,7 @@ def _provenance(result: ComparisonResult) -> dict[str, object]:
         "SHA-256 of the machine": result.machine_file.sha256,
         "model run": f"{result.model_duration:g} s a level after {result.settling:.3g} s of settling, "
         f"time step {result.time_step:g} s, seed {result.seed}",
-        "compared band": "; ".join(sorted(bands)),
+        **({"compared band": "; ".join(sorted(bands))} if bands else {}),
         "window": f"{result.window_s:g} s",
         "versions": versions_text(result.versions),
     }

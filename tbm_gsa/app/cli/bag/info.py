@@ -17,8 +17,10 @@ from tbm_gsa.reading import Maybe, Part
 from tbm_msgs_py.bags.bag import Bag, BagInfo
 from tbm_msgs_py.bags.definitions import JOINT_STATE_TYPE, definition_hash
 from tbm_msgs_py.base.errors import InputError, RecordingError
+from tbm_msgs_py.base.texts import listed
 from tbm_msgs_py.recordings.channels import LeftOut
 from tbm_msgs_py.recordings.decoding import ACCELERATION_TYPES
+from tbm_msgs_py.recordings.drives import DriveRecord
 from tbm_msgs_py.recordings.recording_health import COUNTS, PointHealth, check_recording
 from tbm_msgs_py.recordings.used import UsedSources
 
@@ -111,6 +113,41 @@ class SensorHealth(Part):
         )
 
 
+class DriveHealth(Part):
+    """Torque and speed of the drives: the share of the samples that hold a number, by drive; times in s."""
+
+    topic: str
+    samples: int
+    rate_hz: float
+    duration: float
+    duplicates: int
+    torque: dict[str, float]
+    speed: dict[str, float]
+
+    @classmethod
+    def of(cls, topic: str, record: DriveRecord) -> DriveHealth:
+        """Health of the drives of a recording."""
+        return cls(
+            topic=topic,
+            samples=len(record.time),
+            rate_hz=record.rate_hz,
+            duration=float(record.time[-1]),
+            duplicates=record.duplicates,
+            torque=record.known("torque"),
+            speed=record.known("speed"),
+        )
+
+    def line(self) -> str:
+        """Say it."""
+        parts = [f"{self.samples} samples", f"{self.rate_hz:.4g} Hz"]
+        for what, shares in (("torque", self.torque), ("speed", self.speed)):
+            lacking = [f"{name} {share:.0%}" for name, share in shares.items() if share < 1.0]
+            parts.append(f"{what} of {len(shares)} drives" + (f" ({listed(lacking)})" if lacking else ""))
+        return f"drives {self.topic}: " + ", ".join(
+            [*parts, *[f"{self.duplicates} duplicates"] * bool(self.duplicates)]
+        )
+
+
 class ScannedBag(BagContents):
     """What `bag info --scan --json` prints: also the sensors by test point, and why others have no samples.
 
@@ -121,6 +158,7 @@ class ScannedBag(BagContents):
     problems: dict[str, str]
     left_out: tuple[LeftOut, ...]
     sources: UsedSources | None
+    drives: DriveHealth | None = None
 
 
 def info(
@@ -170,6 +208,7 @@ def _scanned(contents: BagContents, bag: Path, mapping: Path | None) -> ScannedB
             raise
         return ScannedBag(**dict(contents), points={}, problems={"": str(error)}, sources=None, left_out=())
     reader = health.reader
+    drives = reader.drives
     return ScannedBag(
         # Messages that are there and cannot be used are lost, too.
         **(dict(contents) | {"doubts": (*contents.doubts, *reader.doubts), "lost": max(contents.lost, reader.lost)}),
@@ -177,6 +216,7 @@ def _scanned(contents: BagContents, bag: Path, mapping: Path | None) -> ScannedB
         problems=health.problems,
         sources=reader.sources,
         left_out=tuple(reader.left_out),
+        drives=None if drives is None else DriveHealth.of(reader.drive_mapping.topic, drives),
     )
 
 
@@ -211,13 +251,16 @@ def _print_points(found: ScannedBag) -> None:
     for name, point in _first(found.points):
         clock = (f"{point.clock_offset:+.3f}", f"{point.clock_drift:+.2f}")
         add_row(table, name, point.samples, f"{point.rate_hz:.3f}", point.gaps, f"{point.missing_s:.3f}", *clock)
-    results.print(table)
+    if found.points:
+        results.print(table)
     _print_rest("test points", len(found.points))
     for name, point in _first(found.points):
         faults = [f"{getattr(point, key)} {key}" for key in COUNTS if getattr(point, key)]
         faults += [f"{axis} stuck for {seconds:.1f} s" for axis, seconds in point.stuck_s.items()]
         if faults:
             results.print(Text(f"{name}: {', '.join(faults)}"))
+    if found.drives is not None:
+        results.print(Text(found.drives.line()))
     for line in (*map(str, found.left_out), *(found.sources.lines() if found.sources else ())):
         results.print(Text(line))
     offsets = {name: point.clock_offset for name, point in found.points.items()}
