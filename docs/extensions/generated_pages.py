@@ -27,6 +27,7 @@ from tbm_gsa.app.cli.simulate import SimulationResult
 from tbm_gsa.comparison.results import ComparisonResult
 from tbm_gsa.explanation.observability_result import Observability
 from tbm_gsa.explanation.result import Explanation
+from tbm_gsa.history.event_list import EventList
 from tbm_gsa.history.summary import BaselineList, BaselineSummary, HistorySummary
 from tbm_gsa.paper.load_summary import LoadSummary
 from tbm_gsa.paper.reproduction.result import ReproductionResult
@@ -62,6 +63,8 @@ RESULTS: dict[str, type[BaseModel]] = {
     "history": HistorySummary,
     "history baseline list": BaselineList,
     "history baseline show": BaselineSummary,
+    "events": EventList,
+    "events ack": EventList,
     "reproduce": ReproductionResult,
     "doctor": Diagnosis,
 }

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tbm_gsa.comparison import DEAD_SHARE, ComparisonResult, WindowResult
+from tbm_gsa.history.context import UNKNOWN, Context
 from tbm_msgs_py.base.arrays import Array
 
 SourceKind = Literal["live", "replay", "offline", "synthetic"]
@@ -81,10 +82,11 @@ class HistoryEntry:
 
 @dataclass(frozen=True, slots=True)
 class StoredEntry:
-    """An entry as it is read back, with its source."""
+    """An entry as it is read back, with its source and the context of its begin."""
 
     source: WindowSource
     entry: HistoryEntry
+    context: Context = UNKNOWN
 
 
 @dataclass(frozen=True)

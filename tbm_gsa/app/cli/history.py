@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 import math
-import re
 import time
-from datetime import UTC, datetime
 from itertools import groupby
 from pathlib import Path
 from typing import Annotated, Any  # click's contexts: typer may carry a click of its own
@@ -15,7 +13,8 @@ from rich.table import Table
 from typer.core import TyperGroup
 
 from tbm_dynamics import Machine, load_machine
-from tbm_gsa.app.cli.output import JSON_OPTION, add_row, named, narrow_table, notes, print_json, print_sentence, results
+from tbm_gsa.app.cli.history_options import File, Since, Until, refuse_options, span_of
+from tbm_gsa.app.cli.output import JSON_OPTION, add_row, narrow_table, notes, print_json, print_sentence, results
 from tbm_gsa.history import (
     BY_ORIGIN,
     SOURCE_KINDS,
@@ -31,18 +30,10 @@ from tbm_gsa.history.summary import BaselineList, BaselineSummary, HistorySummar
 from tbm_gsa.provenance import machine_sha256
 from tbm_msgs_py.base.errors import InputError
 from tbm_msgs_py.base.files import check_result, write_whole
-from tbm_msgs_py.base.units import NANOSECONDS
 
-HISTORY_HELP = "History file; default: $TBM_HISTORY, else tbm_monitor/history.sqlite in the user's data folder."
 MOST_PLOTTED = 5_000_000  # windows, which are held in memory: a week of five points every 2 s
-_UNITS = {"s": 1, "m": 60, "h": 3600, "d": 86400}
 
-File = Annotated[Path | None, typer.Option("--history", help=HISTORY_HELP, dir_okay=False)]
 Point = Annotated[str | None, typer.Option(help="This test point only.")]
-Since = Annotated[
-    str | None, typer.Option(help="From this time on: ISO 8601 (UTC unless it says), or 30m, 12h, 7d before now.")
-]
-Until = Annotated[str | None, typer.Option(help="Before this time, written like --since.")]
 Origin = Annotated[
     str | None,
     typer.Option(
@@ -114,7 +105,7 @@ def show(
 ) -> None:
     """List the windows of all comparisons, and plot their trends."""
     if context.invoked_subcommand is not None:
-        _refuse_options(context)
+        refuse_options(context, "history")
         return
     check_result(html, "page")
     check_result(png, "PNG picture")
@@ -191,23 +182,13 @@ def delete_baseline(name: BaselineName, history: File = None, machine: Owner = N
     _print_baseline(deleted, json)
 
 
-def _refuse_options(context: typer.Context) -> None:
-    """Refuse options of the list before another command, which would not see them."""
-    for name in context.params:
-        if named(context, name):
-            raise InputError(f"history --{name} … {context.invoked_subcommand}: allowed: options behind the command")
-
-
 def _selection(
     point: str | None, since: str | None, until: str | None, source: str | None, machine: str | None
 ) -> Selection:
     """Build the selection that the options state."""
     described = _machine_file(machine)
     chosen = machine if described is None else machine_sha256(described)
-    begin, end = _stamp("--since", since), _stamp("--until", until)
-    if begin is not None and end is not None and begin >= end:
-        raise InputError(f"--since {since} --until {until}: allowed: a time before another")
-    return Selection(point, begin, end, source, chosen)
+    return Selection(point, *span_of(since, until), source, chosen)
 
 
 def _machine_name(machine: str | None) -> str | None:
@@ -219,26 +200,6 @@ def _machine_name(machine: str | None) -> str | None:
 def _machine_file(machine: str | None) -> Machine | None:
     """Machine of a file; None for a name, for the history has machines that are not shipped."""
     return load_machine(machine) if machine is not None and Path(machine).is_file() else None
-
-
-def _stamp(option: str, text: str | None) -> int | None:
-    """Time in ns since the epoch."""
-    if text is None:
-        return None
-    ago = re.fullmatch(r"(\d{1,6})([smhd])", text)
-    try:
-        if ago:
-            stamp = time.time_ns() - int(ago[1]) * _UNITS[ago[2]] * NANOSECONDS
-        else:
-            moment = datetime.fromisoformat(text)
-            stamp = round((moment if moment.tzinfo else moment.replace(tzinfo=UTC)).timestamp() * NANOSECONDS)
-        if abs(stamp) >= 1 << 63:  # of a history, as of ROS
-            raise ValueError
-    except (ValueError, OverflowError):
-        raise InputError(
-            f"{option} {text}: allowed: ISO 8601 such as 2026-01-31T12:00, 1678 to 2262, or 30m, 12h, 7d"
-        ) from None
-    return stamp
 
 
 def _to_plot(history: HistoryReader, selection: Selection, count: int) -> list[StoredEntry]:
