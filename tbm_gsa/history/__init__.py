@@ -1,7 +1,7 @@
 """Every compared window of live and offline comparisons in one SQLite file, baselines made of them, and events."""
 
 from tbm_gsa.history.baseline import BY_ORIGIN, Baseline, make_baseline
-from tbm_gsa.history.context import CONTEXT_KEYS, Context, ContextKey
+from tbm_gsa.history.context import CONTEXT_KEYS, UNKNOWN, Context, ContextKey
 from tbm_gsa.history.entries import (
     SOURCE_KINDS,
     HistoryEntry,
@@ -34,6 +34,7 @@ __all__ = [
     "CONTEXT_KEYS",
     "EVENT_KINDS",
     "SOURCE_KINDS",
+    "UNKNOWN",
     "Baseline",
     "Context",
     "ContextKey",

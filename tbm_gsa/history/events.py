@@ -91,6 +91,8 @@ class EventSelection:
     point : str, optional
     machine : str, optional
         Its name.
+    node : str, optional
+        Name of the node that found them.
     standing : bool
         Only those that have not ended.
     open : bool
@@ -102,6 +104,7 @@ class EventSelection:
     kind: EventKind | None = None
     point: str | None = None
     machine: str | None = None
+    node: str | None = None
     standing: bool = False
     open: bool = False
 
@@ -113,6 +116,7 @@ class EventSelection:
             ("event = ?", self.kind),
             ("point = ?", self.point),
             ("machine = ?", self.machine),
+            ("name = ?", self.node),
         ]
         given = [(text, value) for text, value in parts if value is not None]
         flags = ["end_ns IS NULL"] * self.standing + ["acknowledged_ns IS NULL"] * self.open

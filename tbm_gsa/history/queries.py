@@ -263,6 +263,10 @@ class Queries:
         condition, values = (selection or EventSelection()).condition()
         return self._events(condition, values, newest)
 
+    def state(self) -> int:
+        """Return a number that changes when another program writes."""
+        return int(self._connection.execute("PRAGMA data_version").fetchone()[0])
+
     def event(self, number: int) -> StoredEvent:
         """Find an event by its number; a HistoryError where there is none."""
         for found in self._events("number = ?", [number], None):

@@ -38,7 +38,9 @@ def show(
         return
     begin, end = span_of(since, until)
     with HistoryReader(history or default_history()) as opened:
-        found = EventList.of(opened, EventSelection(begin, end, kind, point, machine, standing, unseen), limit)
+        found = EventList.of(
+            opened, EventSelection(begin, end, kind, point, machine, standing=standing, open=unseen), limit
+        )
     if json:
         print_json(found)
         return

@@ -18,6 +18,7 @@ from tbm_gsa.app.nodes.gsa_process import GsaProcess, GsaStatus
 from tbm_gsa.app.nodes.history_writer import HistoryWriter, live_now
 from tbm_gsa.app.nodes.level_watch import LevelWatch
 from tbm_gsa.app.nodes.live_comparison import LiveComparison, field_sensors
+from tbm_gsa.app.nodes.live_events import LiveEvents
 from tbm_gsa.app.nodes.live_watch import LiveWatch
 from tbm_gsa.app.nodes.settings import AnalysisSettings
 from tbm_gsa.app.nodes.statuses import (
@@ -73,6 +74,8 @@ class AnalysisNode(ManagedNode[AnalysisSettings]):
         self._gsa_published: GsaStatus | None = None
         self._gsa_quality: dict[str, object] = {}
         self._create_publishers()
+        publish = partial(self._publish_statuses, topics.EVENTS)
+        self._events = LiveEvents(self, self.settings.events, self._history, publish)
         self._subscribe_model()
         self._field_topics = FieldTopics(self, sensors, self._comparison, partial(self._on_samples, "field"))
         self.create_service(Trigger, topics.RUN_GSA, self._on_run_gsa)
@@ -133,6 +136,7 @@ class AnalysisNode(ManagedNode[AnalysisSettings]):
         """Publish the statuses of watch and sensitivity analysis."""
         self._publish_gsa()
         self._poll_watch()
+        self._events.poll()
 
     def deactivate(self) -> None:
         """End a running analysis; its store stays."""
@@ -141,9 +145,10 @@ class AnalysisNode(ManagedNode[AnalysisSettings]):
             self._publish_gsa()
 
     def cleanup(self) -> None:
-        """Close what follows the field, the watch and the history."""
+        """Close what follows the field, the watch, the events and the history."""
         self._field_topics.close()
         self._watch.close()
+        self._events.close()
         self._history.close()
 
     def _on_model(self, sensor: SensorMapping, message: PointCloud2) -> None:
@@ -184,6 +189,7 @@ class AnalysisNode(ManagedNode[AnalysisSettings]):
         """Publish what the watch says when that has changed."""
         updates = self._watch.poll()
         for update in updates:
+            self._events.on_watch(update)
             if update.raised is not None and self.settings.alarm == "sequential":
                 self._on_alarm(update.level, update.state, update.raised.since_ns)
         if updates or self._watch.doing != self._doing:
@@ -212,6 +218,7 @@ class AnalysisNode(ManagedNode[AnalysisSettings]):
             self.get_logger().warning(reason)
             if self._gsa.options.on_threshold:
                 self._start_gsa(reason, self._gsa.options.pause)
+        self._events.on_level(result, self._alarm.reason(result.point) if result.point in self._alarm.raised else "")
 
     def _start_gsa(self, reason: str, pause: float = 0.0, observed: LiveObservation | None = None) -> str:
         """Start the sensitivity analysis, after an explanation of what was observed; why it was not, if it was not."""
@@ -241,6 +248,9 @@ class AnalysisNode(ManagedNode[AnalysisSettings]):
         self._poll_gsa()
         self._poll_watch()
         comparison, conditions = self._comparison, self._comparison.conditions(self.clock_stands)
+        if not self.clock_stands:
+            self._events.on_signals(comparison.latest, conditions)
+        self._events.poll()
         statuses = [
             comparison_status(
                 self.status_name(f"comparison {point}"),
