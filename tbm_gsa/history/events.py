@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import Final, Literal, get_args
 
 from tbm_gsa.history.context import UNKNOWN, Context
-from tbm_gsa.history.entries import WindowSource
+from tbm_gsa.history.entries import WindowSource, machine_condition
 
 EventKind = Literal["machine", "sensor", "rock", "level", "dead", "silent", "lost", "refused"]
 EVENT_KINDS: Final[tuple[EventKind, ...]] = get_args(EventKind)
@@ -90,7 +90,7 @@ class EventSelection:
     kind : EventKind, optional
     point : str, optional
     machine : str, optional
-        Its name.
+        As in `Selection`.
     node : str, optional
         Name of the node that found them.
     standing : bool
@@ -115,7 +115,7 @@ class EventSelection:
             ("begin_ns < ?", self.until_ns),
             ("event = ?", self.kind),
             ("point = ?", self.point),
-            ("machine = ?", self.machine),
+            (machine_condition(self.machine), self.machine),
             ("name = ?", self.node),
         ]
         given = [(text, value) for text, value in parts if value is not None]

@@ -1,7 +1,6 @@
 """What can be asked of an open history, whether it was opened to write or only to read."""
 
 import math
-import re
 import sqlite3
 import sys
 from collections.abc import Iterator, Sequence
@@ -24,6 +23,7 @@ from tbm_gsa.history.entries import (
     WatchSource,
     WindowGroup,
     WindowSource,
+    machine_condition,
 )
 from tbm_gsa.history.events import Event, EventSelection, StoredEvent
 from tbm_gsa.history.schema import (
@@ -81,13 +81,12 @@ class Selection:
 
     def condition(self) -> tuple[str, list[str | int]]:
         """Condition in SQL and its values."""
-        digits = self.machine if re.fullmatch("[0-9a-f]{8,64}", self.machine or "") else None
         parts: list[tuple[str, str | int | None]] = [
             ("point = ?", self.point),
             ("start_ns >= ?", self.since_ns),
             ("start_ns < ?", self.until_ns),
             ("kind = ?" if self.source in SOURCE_KINDS else "instr(name, ?) > 0", self.source),
-            (f"? IN (machine, substr(machine_sha256, 1, {len(digits)}))" if digits else "machine = ?", self.machine),
+            (machine_condition(self.machine), self.machine),
         ]
         given = [(text, value) for text, value in parts if value is not None]
         return " AND ".join(text for text, _ in given) or "1", [value for _, value in given]

@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from tbm_gsa.app.cli.history_options import File, Since, Until, refuse_options, span_of
+from tbm_gsa.app.cli.history_options import File, Of, Since, Until, name_or_digest, refuse_options, span_of
 from tbm_gsa.app.cli.output import JSON_OPTION, add_row, narrow_table, print_json, print_sentence, results
 from tbm_gsa.history import EventKind, EventSelection, History, HistoryReader, default_history
 from tbm_gsa.history.event_list import NEWEST, EventList, ListedEvent
@@ -26,7 +26,7 @@ def show(
     until: Until = None,
     kind: Annotated[EventKind | None, typer.Option(help="Events of this kind only.")] = None,
     point: Annotated[str | None, typer.Option(help="Events at this test point only.")] = None,
-    machine: Annotated[str | None, typer.Option(metavar="<name>", help="Events of this machine only.")] = None,
+    machine: Of = None,
     standing: Annotated[bool, typer.Option("--standing", help="Only events that have not ended.")] = False,
     unseen: Annotated[bool, typer.Option("--open", help="Only events that nobody has acknowledged.")] = False,
     limit: Annotated[int, typer.Option(min=1, max=MOST_LISTED, help="Newest events to list.")] = NEWEST,
@@ -36,11 +36,9 @@ def show(
     if context.invoked_subcommand is not None:
         refuse_options(context, "events")
         return
-    begin, end = span_of(since, until)
+    span, of = span_of(since, until), name_or_digest(machine)
     with HistoryReader(history or default_history()) as opened:
-        found = EventList.of(
-            opened, EventSelection(begin, end, kind, point, machine, standing=standing, open=unseen), limit
-        )
+        found = EventList.of(opened, EventSelection(*span, kind, point, of, standing=standing, open=unseen), limit)
     if json:
         print_json(found)
         return

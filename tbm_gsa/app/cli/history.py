@@ -12,8 +12,16 @@ import typer
 from rich.table import Table
 from typer.core import TyperGroup
 
-from tbm_dynamics import Machine, load_machine
-from tbm_gsa.app.cli.history_options import File, Since, Until, refuse_options, span_of
+from tbm_gsa.app.cli.history_options import (
+    File,
+    Of,
+    Since,
+    Until,
+    machine_file,
+    name_or_digest,
+    refuse_options,
+    span_of,
+)
 from tbm_gsa.app.cli.output import JSON_OPTION, add_row, narrow_table, notes, print_json, print_sentence, results
 from tbm_gsa.history import (
     BY_ORIGIN,
@@ -27,7 +35,6 @@ from tbm_gsa.history import (
     make_baseline,
 )
 from tbm_gsa.history.summary import BaselineList, BaselineSummary, HistorySummary, ListedState, history_summary
-from tbm_gsa.provenance import machine_sha256
 from tbm_msgs_py.base.errors import InputError
 from tbm_msgs_py.base.files import check_result, write_whole
 
@@ -38,14 +45,6 @@ Origin = Annotated[
     str | None,
     typer.Option(
         "--source", help=f"{', '.join(SOURCE_KINDS)}, or a part of the recording's path or of the node's name."
-    ),
-]
-Of = Annotated[
-    str | None,
-    typer.Option(
-        "--machine",
-        metavar="<name|file>",
-        help="Windows of this machine only: its name, its file, or 8 or more digits of its SHA-256.",
     ),
 ]
 BaselineName = Annotated[str, typer.Argument(help="Name of the baseline.", show_default=False)]
@@ -186,20 +185,13 @@ def _selection(
     point: str | None, since: str | None, until: str | None, source: str | None, machine: str | None
 ) -> Selection:
     """Build the selection that the options state."""
-    described = _machine_file(machine)
-    chosen = machine if described is None else machine_sha256(described)
-    return Selection(point, *span_of(since, until), source, chosen)
+    return Selection(point, *span_of(since, until), source, name_or_digest(machine))
 
 
 def _machine_name(machine: str | None) -> str | None:
     """Name of a machine that is given by its name or its file."""
-    described = _machine_file(machine)
+    described = machine_file(machine)
     return machine if described is None else described.name
-
-
-def _machine_file(machine: str | None) -> Machine | None:
-    """Machine of a file; None for a name, for the history has machines that are not shipped."""
-    return load_machine(machine) if machine is not None and Path(machine).is_file() else None
 
 
 def _to_plot(history: HistoryReader, selection: Selection, count: int) -> list[StoredEntry]:

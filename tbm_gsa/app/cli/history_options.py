@@ -10,7 +10,9 @@ from typing import Annotated
 
 import typer
 
+from tbm_dynamics import Machine, load_machine
 from tbm_gsa.app.cli.output import named
+from tbm_gsa.provenance import machine_sha256
 from tbm_msgs_py.base.errors import InputError
 from tbm_msgs_py.base.units import NANOSECONDS
 
@@ -22,6 +24,25 @@ Since = Annotated[
     str | None, typer.Option(help="From this time on: ISO 8601 (UTC unless it says), or 30m, 12h, 7d before now.")
 ]
 Until = Annotated[str | None, typer.Option(help="Before this time, written like --since.")]
+Of = Annotated[
+    str | None,
+    typer.Option(
+        "--machine",
+        metavar="<name|file>",
+        help="Of this machine only: its name, its file, or 8 or more digits of its SHA-256.",
+    ),
+]
+
+
+def machine_file(machine: str | None) -> Machine | None:
+    """Machine of a file; None for a name, for the history has machines that are not shipped."""
+    return load_machine(machine) if machine is not None and Path(machine).is_file() else None
+
+
+def name_or_digest(machine: str | None) -> str | None:
+    """Name of a machine, or the digest of the one of a file."""
+    described = machine_file(machine)
+    return machine if described is None else machine_sha256(described)
 
 
 def span_of(since: str | None, until: str | None) -> tuple[int | None, int | None]:
