@@ -22,7 +22,7 @@ from tbm_gsa.app.nodes.settings import AnalysisSettings  # noqa: E402
 from tbm_gsa.app.nodes.site_hook import SiteHook  # noqa: E402
 from tbm_gsa.history import Context, History, WindowSource  # noqa: E402
 from tbm_gsa.history.event_list import ListedEvent  # noqa: E402
-from tbm_msgs_py import ACCELERATION  # noqa: E402
+from tbm_msgs_py import ACCELERATION, read_acceleration  # noqa: E402
 from tbm_msgs_py.base.errors import InputError  # noqa: E402
 from tbm_msgs_py.nodes import messages, qos  # noqa: E402
 from tbm_msgs_py.nodes.parameters import ParameterError, read_settings  # noqa: E402
@@ -171,7 +171,13 @@ def test_a_silent_sensor_is_an_event_from_begin_to_end(host_node, peer, tmp_path
     clock = SimulatedClock(peer, START)
     events = peer.listen(DiagnosticArray, "/tbm/analysis/events", qos.GSA)
     command = f"tee -a {out}"
-    given = {"use_sim_time": True, "history": tmp_path / "h.sqlite", "window": 0.5, "events.command": command}
+    given = {
+        "use_sim_time": True,
+        "history": tmp_path / "h.sqlite",
+        "window": 0.5,
+        "snapshot.after": 0.2,
+        "events.command": command,
+    }
     node = host_node(AnalysisNode, **given)
     node.asked_only = True
     assert "read" in peer.set_parameters("/tbm/analysis_node", events__command="rm")[0]
@@ -206,6 +212,8 @@ def test_a_silent_sensor_is_an_event_from_begin_to_end(host_node, peer, tmp_path
     assert newest()["end"] > newest()["begin"]
     with History(tmp_path / "h.sqlite") as history:
         assert {one.event.kind for one in history.events()} >= {"silent"}
+    recorded = read_acceleration(newest()["snapshot"], topic="/tbm/field/girder/block")
+    assert np.abs(recorded.values).max() == pytest.approx(1.0, abs=0.02)
     late = peer.listen(DiagnosticArray, "/tbm/analysis/events", qos.GSA)
     peer.wait_for(lambda: late)
 

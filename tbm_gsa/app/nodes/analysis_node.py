@@ -75,9 +75,11 @@ class AnalysisNode(ManagedNode[AnalysisSettings]):
         self._gsa_quality: dict[str, object] = {}
         self._create_publishers()
         publish = partial(self._publish_statuses, topics.EVENTS)
-        self._events = LiveEvents(self, self.settings.events, self._history, publish)
+        self._events = LiveEvents(self, self._history, publish)
         self._subscribe_model()
-        self._field_topics = FieldTopics(self, sensors, self._comparison, partial(self._on_samples, "field"))
+        self._field_topics = FieldTopics(
+            self, sensors, self._comparison, partial(self._on_samples, "field"), self._events.keep
+        )
         self.create_service(Trigger, topics.RUN_GSA, self._on_run_gsa)
         self.create_service(Trigger, topics.CANCEL_GSA, self._on_cancel_gsa)
 
@@ -154,6 +156,8 @@ class AnalysisNode(ManagedNode[AnalysisSettings]):
     def _on_model(self, sensor: SensorMapping, message: PointCloud2) -> None:
         if not self.active:
             return
+        name = topics.model_block(sensor.point)
+        self._events.keep(name, topics.contract(name), message)
         try:
             block = messages.acceleration_block(message)
         except InputError as error:
@@ -162,6 +166,7 @@ class AnalysisNode(ManagedNode[AnalysisSettings]):
             self._on_samples("model", sensor, block.stamp_ns, block.offsets, block.values)
 
     def _on_operating_point(self, topic: str, message: JointState) -> None:
+        self._events.keep(topic, topics.contract(topic), message)
         try:
             stamp, point = messages.operating_point_from(message)
         except InputError as error:

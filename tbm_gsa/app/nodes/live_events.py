@@ -4,22 +4,28 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from functools import partial
+from pathlib import Path
 from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticStatus
+from rclpy.serialization import serialize_message
 
+from tbm_gsa.app.nodes.block_ring import KeptMessage
 from tbm_gsa.app.nodes.event_findings import SIGNAL_KINDS, SignalFindings, watch_findings
 from tbm_gsa.app.nodes.event_keeper import EventKeeper, Finding, Key
 from tbm_gsa.app.nodes.history_writer import HistoryWriter, kind_of, live_now
 from tbm_gsa.app.nodes.live_watch import WatchUpdate
-from tbm_gsa.app.nodes.settings import EventSettings
+from tbm_gsa.app.nodes.settings import AnalysisSettings
 from tbm_gsa.app.nodes.site_hook import SiteHook
+from tbm_gsa.app.nodes.snapshots import Snapshots
 from tbm_gsa.app.nodes.statuses import event_status
 from tbm_gsa.app.nodes.stream_health import Condition
 from tbm_gsa.comparison import WindowResult
-from tbm_gsa.history import UNKNOWN
+from tbm_gsa.history import UNKNOWN, Event
 from tbm_gsa.history.event_list import ListedEvent
+from tbm_msgs_py import topics
 from tbm_msgs_py.nodes.managed import ManagedNode
+from tbm_msgs_py.topics import TopicContract
 
 SPAN_NS = 60_000_000_000  # of the watch
 
@@ -30,7 +36,6 @@ class LiveEvents:
     Parameters
     ----------
     node : ManagedNode
-    settings : EventSettings
     history : HistoryWriter
     publish : callable
         Called with the statuses of the newest events when they have changed.
@@ -38,16 +43,25 @@ class LiveEvents:
 
     def __init__(
         self,
-        node: ManagedNode[Any],
-        settings: EventSettings,
+        node: ManagedNode[AnalysisSettings],
         history: HistoryWriter,
         publish: Callable[[list[DiagnosticStatus]], None],
     ) -> None:
         self._node, self._publish = node, publish
-        self._hook = SiteHook(settings.command, settings.post)
+        told, recorded = node.settings.events, node.settings.snapshot
+        self._hook = SiteHook(told.command, told.post)
         self._signals = SignalFindings()
-        self._keeper = EventKeeper(history, lambda _: UNKNOWN, lambda _: "", self._hook.tell)
+        folder = Path(recorded.folder) if recorded.folder else _beside(history.path)
+        times, sizes = (recorded.before, recorded.after), (recorded.memory * 1e6, recorded.quota * 1e6)
+        self._snapshots = Snapshots(folder if recorded.quota else None, *times, *sizes)
+        self._keeper = EventKeeper(history, lambda _: UNKNOWN, self._record, self._hook.tell)
         self._published: tuple[ListedEvent, ...] | None = None
+
+    def keep(self, topic: str, offered: TopicContract, message: Any) -> None:
+        """Keep a message for the recording of an event."""
+        if self._snapshots.wanted:
+            name, now_ns = topics.absolute(topic, self._node.get_namespace()), self._now_ns()
+            self._snapshots.keep(KeptMessage(name, *offered, now_ns, serialize_message(message)))
 
     def on_watch(self, update: WatchUpdate) -> None:
         """Take what the watch of a level says after a minute."""
@@ -72,7 +86,11 @@ class LiveEvents:
 
     def poll(self) -> None:
         """Do what is due, and publish the newest events if they have changed."""
-        newest = self._keeper.poll(self._node.get_clock().now().nanoseconds)
+        newest = self._keeper.poll(self._now_ns())
+        if (outcome := self._snapshots.poll(self._now_ns())) is not None:
+            self._node.faults.update("snapshot", f"{outcome.path}: {outcome.problem}" if outcome.problem else "")
+            if not outcome.there:
+                self._keeper.drop_snapshot(outcome.path)
         for problem in self._hook.outcomes():
             self._node.faults.update("events", problem)
         if newest != self._published:
@@ -81,8 +99,20 @@ class LiveEvents:
 
     def close(self) -> None:
         """End what is told; what stands goes on when the node does."""
-        self._keeper.close(self._node.get_clock().now().nanoseconds)
+        self._snapshots.close()
+        self._keeper.close(self._now_ns())
         self._hook.close()
+
+    def _now_ns(self) -> int:
+        return int(self._node.get_clock().now().nanoseconds)
+
+    def _record(self, event: Event) -> str:
+        return self._snapshots.begin(event, self._now_ns())
+
+
+def _beside(history: str) -> Path | None:
+    """Folder of recordings beside a history."""
+    return Path(history).absolute().with_name("snapshots") if history else None
 
 
 def _of_signal(point: str, key: Key) -> bool:

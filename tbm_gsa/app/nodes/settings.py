@@ -99,6 +99,22 @@ class EventSettings(FrozenModel):
     )
 
 
+class SnapshotSettings(FrozenModel):
+    """Recordings of the moments of events."""
+
+    folder: str = parameter(
+        "", "folder of the recordings of events; empty: snapshots beside the history, none without one", written=True
+    )
+    quota: float = parameter(
+        2000.0, "what they may take on the disk, the newest are kept; 0: none are made (MB)", low=0.0, high=1e9
+    )
+    before: float = parameter(60.0, "recorded time before an event (s)", low=1.0, high=3600.0)
+    after: float = parameter(30.0, "recorded time after it (s)", low=0.0, high=3600.0)
+    memory: float = parameter(
+        80.0, "memory for what may have to be recorded; more comes in a shorter time (MB)", low=1.0, high=100000.0
+    )
+
+
 class AnalysisSettings(MachineSettings, WritingSettings):
     """Parameters of `analysis_node`."""
 
@@ -133,6 +149,7 @@ class AnalysisSettings(MachineSettings, WritingSettings):
     watch: WatchSettings = WatchSettings()
     gsa: GsaSettings = GsaSettings()
     events: EventSettings = EventSettings()
+    snapshot: SnapshotSettings = SnapshotSettings()
 
 
 class LiveViewSettings(NodeSettings):
