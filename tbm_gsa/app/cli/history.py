@@ -27,6 +27,7 @@ from tbm_gsa.history import (
     BY_ORIGIN,
     SOURCE_KINDS,
     Baseline,
+    ContextKey,
     History,
     HistoryReader,
     Selection,
@@ -92,6 +93,7 @@ def show(
     until: Until = None,
     source: Origin = None,
     machine: Of = None,
+    by: Annotated[ContextKey | None, typer.Option(help="Tell the trends apart by this of the context, too.")] = None,
     limit: Annotated[
         int, typer.Option(min=0, max=MOST_PLOTTED, help="Newest entries to list in the JSON document.")
     ] = 1000,
@@ -114,7 +116,7 @@ def show(
     plotted = html is not None or png is not None
     with HistoryReader(history or default_history()) as opened:
         opened.check(chosen)
-        found = history_summary(opened, chosen, limit)
+        found = history_summary(opened, chosen, limit, by)
         windows = _to_plot(opened, chosen, found.total) if plotted else []
     if plotted:
         _plot(found, windows, html, png)
@@ -211,12 +213,13 @@ def _plot(found: HistorySummary, windows: list[StoredEntry], html: Path | None, 
 
 
 def _print(found: HistorySummary) -> None:
-    headings = ("test point", "axis", "source", ">count", ">last", ">error", ">latest")
+    headings = ("test point", "axis", "source", *filter(None, [found.by]), ">count", ">last", ">error", ">latest")
     table = narrow_table(f"{found.path}: {found.total} entries", *headings)
     for row in found.summary:
         error = f"{_percent(row.error_mean)} ± {_percent(row.error_scatter)}"
         numbers = (row.windows, row.last[:10], error, _percent(row.error_latest))
-        add_row(table, row.point, row.axis, f"{row.source} {row.machine}", *numbers)
+        group = () if row.group is None else (row.group or "–",)
+        add_row(table, row.point, row.axis, f"{row.source} {row.machine}", *group, *numbers)
     results.print(table)
     if found.note:
         results.print(found.note, highlight=False)

@@ -133,6 +133,7 @@ class AnalysisNode(ManagedNode[AnalysisSettings]):
             self.contract_subscription(topics.model_block(point), partial(self._on_model, contract_sensor(point)))
         for name in (topics.OPERATING_POINT, topics.LOADS_OPERATING_POINT):
             self.contract_subscription(name, partial(self._on_operating_point, name))
+        self.contract_subscription(topics.CONTEXT, self._events.on_context)
 
     def activate(self) -> None:
         """Publish the statuses of watch and sensitivity analysis."""
@@ -218,7 +219,8 @@ class AnalysisNode(ManagedNode[AnalysisSettings]):
         for quantity in topics.ANALYSIS_QUANTITIES:
             message = messages.vector3(result.start_ns, getattr(result, quantity), result.point)
             self._quantities[result.point, quantity].publish(message)
-        self._history.add(result, result.point in self._comparison.rotating, live_now(self.get_clock()))
+        rotating, now_ns = result.point in self._comparison.rotating, live_now(self.get_clock())
+        self._history.add(result, rotating, now_ns, self._events.context_at(result.start_ns))
         if self.settings.alarm == "threshold" and (reason := self._alarm.update(result)):
             self.get_logger().warning(reason)
             if self._gsa.options.on_threshold:

@@ -7,10 +7,11 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from diagnostic_msgs.msg import DiagnosticStatus
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from rclpy.serialization import serialize_message
 
 from tbm_gsa.app.nodes.block_ring import KeptMessage
+from tbm_gsa.app.nodes.context_log import ContextLog, context_from
 from tbm_gsa.app.nodes.event_findings import SIGNAL_KINDS, SignalFindings, watch_findings
 from tbm_gsa.app.nodes.event_keeper import EventKeeper, Finding, Key
 from tbm_gsa.app.nodes.history_writer import HistoryWriter, kind_of, live_now
@@ -21,9 +22,10 @@ from tbm_gsa.app.nodes.snapshots import Snapshots
 from tbm_gsa.app.nodes.statuses import event_status
 from tbm_gsa.app.nodes.stream_health import Condition
 from tbm_gsa.comparison import WindowResult
-from tbm_gsa.history import UNKNOWN, Event
+from tbm_gsa.history import Context, Event
 from tbm_gsa.history.event_list import ListedEvent
 from tbm_msgs_py import topics
+from tbm_msgs_py.base.errors import InputError
 from tbm_msgs_py.nodes.managed import ManagedNode
 from tbm_msgs_py.topics import TopicContract
 
@@ -50,11 +52,11 @@ class LiveEvents:
         self._node, self._publish = node, publish
         told, recorded = node.settings.events, node.settings.snapshot
         self._hook = SiteHook(told.command, told.post)
-        self._signals = SignalFindings()
+        self._signals, self._context = SignalFindings(), ContextLog()
         folder = Path(recorded.folder) if recorded.folder else _beside(history.path)
         times, sizes = (recorded.before, recorded.after), (recorded.memory * 1e6, recorded.quota * 1e6)
         self._snapshots = Snapshots(folder if recorded.quota else None, *times, *sizes)
-        self._keeper = EventKeeper(history, lambda _: UNKNOWN, self._record, self._hook.tell)
+        self._keeper = EventKeeper(history, self._context.at, self._record, self._hook.tell)
         self._published: tuple[ListedEvent, ...] | None = None
 
     def keep(self, topic: str, offered: TopicContract, message: Any) -> None:
@@ -62,6 +64,20 @@ class LiveEvents:
         if self._snapshots.wanted:
             name, now_ns = topics.absolute(topic, self._node.get_namespace()), self._now_ns()
             self._snapshots.keep(KeptMessage(name, *offered, now_ns, serialize_message(message)))
+
+    def on_context(self, message: DiagnosticArray) -> None:
+        """Take what the site says of ring, chainage, rock class and shift."""
+        try:
+            problem = self._context.add(*context_from(message), self._now_ns())
+        except InputError as error:
+            problem = f"{error}; the last one stays"
+        else:
+            self.keep(topics.CONTEXT, topics.contract(topics.CONTEXT), message)
+        self._node.faults.update("context", f"{topics.CONTEXT}: {problem}" if problem else "")
+
+    def context_at(self, time_ns: int) -> Context:
+        """Context at a time."""
+        return self._context.at(time_ns)
 
     def on_watch(self, update: WatchUpdate) -> None:
         """Take what the watch of a level says after a minute."""
