@@ -19,6 +19,7 @@ from tbm_gsa.app.cli.bag.recover import RecoveryResult
 from tbm_gsa.app.cli.demo import DemoResult
 from tbm_gsa.app.cli.doctor import Diagnosis
 from tbm_gsa.app.cli.gsa_shards import ShardResult
+from tbm_gsa.app.cli.history import ExportResult
 from tbm_gsa.app.cli.machine import CheckedMachine, MachineList
 from tbm_gsa.app.cli.machine_update import UpdateResult
 from tbm_gsa.app.cli.main import app as command_line
@@ -61,6 +62,7 @@ RESULTS: dict[str, type[BaseModel]] = {
     "machine update": UpdateResult,
     "machine observe": Observability,
     "history": HistorySummary,
+    "history export": ExportResult,
     "history baseline list": BaselineList,
     "history baseline show": BaselineSummary,
     "events": EventList,

@@ -220,12 +220,12 @@ def history_summary(
         windows=windows,
         baselines=BaselineList.of(history).baselines,
         states=tuple(map(ListedState.of, history.states())),
-        note="" if trends else _why_nothing(history, selection),
+        note="" if trends else why_nothing(history, selection),
         by=by,
     )
 
 
-def _why_nothing(history: Queries, selection: Selection) -> str:
+def why_nothing(history: Queries, selection: Selection) -> str:
     """Say which windows there are where a selection chooses none."""
     for what, wider in (
         (

@@ -35,7 +35,16 @@ from tbm_gsa.history import (
     default_history,
     make_baseline,
 )
-from tbm_gsa.history.summary import BaselineList, BaselineSummary, HistorySummary, ListedState, history_summary
+from tbm_gsa.history.export import TableKind, table_kind, write_table
+from tbm_gsa.history.summary import (
+    BaselineList,
+    BaselineSummary,
+    HistorySummary,
+    ListedState,
+    history_summary,
+    why_nothing,
+)
+from tbm_gsa.reading import Part
 from tbm_msgs_py.base.errors import InputError
 from tbm_msgs_py.base.files import check_result, write_whole
 
@@ -128,6 +137,40 @@ def show(
             _print_states(found)
     for file in filter(None, (html, png)):
         notes.print(f"written: {file}", highlight=False)
+
+
+class ExportResult(Part):
+    """What was exported: `rows` windows, one a line."""
+
+    path: str
+    format: TableKind
+    rows: int
+
+
+@app.command("export")
+def export(
+    out: Annotated[Path, typer.Argument(help="New table, .csv or .parquet.", dir_okay=False, show_default=False)],
+    history: File = None,
+    point: Point = None,
+    since: Since = None,
+    until: Until = None,
+    source: Origin = None,
+    machine: Of = None,
+    json: Json = False,
+) -> None:
+    """Write windows as a table for other programs, with their context: CSV, or Parquet (extra `export`)."""
+    kind = table_kind(out)
+    check_result(out, kind)
+    chosen = _selection(point, since, until, source, machine)
+    with HistoryReader(history or default_history()) as opened:
+        opened.check(chosen)
+        if opened.span(chosen) is None:
+            raise InputError(f"{opened.path}: {why_nothing(opened, chosen)}; nothing to export")
+        rows = write_table(out, opened.all_windows(chosen))
+    if json:
+        print_json(ExportResult(path=str(out), format=kind, rows=rows))
+    else:
+        results.print(f"{out}: {rows} rows", highlight=False)
 
 
 @baseline_app.command("list")
