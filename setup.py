@@ -41,11 +41,13 @@ NODES = runpy.run_path(str(HERE / "tbm_msgs_py" / "nodes" / "registry.py"))["NOD
 CLUSTER = ["distributed>=2024.1"]
 # Formats of `tbm-monitor bag import` beside CSV, WAV and MATLAB up to 7.2.
 IMPORT = ["nptdms>=1.9", "asammdf>=8.0", "h5py>=3.10"]
+EXPORT = ["pyarrow>=14.0"]  # of `tbm-monitor history export` to Parquet
 LIVE = ["foxglove-sdk>=0.14"]
 DOCS = ["sphinx>=7.3", "myst-parser>=3.0", "furo>=2024.1"]
 TEST = [
     *CLUSTER,
     *IMPORT,
+    *EXPORT,
     *LIVE,
     "pytest>=8",
     "pytest-xdist>=3.7",
@@ -100,7 +102,7 @@ setup(
     data_files=data_files(),
     zip_safe=False,
     install_requires=REQUIRED + ROS_WHEELS,
-    extras_require={"cluster": CLUSTER, "import": IMPORT, "live": LIVE, "docs": DOCS, "test": TEST},
+    extras_require={"cluster": CLUSTER, "import": IMPORT, "export": EXPORT, "live": LIVE, "docs": DOCS, "test": TEST},
     entry_points={
         "console_scripts": [
             "tbm-monitor = tbm_gsa.app.cli.start:main",

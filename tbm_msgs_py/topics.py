@@ -34,12 +34,14 @@ GSA_STATUS = "analysis/gsa_status"
 GSA_RESULT = "analysis/gsa_result"
 ROCK = "analysis/rock"
 MACHINE = "analysis/machine"
+EVENTS = "analysis/events"
+CONTEXT = "context"
 RUN_GSA = "analysis/run_gsa"
 CANCEL_GSA = "analysis/cancel_gsa"
 DIAGNOSTICS = "/diagnostics"
 CLOCK = "/clock"
 
-ANALYSIS_STATUSES = (GSA_STATUS, GSA_RESULT, ROCK, MACHINE)
+ANALYSIS_STATUSES = (GSA_STATUS, GSA_RESULT, ROCK, MACHINE, EVENTS)
 """Topics of statuses, each with the newest one for those who come late."""
 ANALYSIS_QUANTITIES = ("model_rms", "field_rms", "relative_error")
 
@@ -63,7 +65,7 @@ class QoS:
     depth: int
 
 
-OPERATING_POINT_QOS = LOADS_OPERATING_POINT_QOS = QoS(reliable=True, latched=True, depth=1)
+OPERATING_POINT_QOS = LOADS_OPERATING_POINT_QOS = CONTEXT_QOS = QoS(reliable=True, latched=True, depth=1)
 BLOCK_QOS = QoS(reliable=True, latched=False, depth=64)
 # Best effort like any sensor; the depth is what keeps a 1 kHz stream whole in a busy process.
 LIVE_QOS = QoS(reliable=False, latched=False, depth=100)
@@ -86,6 +88,7 @@ _JOINTS, _STATUSES = "sensor_msgs/msg/JointState", "diagnostic_msgs/msg/Diagnost
 _CONTRACT = {
     OPERATING_POINT: TopicContract(_JOINTS, OPERATING_POINT_QOS),
     LOADS_OPERATING_POINT: TopicContract(_JOINTS, LOADS_OPERATING_POINT_QOS),
+    CONTEXT: TopicContract(_STATUSES, CONTEXT_QOS),
     LOADS_WRENCH: TopicContract("geometry_msgs/msg/WrenchStamped", BLOCK_QOS),
     MODEL_DRIVES: TopicContract(_JOINTS, LIVE_QOS),
     FIELD_DRIVES: TopicContract(_JOINTS, LIVE_QOS),

@@ -19,6 +19,7 @@ from tbm_gsa.app.cli.bag.recover import RecoveryResult
 from tbm_gsa.app.cli.demo import DemoResult
 from tbm_gsa.app.cli.doctor import Diagnosis
 from tbm_gsa.app.cli.gsa_shards import ShardResult
+from tbm_gsa.app.cli.history import ExportResult
 from tbm_gsa.app.cli.machine import CheckedMachine, MachineList
 from tbm_gsa.app.cli.machine_update import UpdateResult
 from tbm_gsa.app.cli.main import app as command_line
@@ -27,6 +28,7 @@ from tbm_gsa.app.cli.simulate import SimulationResult
 from tbm_gsa.comparison.results import ComparisonResult
 from tbm_gsa.explanation.observability_result import Observability
 from tbm_gsa.explanation.result import Explanation
+from tbm_gsa.history.event_list import EventList
 from tbm_gsa.history.summary import BaselineList, BaselineSummary, HistorySummary
 from tbm_gsa.paper.load_summary import LoadSummary
 from tbm_gsa.paper.reproduction.result import ReproductionResult
@@ -60,8 +62,11 @@ RESULTS: dict[str, type[BaseModel]] = {
     "machine update": UpdateResult,
     "machine observe": Observability,
     "history": HistorySummary,
+    "history export": ExportResult,
     "history baseline list": BaselineList,
     "history baseline show": BaselineSummary,
+    "events": EventList,
+    "events ack": EventList,
     "reproduce": ReproductionResult,
     "doctor": Diagnosis,
 }

@@ -1,6 +1,7 @@
 """What the history holds: one entry a window, test point and axis, and where it comes from."""
 
 import math
+import re
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import Final, Literal, get_args
@@ -9,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tbm_gsa.comparison import DEAD_SHARE, ComparisonResult, WindowResult
+from tbm_gsa.history.context import UNKNOWN, Context
 from tbm_msgs_py.base.arrays import Array
 
 SourceKind = Literal["live", "replay", "offline", "synthetic"]
@@ -81,10 +83,11 @@ class HistoryEntry:
 
 @dataclass(frozen=True, slots=True)
 class StoredEntry:
-    """An entry as it is read back, with its source."""
+    """An entry as it is read back, with its source and the context of its begin."""
 
     source: WindowSource
     entry: HistoryEntry
+    context: Context = UNKNOWN
 
 
 @dataclass(frozen=True)
@@ -185,6 +188,12 @@ class WindowGroup:
         known = np.isfinite(self.relative_error) & (self.model_rms > 0.0)
         level = np.median(self.field_rms[known]) if known.any() else 0.0
         return known & (self.field_rms >= DEAD_SHARE * level)
+
+
+def machine_condition(machine: str | None) -> str:
+    """Condition in SQL, with one value, of a machine by its name or by digits of its SHA-256."""
+    digits = re.fullmatch("[0-9a-f]{8,64}", machine or "")
+    return f"? IN (machine, substr(machine_sha256, 1, {digits.end()}))" if digits else "machine = ?"
 
 
 def live_entries(result: WindowResult, rotating: bool) -> Iterator[HistoryEntry]:

@@ -1,7 +1,6 @@
 """What can be asked of an open history, whether it was opened to write or only to read."""
 
 import math
-import re
 import sqlite3
 import sys
 from collections.abc import Iterator, Sequence
@@ -13,6 +12,7 @@ from typing import Any, Final, Self
 import numpy as np
 
 from tbm_gsa.history.baseline import Baseline, ErrorStatistics
+from tbm_gsa.history.context import Context, ContextKey
 from tbm_gsa.history.entries import (
     AXES,
     SOURCE_KINDS,
@@ -23,9 +23,13 @@ from tbm_gsa.history.entries import (
     WatchSource,
     WindowGroup,
     WindowSource,
+    machine_condition,
 )
+from tbm_gsa.history.events import Event, EventSelection, StoredEvent
 from tbm_gsa.history.schema import (
     BASELINE_IS_SOUND,
+    CONTEXT_IS_SOUND,
+    EVENT_IS_SOUND,
     STATE_IS_SOUND,
     USUAL_ERROR_IS_SOUND,
     WATCH_IS_SOUND,
@@ -39,6 +43,12 @@ BASELINE_COLUMNS: Final = "name, machine, machine_sha256, created_ns, since_ns, 
 ENTRY_COLUMNS: Final = ", ".join(field.name for field in fields(HistoryEntry))
 WATCH_COLUMNS: Final = ", ".join(field.name for field in fields(WatchSource))
 STATE_COLUMNS: Final = ", ".join(field.name for field in fields(StateEntry))
+CONTEXT_COLUMNS: Final = ", ".join(field.name for field in fields(Context))
+EVENT_COLUMNS: Final = "begin_ns, event, point, severity, verdict, text, level, end_ns, snapshot"
+_JOINED: Final = "windows JOIN sources ON windows.source = sources.id"
+# Each window with what the site said last before it began.
+_WITH_CONTEXT: Final = f"""{_JOINED} LEFT JOIN contexts ON contexts.source = windows.source AND contexts.since_ns =
+(SELECT max(since_ns) FROM contexts AS any WHERE any.source = windows.source AND any.since_ns <= windows.start_ns)"""  # noqa: S608
 _COLUMNS: Final = [
     ("start_ns", "i8"),
     ("length_ns", "i8"),
@@ -71,13 +81,12 @@ class Selection:
 
     def condition(self) -> tuple[str, list[str | int]]:
         """Condition in SQL and its values."""
-        digits = self.machine if re.fullmatch("[0-9a-f]{8,64}", self.machine or "") else None
         parts: list[tuple[str, str | int | None]] = [
             ("point = ?", self.point),
             ("start_ns >= ?", self.since_ns),
             ("start_ns < ?", self.until_ns),
             ("kind = ?" if self.source in SOURCE_KINDS else "instr(name, ?) > 0", self.source),
-            (f"? IN (machine, substr(machine_sha256, 1, {len(digits)}))" if digits else "machine = ?", self.machine),
+            (machine_condition(self.machine), self.machine),
         ]
         given = [(text, value) for text, value in parts if value is not None]
         return " AND ".join(text for text, _ in given) or "1", [value for _, value in given]
@@ -109,14 +118,22 @@ class Queries:
 
     def windows(self, selection: Selection | None = None, newest: int | None = None) -> list[StoredEntry]:
         """Windows in the order of time, of the newest so many only if a number is given."""
-        condition, values = self._sound(selection)
         limit = "" if newest is None else f" LIMIT {int(newest)}"
+        return list(self._windows(selection, f"start_ns DESC, point DESC, axis DESC{limit}"))[::-1]
+
+    def all_windows(self, selection: Selection | None = None) -> Iterator[StoredEntry]:
+        """Windows in the order of time, one at a time."""
+        return self._windows(selection, "start_ns, point, axis")
+
+    def _windows(self, selection: Selection | None, order: str) -> Iterator[StoredEntry]:
+        condition, values = self._sound(selection)
+        self._refuse(f"contexts WHERE NOT ({CONTEXT_IS_SOUND})", "a context")
         rows = self._connection.execute(
-            f"SELECT {SOURCE_COLUMNS}, {ENTRY_COLUMNS} FROM windows JOIN sources ON source = id WHERE {condition} "  # noqa: S608
-            f"ORDER BY start_ns DESC, point DESC, axis DESC{limit}",
+            f"SELECT {SOURCE_COLUMNS}, {CONTEXT_COLUMNS}, {ENTRY_COLUMNS} FROM {_WITH_CONTEXT} "  # noqa: S608
+            f"WHERE {condition} ORDER BY {order}",
             values,
         )
-        return [_window(*row) for row in rows][::-1]
+        return (_window(*row) for row in rows)
 
     def check(self, selection: Selection) -> None:
         """Refuse a selection by a name that no window has; known ones that choose nothing together are no mistake.
@@ -126,7 +143,7 @@ class Queries:
         HistoryError
             It names those that are there.
         """
-        joined = "FROM windows JOIN sources ON source = id"
+        joined = f"FROM {_JOINED}"
         for what, column, chosen, others in (
             ("test point", "point", Selection(point=selection.point), ()),
             ("source", "name", Selection(source=selection.source), SOURCE_KINDS),
@@ -142,25 +159,32 @@ class Queries:
     def count(self, selection: Selection | None = None) -> int:
         """Count the entries of a selection."""
         condition, values = (selection or Selection()).condition()
-        query = f"SELECT COUNT(*) FROM windows JOIN sources ON source = id WHERE {condition}"  # noqa: S608
+        query = f"SELECT COUNT(*) FROM {_JOINED} WHERE {condition}"  # noqa: S608
         return int(self._connection.execute(query, values).fetchone()[0])
 
     def span(self, selection: Selection) -> tuple[int, int] | None:
         """Begins of the first and the last window of a selection, ns; None without any."""
         condition, values = self._sound(selection)
-        query = f"SELECT MIN(start_ns), MAX(start_ns) FROM windows JOIN sources ON source = id WHERE {condition}"  # noqa: S608
+        query = f"SELECT MIN(start_ns), MAX(start_ns) FROM {_JOINED} WHERE {condition}"  # noqa: S608
         first, last = self._connection.execute(query, values).fetchone()
         return None if first is None else (int(first), int(last))
 
-    def groups(self, columns: Sequence[str], selection: Selection | None = None) -> Iterator[WindowGroup]:
-        """Windows that have these columns in common, which begin with point and axis; one group is read at a time."""
+    def groups(
+        self, columns: Sequence[str], selection: Selection | None = None, by: ContextKey | None = None
+    ) -> Iterator[WindowGroup]:
+        """Windows that have these columns in common, which begin with point and axis; one group is read at a time.
+
+        With `by` also this of their context, which is the last of the key, as text: empty where it is not known.
+        """
         condition, values = self._sound(selection)
-        chosen = f"FROM windows JOIN sources ON source = id WHERE {condition}"
-        names = ", ".join(columns)
-        same = f"({names}) = ({', '.join('?' * len(columns))})"
+        chosen = f"FROM {_WITH_CONTEXT if by else _JOINED} WHERE {condition}"
+        names = ", ".join([*columns, f"ifnull(CAST({by} AS TEXT), '')"] if by else columns)
+        order = ", ".join([*columns, f"min({by})"] if by else columns)
+        keys = self._connection.execute(f"SELECT {names} {chosen} GROUP BY {names} ORDER BY {order}", values).fetchall()
+        same = f"({names}) = ({', '.join('?' * (len(columns) + bool(by)))})"
         levels = "ifnull(field_rms, 0.0), ifnull(model_rms, 0.0)"
         numbers = f"start_ns, length_ns, {levels}, ifnull(relative_error, 9e999)"  # infinity is not known
-        for key in sorted(self._connection.execute(f"SELECT DISTINCT {names} {chosen}", values)):
+        for key in keys:
             rows = self._connection.execute(f"SELECT {numbers} {chosen} AND {same} ORDER BY start_ns", [*values, *key])
             read = np.fromiter(rows, dtype=_COLUMNS)
             if read.size:  # not discarded meanwhile
@@ -169,23 +193,21 @@ class Queries:
     def _sound(self, selection: Selection | None) -> tuple[str, list[str | int]]:
         """Condition of a selection and its values; a HistoryError where a window is none that this program wrote."""
         condition, values = (selection or Selection()).condition()
-        self._refuse(
-            f"windows JOIN sources ON source = id WHERE ({condition}) AND NOT ({WINDOW_IS_SOUND})", "window", values
-        )
+        self._refuse(f"{_JOINED} WHERE ({condition}) AND NOT ({WINDOW_IS_SOUND})", "a window", values)
         return condition, values
 
     def _refuse(self, found: str, what: str, values: Sequence[str | int] = ()) -> None:
         """Refuse rows of other types than this program writes: SQLite takes any."""
         if self._connection.execute(f"SELECT 1 FROM {found} LIMIT 1", values).fetchone():  # noqa: S608
             raise HistoryError(
-                f"{self.path}: a {what} that is not one of tbm_monitor, allowed: texts of up to {LONGEST_LINE} "
+                f"{self.path}: {what} that is not one of tbm_monitor, allowed: texts of up to {LONGEST_LINE} "
                 f"characters, axes {', '.join(AXES)}, whole times, numbers"
             )
 
     def baselines(self) -> list[Baseline]:
         """All baselines, the oldest first."""
-        self._refuse(f"baselines WHERE NOT ({BASELINE_IS_SOUND})", "baseline")
-        self._refuse(f"usual_errors WHERE NOT ({USUAL_ERROR_IS_SOUND})", "baseline")
+        self._refuse(f"baselines WHERE NOT ({BASELINE_IS_SOUND})", "a baseline")
+        self._refuse(f"usual_errors WHERE NOT ({USUAL_ERROR_IS_SOUND})", "a baseline")
         rows = self._connection.execute(
             f"SELECT {BASELINE_COLUMNS} FROM baselines ORDER BY created_ns, name, machine"  # noqa: S608
         ).fetchall()
@@ -212,28 +234,56 @@ class Queries:
 
     def watches(self) -> list[WatchSource]:
         """All watches for a change of a machine, the oldest first."""
-        self._refuse(f"watches WHERE NOT ({WATCH_IS_SOUND})", "watch")
+        self._refuse(f"watches WHERE NOT ({WATCH_IS_SOUND})", "a watch")
         rows = self._connection.execute(f"SELECT {WATCH_COLUMNS} FROM watches ORDER BY id")  # noqa: S608
         return [WatchSource(*row) for row in rows]
 
     def spans(self, watch: WatchSource) -> list[tuple[int, bytes]]:
         """Begin and band powers of every span that a watch is resumed from, in the order of time."""
         chosen = f"watch IN (SELECT id FROM watches WHERE ({WATCH_COLUMNS}) = (?, ?, ?, ?, ?, ?, ?, ?, ?))"  # noqa: S608
-        self._refuse(f"spans WHERE {chosen} AND typeof(log_powers) <> 'blob'", "span", astuple(watch))
+        self._refuse(f"spans WHERE {chosen} AND typeof(log_powers) <> 'blob'", "a span", astuple(watch))
         query = f"SELECT start_ns, log_powers FROM spans WHERE {chosen} ORDER BY start_ns"  # noqa: S608
         return self._connection.execute(query, astuple(watch)).fetchall()
 
     def states(self) -> list[StoredState]:
         """Return what every watch said last, the newest last."""
-        self._refuse(f"watches WHERE NOT ({WATCH_IS_SOUND})", "watch")
+        self._refuse(f"watches WHERE NOT ({WATCH_IS_SOUND})", "a watch")
         last = "(SELECT max(start_ns) FROM states AS other WHERE other.watch = id)"
         newest = f"watches CROSS JOIN states ON watch = id AND start_ns = {last}"  # in this order, by their keys
-        self._refuse(f"{newest} WHERE NOT ({STATE_IS_SOUND})", "state")
+        self._refuse(f"{newest} WHERE NOT ({STATE_IS_SOUND})", "a state")
         rows = self._connection.execute(
             f"SELECT {WATCH_COLUMNS}, start_ns, {STATE_COLUMNS} FROM {newest} ORDER BY start_ns, watch, part, name"  # noqa: S608
         )
         count = len(fields(WatchSource))
         return [StoredState(WatchSource(*row[:count]), row[count], _state(*row[count + 1 :])) for row in rows]
+
+    def events(self, selection: EventSelection | None = None, newest: int | None = None) -> list[StoredEvent]:
+        """Events in the order of their begin, the newest so many only if a number is given."""
+        condition, values = (selection or EventSelection()).condition()
+        return self._events(condition, values, newest)
+
+    def state(self) -> int:
+        """Return a number that changes when another program writes."""
+        return int(self._connection.execute("PRAGMA data_version").fetchone()[0])
+
+    def event(self, number: int) -> StoredEvent:
+        """Find an event by its number; a HistoryError where there is none."""
+        for found in self._events("number = ?", [number], None):
+            return found
+        span = self._connection.execute("SELECT min(number), max(number) FROM events").fetchone()
+        there = "none" if span[0] is None else f"{span[0]} to {span[1]}"
+        raise HistoryError(f"{self.path}: no event {number}, there: {there}")
+
+    def _events(self, condition: str, values: Sequence[str | int], newest: int | None) -> list[StoredEvent]:
+        joined = f"events JOIN sources ON events.source = sources.id WHERE {condition}"
+        self._refuse(f"{joined} AND NOT ({EVENT_IS_SOUND})", "an event", values)
+        limit = "" if newest is None else f" LIMIT {int(newest)}"
+        rows = self._connection.execute(
+            f"SELECT number, {SOURCE_COLUMNS}, {EVENT_COLUMNS}, {CONTEXT_COLUMNS}, "  # noqa: S608
+            f"acknowledged_by, acknowledged_ns, comment FROM {joined} ORDER BY begin_ns DESC, number DESC{limit}",
+            values,
+        )
+        return [_event(*row) for row in rows][::-1]
 
     def _usual(self, name: str, machine: str) -> dict[tuple[str, str], ErrorStatistics]:
         rows = self._connection.execute(
@@ -245,9 +295,15 @@ class Queries:
 
 
 def _window(*row: Any) -> StoredEntry:
-    """Entry with its source from a row of SQLite, which keeps NaN as NULL."""
-    numbers: list[Any] = [math.nan if value is None else value for value in row[7:]]
-    return StoredEntry(_source(*row[:5]), HistoryEntry(sys.intern(row[5]), sys.intern(row[6]), *numbers))
+    """Entry with source and context from a row of SQLite, which keeps NaN as NULL."""
+    numbers: list[Any] = [math.nan if value is None else value for value in row[11:]]
+    entry = HistoryEntry(sys.intern(row[9]), sys.intern(row[10]), *numbers)
+    return StoredEntry(_source(*row[:5]), entry, _context(*row[5:9]))
+
+
+def _event(number: int, *row: Any) -> StoredEvent:
+    said: list[Any] = [*row[5:14], _context(*row[14:18])]
+    return StoredEvent(number, _source(*row[:5]), Event(*said), *row[18:])
 
 
 def _state(part: Any, name: str, *row: Any) -> StateEntry:
@@ -259,3 +315,9 @@ def _state(part: Any, name: str, *row: Any) -> StateEntry:
 def _source(*row: Any) -> WindowSource:
     """Source from its columns; many windows share one."""
     return WindowSource(*row)
+
+
+@lru_cache(maxsize=256)
+def _context(*row: Any) -> Context:
+    """Context from its columns; many windows share one."""
+    return Context(*row)

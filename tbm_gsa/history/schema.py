@@ -6,9 +6,11 @@ from pathlib import Path
 from typing import Final
 
 from tbm_gsa.history.entries import AXES, SOURCE_KINDS, STATE_PARTS
+from tbm_gsa.history.events import EVENT_KINDS, EVENT_VERDICTS, SEVERITIES
 from tbm_msgs_py.base.errors import InputError
 from tbm_msgs_py.base.texts import LONGEST_LINE
 
+LONGEST_PATH: Final = 4096
 LOOK_S: Final = 0.01
 """Between two looks at a file that another program holds."""
 LOCKED: Final = (sqlite3.SQLITE_BUSY, sqlite3.SQLITE_LOCKED)
@@ -38,7 +40,7 @@ def unusable(path: Path, error: sqlite3.Error) -> HistoryError:
     return HistoryError(f"{path}: not a history of tbm_monitor that can be used ({error})")
 
 
-SCHEMA_VERSION: Final = 6
+SCHEMA_VERSION: Final = 7
 APPLICATION_ID: Final = 0x54424D48  # "TBMH"
 _BASELINES: Final = """
 CREATE TABLE baselines (
@@ -110,6 +112,40 @@ CREATE TABLE states (
     PRIMARY KEY (watch, start_ns, part, name)
 ) WITHOUT ROWID;
 """
+# What the site says of a time holds from a window of a source on, until a later row of it.
+_EVENTS: Final = """
+CREATE TABLE contexts (
+    source INTEGER NOT NULL REFERENCES sources (id),
+    since_ns INTEGER NOT NULL,
+    ring INTEGER,
+    chainage REAL,
+    rock_class TEXT,
+    shift TEXT,
+    PRIMARY KEY (source, since_ns)
+) WITHOUT ROWID;
+CREATE TABLE events (
+    number INTEGER PRIMARY KEY,
+    source INTEGER NOT NULL REFERENCES sources (id),
+    begin_ns INTEGER NOT NULL,
+    event TEXT NOT NULL,
+    point TEXT NOT NULL,
+    severity TEXT NOT NULL,
+    verdict TEXT NOT NULL,
+    text TEXT NOT NULL,
+    level TEXT NOT NULL,
+    end_ns INTEGER,
+    snapshot TEXT NOT NULL,
+    ring INTEGER,
+    chainage REAL,
+    rock_class TEXT,
+    shift TEXT,
+    acknowledged_by TEXT NOT NULL DEFAULT '',
+    acknowledged_ns INTEGER,
+    comment TEXT NOT NULL DEFAULT '',
+    UNIQUE (source, begin_ns, event, point, level)
+);
+CREATE INDEX events_by_time ON events (begin_ns);
+"""
 _SCHEMA: Final = f"""
 CREATE TABLE sources {_SOURCES}
 CREATE TABLE windows (
@@ -129,6 +165,7 @@ CREATE TABLE windows (
 {_BASELINES.format(kind="kind TEXT,")}
 {_USUAL_ERRORS.format(logs="log_mean REAL, log_scatter REAL,")}
 {_WATCHES}
+{_EVENTS}
 PRAGMA application_id = {APPLICATION_ID};
 PRAGMA user_version = {SCHEMA_VERSION};
 """
@@ -167,6 +204,10 @@ PRAGMA user_version = 5;
     5: f"""
 {_WATCHES}
 PRAGMA user_version = 6;
+""",
+    6: f"""
+{_EVENTS}
+PRAGMA user_version = 7;
 """,
 }
 
@@ -236,6 +277,11 @@ def _numbers(*names: str) -> str:
     return " AND ".join(f"typeof({name}) IN ('real', 'null')" for name in names)
 
 
+def _maybe(condition: str, *names: str) -> str:
+    """NULL, or what a condition with a place for the name says."""
+    return " AND ".join(f"({name} IS NULL OR {condition.format(name=name)})" for name in names)
+
+
 _AXIS: Final = f"axis IN {AXES}"
 # What rows of a history this program writes, as conditions in SQL: SQLite itself takes any type anywhere.
 WINDOW_IS_SOUND: Final = " AND ".join(
@@ -268,9 +314,28 @@ STATE_IS_SOUND: Final = " AND ".join(
         _texts("name", "text"),
         _whole("start_ns"),
         _numbers("value", "low", "high", "probability"),
-        f"(since_ns IS NULL OR {_whole('since_ns')})",
+        _maybe(_whole("{name}"), "since_ns"),
     )
 )
 USUAL_ERROR_IS_SOUND: Final = " AND ".join(
     (_texts("point"), _AXIS, _numbers("mean", "scatter", "log_mean", "log_scatter"), _whole("windows"))
+)
+CONTEXT_IS_SOUND: Final = " AND ".join(
+    (
+        _maybe("typeof({name}) = 'integer'", "ring"),
+        _numbers("chainage"),
+        _maybe(_texts("{name}"), "rock_class", "shift"),
+    )
+)
+EVENT_IS_SOUND: Final = " AND ".join(
+    (
+        f"event IN {EVENT_KINDS}",
+        f"severity IN {SEVERITIES}",
+        f"verdict IN {EVENT_VERDICTS}",
+        _texts("point", "text", "level", "acknowledged_by", "comment"),
+        f"typeof(snapshot) = 'text' AND length(snapshot) <= {LONGEST_PATH}",
+        _whole("number", "begin_ns"),
+        _maybe(_whole("{name}"), "end_ns", "acknowledged_ns"),
+        CONTEXT_IS_SOUND,
+    )
 )

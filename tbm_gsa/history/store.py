@@ -2,17 +2,21 @@
 
 import os
 import sqlite3
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import astuple, fields
 from pathlib import Path
 from typing import Final
 
 from tbm_gsa.history.baseline import Baseline
+from tbm_gsa.history.context import UNKNOWN, Context
 from tbm_gsa.history.entries import HistoryEntry, StateEntry, WatchSource, WindowSource
+from tbm_gsa.history.events import Event, StoredEvent
 from tbm_gsa.history.queries import (
     BASELINE_COLUMNS,
+    CONTEXT_COLUMNS,
     ENTRY_COLUMNS,
+    EVENT_COLUMNS,
     SOURCE_COLUMNS,
     STATE_COLUMNS,
     WATCH_COLUMNS,
@@ -21,6 +25,7 @@ from tbm_gsa.history.queries import (
 from tbm_gsa.history.reader import check_file
 from tbm_gsa.history.schema import HistoryError, bring_up_to_date, unusable, version_of, write_ahead
 from tbm_msgs_py.base.files import data_folder
+from tbm_msgs_py.base.texts import LONGEST_LINE, quoted
 
 WAIT_S: Final = 5.0  # for another writer
 _ROW: Final = ", ".join("?" * (1 + len(fields(HistoryEntry))))  # with its source
@@ -92,18 +97,59 @@ class History(Queries):
         write_ahead(self._connection, wait_s)
         ask("PRAGMA synchronous = NORMAL")
 
-    def add(self, source: WindowSource, entries: Iterable[HistoryEntry]) -> int:
-        """Commit windows of a source at once, replacing those it had for the same time; the number of entries."""
+    def add(self, source: WindowSource, entries: Iterable[HistoryEntry], context: Context = UNKNOWN) -> int:
+        """Commit windows of a source and context at once, replacing those of the same time; the number of entries."""
         with self._transaction() as ask:
-            described = astuple(source)
-            ask(f"INSERT OR IGNORE INTO sources ({SOURCE_COLUMNS}) VALUES (?, ?, ?, ?, ?)", described)  # noqa: S608
-            number = ask(f"SELECT id FROM sources WHERE ({SOURCE_COLUMNS}) = (?, ?, ?, ?, ?)", described).fetchone()[0]  # noqa: S608
+            number = _number_of(ask, source)
             insert = f"INSERT OR REPLACE INTO windows (source, {ENTRY_COLUMNS}) VALUES ({_ROW})"  # noqa: S608
-            count = 0
+            count, noted = 0, None
             for entry in entries:
                 ask(insert, (number, *astuple(entry)))
                 count += 1
+                if entry.start_ns != noted:
+                    noted = entry.start_ns
+                    _note_context(ask, number, noted, context)
         return count
+
+    def store_event(self, source: WindowSource, event: Event) -> StoredEvent:
+        """Store an event, or what of one that is stored has changed: its end, text, severity, verdict and snapshot."""
+        changing = "end_ns, text, severity, verdict, snapshot"
+        with self._transaction() as ask:
+            number = _number_of(ask, source)
+            values = (number, *astuple(event)[:-1], *astuple(event.context))
+            insert = f"INSERT INTO events (source, {EVENT_COLUMNS}, {CONTEXT_COLUMNS})"
+            new = ", ".join(f"excluded.{name}" for name in changing.split(", "))
+            found = ask(
+                f"{insert} VALUES ({', '.join('?' * len(values))}) "
+                "ON CONFLICT (source, begin_ns, event, point, level) "
+                f"DO UPDATE SET ({changing}) = ({new}) RETURNING number",
+                values,
+            ).fetchone()
+        return self.event(found[0])
+
+    def acknowledge(
+        self, numbers: Sequence[int], by: str, comment: str, now_ns: int, *, replace: bool = False
+    ) -> list[StoredEvent]:
+        """Acknowledge events, all or none; those that somebody has acknowledged only if that is asked for.
+
+        Raises
+        ------
+        HistoryError
+            No such event, or an acknowledged one; no name, or texts that are too long.
+        """
+        for what, text, least in (("name", by, 1), ("comment", comment, 0)):
+            if not (least <= len(text.strip()) and len(text) <= LONGEST_LINE and text.isprintable()):
+                raise HistoryError(f"{what} {quoted(text)}, allowed: {least} to {LONGEST_LINE} printable characters")
+        with self._transaction() as ask:
+            for found in map(self.event, numbers):
+                if found.acknowledged_ns is not None and not replace:
+                    raise HistoryError(
+                        f"event {found.number}: acknowledged by {found.acknowledged_by} already, allowed: one that "
+                        "nobody has acknowledged, or --replace"
+                    )
+                changed = "acknowledged_by = ?, acknowledged_ns = ?, comment = ?"
+                ask(f"UPDATE events SET {changed} WHERE number = ?", (by, now_ns, comment, found.number))  # noqa: S608
+            return [self.event(number) for number in numbers]
 
     def add_span(
         self,
@@ -154,6 +200,8 @@ class History(Queries):
             own = "SELECT id FROM sources WHERE kind = 'live' AND name = ?"
             ask(f"DELETE {span} AND source IN ({own})", (since_ns, end, node))
             watched = "watch IN (SELECT id FROM watches WHERE kind = 'live' AND node = ?)"
+            spare = "SELECT max(since_ns) FROM contexts AS any WHERE any.source = contexts.source AND since_ns <= ?"
+            ask(f"DELETE FROM contexts WHERE source IN ({own}) AND since_ns < ({spare})", (node, end))  # noqa: S608
             ask(f"DELETE FROM states WHERE start_ns >= ? AND start_ns < ? AND {watched}", (since_ns, end, node))  # noqa: S608
         return end
 
@@ -199,3 +247,19 @@ class History(Queries):
             self._connection.execute("ROLLBACK")
             raise
         self._connection.execute("COMMIT")
+
+
+def _number_of(ask: Callable[..., sqlite3.Cursor], source: WindowSource) -> int:
+    """Find the number of a source, which is stored where it is new."""
+    described = astuple(source)
+    ask(f"INSERT OR IGNORE INTO sources ({SOURCE_COLUMNS}) VALUES (?, ?, ?, ?, ?)", described)  # noqa: S608
+    found = ask(f"SELECT id FROM sources WHERE ({SOURCE_COLUMNS}) = (?, ?, ?, ?, ?)", described)  # noqa: S608
+    return int(found.fetchone()[0])
+
+
+def _note_context(ask: Callable[..., sqlite3.Cursor], source: int, start_ns: int, context: Context) -> None:
+    """Note the context of a window unless it is that of the windows before it."""
+    before = f"SELECT {CONTEXT_COLUMNS} FROM contexts WHERE source = ? AND since_ns <= ? ORDER BY since_ns DESC LIMIT 1"  # noqa: S608
+    known, now = ask(before, (source, start_ns)).fetchone(), astuple(context)
+    if (known or astuple(UNKNOWN)) != now:
+        ask("INSERT OR REPLACE INTO contexts VALUES (?, ?, ?, ?, ?, ?)", (source, start_ns, *now))

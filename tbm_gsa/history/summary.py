@@ -7,6 +7,7 @@ from datetime import UTC, datetime
 from typing import Final, cast
 
 from tbm_gsa.history.baseline import Baseline, ErrorStatistics
+from tbm_gsa.history.context import ContextKey
 from tbm_gsa.history.entries import SourceKind, StatePart, StoredEntry, StoredState, WindowGroup
 from tbm_gsa.history.queries import Queries, Selection
 from tbm_gsa.reading import Maybe, Part
@@ -16,7 +17,10 @@ _BY_SOURCE: Final = ("point", "axis", "machine", "kind")
 
 
 class TrendSummary(Part):
-    """Windows of one point, axis, machine and kind of source: how many, and their relative error."""
+    """Windows of one point, axis, machine and kind of source: how many, and their relative error.
+
+    `group` is what `by` of the document says of them: empty where it was not known, null without it.
+    """
 
     point: str
     axis: str
@@ -28,11 +32,12 @@ class TrendSummary(Part):
     error_mean: float | None
     error_scatter: float | None
     error_latest: float | None
+    group: str | None = None
 
     @classmethod
     def of(cls, group: WindowGroup) -> TrendSummary:
-        """Trend of a group by `_BY_SOURCE`; a dead sensor has no error."""
-        point, axis, machine, kind = group.key
+        """Trend of a group by `_BY_SOURCE`, and what is behind it; a dead sensor has no error."""
+        point, axis, machine, kind, *by = group.key
         errors = group.relative_error[group.sound()]
         return cls(
             point=point,
@@ -45,6 +50,7 @@ class TrendSummary(Part):
             error_mean=float(errors.mean()) if errors.size else None,
             error_scatter=float(errors.std(ddof=1)) if errors.size > 1 else None,
             error_latest=float(errors[-1]) if errors.size else None,
+            group=by[0] if by else None,
         )
 
 
@@ -66,6 +72,10 @@ class ListedWindow(Part):
     source: SourceKind
     name: str
     machine: str
+    ring: int | None = None
+    chainage: float | None = None
+    rock_class: str | None = None
+    shift: str | None = None
 
     @classmethod
     def of(cls, window: StoredEntry) -> ListedWindow:
@@ -81,6 +91,7 @@ class ListedWindow(Part):
             source=source.kind,
             name=source.name,
             machine=source.machine,
+            **asdict(window.context),
         )
 
 
@@ -182,6 +193,8 @@ class HistorySummary(Part):
         What each watch of rock and machine said last, the newest last.
     note : str
         Why nothing is chosen; empty where something is.
+    by : {"ring", "chainage", "rock_class", "shift"}, optional
+        Of the context, by which the trends are told apart.
     """
 
     path: str
@@ -191,12 +204,15 @@ class HistorySummary(Part):
     baselines: tuple[BaselineSummary, ...]
     states: tuple[ListedState, ...] = ()
     note: str = ""
+    by: ContextKey | None = None
 
 
-def history_summary(history: Queries, selection: Selection, newest: int) -> HistorySummary:
+def history_summary(
+    history: Queries, selection: Selection, newest: int, by: ContextKey | None = None
+) -> HistorySummary:
     """Summarise a selection; of the windows that are not listed one point and axis at a time is held."""
     windows = tuple(map(ListedWindow.of, history.windows(selection, newest)))
-    trends = tuple(map(TrendSummary.of, history.groups(_BY_SOURCE, selection)))
+    trends = tuple(map(TrendSummary.of, history.groups(_BY_SOURCE, selection, by)))
     return HistorySummary(
         path=str(history.path),
         total=sum(trend.windows for trend in trends),
@@ -204,11 +220,12 @@ def history_summary(history: Queries, selection: Selection, newest: int) -> Hist
         windows=windows,
         baselines=BaselineList.of(history).baselines,
         states=tuple(map(ListedState.of, history.states())),
-        note="" if trends else _why_nothing(history, selection),
+        note="" if trends else why_nothing(history, selection),
+        by=by,
     )
 
 
-def _why_nothing(history: Queries, selection: Selection) -> str:
+def why_nothing(history: Queries, selection: Selection) -> str:
     """Say which windows there are where a selection chooses none."""
     for what, wider in (
         (

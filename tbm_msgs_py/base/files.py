@@ -18,7 +18,13 @@ LARGEST_TEXT: Final = 1 << 20
 """Bytes of a file that people write by hand, a hundred times what any shipped one has: YAML takes seconds for it."""
 LARGEST_TABLE: Final = 16 << 20
 """Bytes of a table that is held in memory: a million rows and more of a schedule."""
-BEGINNINGS: Final = {"page": b"<!DOCTYPE html>", "PNG picture": b"\x89PNG\r\n", "SVG picture": b"<?xml"}
+BEGINNINGS: Final = {
+    "page": b"<!DOCTYPE html>",
+    "PNG picture": b"\x89PNG\r\n",
+    "SVG picture": b"<?xml",
+    "CSV table": b"start,start_ns,",
+    "Parquet table": b"PAR1",
+}
 """First bytes of each kind of result."""
 
 

@@ -149,7 +149,7 @@ def test_a_file_of_version_1_is_kept_and_goes_on(old):
         assert opened.windows()[0].source == LIVE
         opened.add(LIVE, [new])
     connection = sqlite3.connect(old)
-    assert connection.execute("PRAGMA user_version").fetchone() == (6,)
+    assert connection.execute("PRAGMA user_version").fetchone() == (7,)
     written = connection.execute("SELECT field_peak, field_kurtosis FROM windows").fetchall()
     assert written == [(None, None), (None, None), (4.0, 3.5)]
     with History(old, create=False) as opened:
@@ -257,7 +257,7 @@ def test_another_database_a_damaged_one_and_a_newer_one(tmp_path, history):
     newer.write_bytes(bytes(whole))
     with sqlite3.connect(newer) as connection:
         connection.execute("PRAGMA user_version = 99")
-    with pytest.raises(HistoryError, match=r"schema version 99, allowed: 1 to 6$"):
+    with pytest.raises(HistoryError, match=r"schema version 99, allowed: 1 to 7$"):
         History(newer)
 
 

@@ -37,7 +37,7 @@ def test_a_file_of_version_5_is_kept_and_goes_on(old, tmp_path):
     with History(tmp_path / "new.sqlite") as opened:
         pass
     connections = [sqlite3.connect(path) for path in (old, opened.path)]
-    assert [one.execute("PRAGMA user_version").fetchone() for one in connections] == [(6,), (6,)]
+    assert [one.execute("PRAGMA user_version").fetchone() for one in connections] == [(7,), (7,)]
     for table in ("watches", "spans", "states"):
         for pragma in ("table_info", "foreign_key_list"):
             found = [one.execute(f"PRAGMA {pragma}({table})").fetchall() for one in connections]

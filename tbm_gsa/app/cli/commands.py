@@ -24,6 +24,7 @@ LINES = {
     "bag": "Recordings on disk.",
     "machine": "Machine files: list, show, check, loads, update, observe.",
     "history": "Windows of all comparisons over time, and baselines.",
+    "events": "What happened: alarms, changes of the rock, sensors; acknowledge.",
     "reproduce": "Tables and figures of the paper, each with a verdict.",
     "doctor": "Whether everything that the commands need is here.",
 }

@@ -13,7 +13,7 @@ from rich.table import Table
 from rich.text import Text
 
 from tbm_gsa.app.cli.drive_tables import print_drives
-from tbm_gsa.app.cli.history import HISTORY_HELP
+from tbm_gsa.app.cli.history_options import HISTORY_HELP
 from tbm_gsa.app.cli.output import (
     DEFAULT_MACHINE,
     JSON_OPTION,

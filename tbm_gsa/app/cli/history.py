@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 import math
-import re
 import time
-from datetime import UTC, datetime
 from itertools import groupby
 from pathlib import Path
 from typing import Annotated, Any  # click's contexts: typer may carry a click of its own
@@ -14,12 +12,22 @@ import typer
 from rich.table import Table
 from typer.core import TyperGroup
 
-from tbm_dynamics import Machine, load_machine
-from tbm_gsa.app.cli.output import JSON_OPTION, add_row, named, narrow_table, notes, print_json, print_sentence, results
+from tbm_gsa.app.cli.history_options import (
+    File,
+    Of,
+    Since,
+    Until,
+    machine_file,
+    name_or_digest,
+    refuse_options,
+    span_of,
+)
+from tbm_gsa.app.cli.output import JSON_OPTION, add_row, narrow_table, notes, print_json, print_sentence, results
 from tbm_gsa.history import (
     BY_ORIGIN,
     SOURCE_KINDS,
     Baseline,
+    ContextKey,
     History,
     HistoryReader,
     Selection,
@@ -27,34 +35,26 @@ from tbm_gsa.history import (
     default_history,
     make_baseline,
 )
-from tbm_gsa.history.summary import BaselineList, BaselineSummary, HistorySummary, ListedState, history_summary
-from tbm_gsa.provenance import machine_sha256
+from tbm_gsa.history.export import TableKind, table_kind, write_table
+from tbm_gsa.history.summary import (
+    BaselineList,
+    BaselineSummary,
+    HistorySummary,
+    ListedState,
+    history_summary,
+    why_nothing,
+)
+from tbm_gsa.reading import Part
 from tbm_msgs_py.base.errors import InputError
 from tbm_msgs_py.base.files import check_result, write_whole
-from tbm_msgs_py.base.units import NANOSECONDS
 
-HISTORY_HELP = "History file; default: $TBM_HISTORY, else tbm_monitor/history.sqlite in the user's data folder."
 MOST_PLOTTED = 5_000_000  # windows, which are held in memory: a week of five points every 2 s
-_UNITS = {"s": 1, "m": 60, "h": 3600, "d": 86400}
 
-File = Annotated[Path | None, typer.Option("--history", help=HISTORY_HELP, dir_okay=False)]
 Point = Annotated[str | None, typer.Option(help="This test point only.")]
-Since = Annotated[
-    str | None, typer.Option(help="From this time on: ISO 8601 (UTC unless it says), or 30m, 12h, 7d before now.")
-]
-Until = Annotated[str | None, typer.Option(help="Before this time, written like --since.")]
 Origin = Annotated[
     str | None,
     typer.Option(
         "--source", help=f"{', '.join(SOURCE_KINDS)}, or a part of the recording's path or of the node's name."
-    ),
-]
-Of = Annotated[
-    str | None,
-    typer.Option(
-        "--machine",
-        metavar="<name|file>",
-        help="Windows of this machine only: its name, its file, or 8 or more digits of its SHA-256.",
     ),
 ]
 BaselineName = Annotated[str, typer.Argument(help="Name of the baseline.", show_default=False)]
@@ -102,6 +102,7 @@ def show(
     until: Until = None,
     source: Origin = None,
     machine: Of = None,
+    by: Annotated[ContextKey | None, typer.Option(help="Tell the trends apart by this of the context, too.")] = None,
     limit: Annotated[
         int, typer.Option(min=0, max=MOST_PLOTTED, help="Newest entries to list in the JSON document.")
     ] = 1000,
@@ -114,7 +115,7 @@ def show(
 ) -> None:
     """List the windows of all comparisons, and plot their trends."""
     if context.invoked_subcommand is not None:
-        _refuse_options(context)
+        refuse_options(context, "history")
         return
     check_result(html, "page")
     check_result(png, "PNG picture")
@@ -124,7 +125,7 @@ def show(
     plotted = html is not None or png is not None
     with HistoryReader(history or default_history()) as opened:
         opened.check(chosen)
-        found = history_summary(opened, chosen, limit)
+        found = history_summary(opened, chosen, limit, by)
         windows = _to_plot(opened, chosen, found.total) if plotted else []
     if plotted:
         _plot(found, windows, html, png)
@@ -136,6 +137,40 @@ def show(
             _print_states(found)
     for file in filter(None, (html, png)):
         notes.print(f"written: {file}", highlight=False)
+
+
+class ExportResult(Part):
+    """What was exported: `rows` windows, one a line."""
+
+    path: str
+    format: TableKind
+    rows: int
+
+
+@app.command("export")
+def export(
+    out: Annotated[Path, typer.Argument(help="New table, .csv or .parquet.", dir_okay=False, show_default=False)],
+    history: File = None,
+    point: Point = None,
+    since: Since = None,
+    until: Until = None,
+    source: Origin = None,
+    machine: Of = None,
+    json: Json = False,
+) -> None:
+    """Write windows as a table for other programs, with their context: CSV, or Parquet (extra `export`)."""
+    kind = table_kind(out)
+    check_result(out, kind)
+    chosen = _selection(point, since, until, source, machine)
+    with HistoryReader(history or default_history()) as opened:
+        opened.check(chosen)
+        if opened.span(chosen) is None:
+            raise InputError(f"{opened.path}: {why_nothing(opened, chosen)}; nothing to export")
+        rows = write_table(out, opened.all_windows(chosen))
+    if json:
+        print_json(ExportResult(path=str(out), format=kind, rows=rows))
+    else:
+        results.print(f"{out}: {rows} rows", highlight=False)
 
 
 @baseline_app.command("list")
@@ -191,54 +226,17 @@ def delete_baseline(name: BaselineName, history: File = None, machine: Owner = N
     _print_baseline(deleted, json)
 
 
-def _refuse_options(context: typer.Context) -> None:
-    """Refuse options of the list before another command, which would not see them."""
-    for name in context.params:
-        if named(context, name):
-            raise InputError(f"history --{name} … {context.invoked_subcommand}: allowed: options behind the command")
-
-
 def _selection(
     point: str | None, since: str | None, until: str | None, source: str | None, machine: str | None
 ) -> Selection:
     """Build the selection that the options state."""
-    described = _machine_file(machine)
-    chosen = machine if described is None else machine_sha256(described)
-    begin, end = _stamp("--since", since), _stamp("--until", until)
-    if begin is not None and end is not None and begin >= end:
-        raise InputError(f"--since {since} --until {until}: allowed: a time before another")
-    return Selection(point, begin, end, source, chosen)
+    return Selection(point, *span_of(since, until), source, name_or_digest(machine))
 
 
 def _machine_name(machine: str | None) -> str | None:
     """Name of a machine that is given by its name or its file."""
-    described = _machine_file(machine)
+    described = machine_file(machine)
     return machine if described is None else described.name
-
-
-def _machine_file(machine: str | None) -> Machine | None:
-    """Machine of a file; None for a name, for the history has machines that are not shipped."""
-    return load_machine(machine) if machine is not None and Path(machine).is_file() else None
-
-
-def _stamp(option: str, text: str | None) -> int | None:
-    """Time in ns since the epoch."""
-    if text is None:
-        return None
-    ago = re.fullmatch(r"(\d{1,6})([smhd])", text)
-    try:
-        if ago:
-            stamp = time.time_ns() - int(ago[1]) * _UNITS[ago[2]] * NANOSECONDS
-        else:
-            moment = datetime.fromisoformat(text)
-            stamp = round((moment if moment.tzinfo else moment.replace(tzinfo=UTC)).timestamp() * NANOSECONDS)
-        if abs(stamp) >= 1 << 63:  # of a history, as of ROS
-            raise ValueError
-    except (ValueError, OverflowError):
-        raise InputError(
-            f"{option} {text}: allowed: ISO 8601 such as 2026-01-31T12:00, 1678 to 2262, or 30m, 12h, 7d"
-        ) from None
-    return stamp
 
 
 def _to_plot(history: HistoryReader, selection: Selection, count: int) -> list[StoredEntry]:
@@ -258,12 +256,13 @@ def _plot(found: HistorySummary, windows: list[StoredEntry], html: Path | None, 
 
 
 def _print(found: HistorySummary) -> None:
-    headings = ("test point", "axis", "source", ">count", ">last", ">error", ">latest")
+    headings = ("test point", "axis", "source", *filter(None, [found.by]), ">count", ">last", ">error", ">latest")
     table = narrow_table(f"{found.path}: {found.total} entries", *headings)
     for row in found.summary:
         error = f"{_percent(row.error_mean)} ± {_percent(row.error_scatter)}"
         numbers = (row.windows, row.last[:10], error, _percent(row.error_latest))
-        add_row(table, row.point, row.axis, f"{row.source} {row.machine}", *numbers)
+        group = () if row.group is None else (row.group or "–",)
+        add_row(table, row.point, row.axis, f"{row.source} {row.machine}", *group, *numbers)
     results.print(table)
     if found.note:
         results.print(found.note, highlight=False)

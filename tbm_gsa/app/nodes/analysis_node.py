@@ -21,6 +21,7 @@ from tbm_gsa.app.nodes.gsa_process import GsaProcess, GsaStatus
 from tbm_gsa.app.nodes.history_writer import HistoryWriter, live_now
 from tbm_gsa.app.nodes.level_watch import LevelWatch
 from tbm_gsa.app.nodes.live_comparison import LiveComparison, drive_mapping, field_sensors
+from tbm_gsa.app.nodes.live_events import LiveEvents
 from tbm_gsa.app.nodes.live_watch import LiveWatch
 from tbm_gsa.app.nodes.settings import AnalysisSettings, GsaSettings
 from tbm_gsa.app.nodes.statuses import (
@@ -92,8 +93,12 @@ class AnalysisNode(ManagedNode[AnalysisSettings]):
         self._gsa_published: GsaStatus | None = None
         self._gsa_quality: dict[str, object] = {}
         self._create_publishers()
+        publish = partial(self._publish_statuses, topics.EVENTS)
+        self._events = LiveEvents(self, self._history, publish)
         self._subscribe_model()
-        self._field_topics = FieldTopics(self, sensors, self._comparison, partial(self._on_samples, "field"))
+        self._field_topics = FieldTopics(
+            self, sensors, self._comparison, partial(self._on_samples, "field"), self._events.keep
+        )
         self.create_service(Trigger, topics.RUN_GSA, self._on_run_gsa)
         self.create_service(Trigger, topics.CANCEL_GSA, self._on_cancel_gsa)
 
@@ -156,11 +161,13 @@ class AnalysisNode(ManagedNode[AnalysisSettings]):
         self.contract_subscription(recorded, partial(self._on_drives, "field", recorded), like=topics.FIELD_DRIVES)
         for name in (topics.OPERATING_POINT, topics.LOADS_OPERATING_POINT):
             self.contract_subscription(name, partial(self._on_operating_point, name))
+        self.contract_subscription(topics.CONTEXT, self._events.on_context)
 
     def activate(self) -> None:
         """Publish the statuses of watch and sensitivity analysis."""
         self._publish_gsa()
         self._poll_watch()
+        self._events.poll()
 
     def deactivate(self) -> None:
         """End a running analysis; its store stays."""
@@ -169,14 +176,17 @@ class AnalysisNode(ManagedNode[AnalysisSettings]):
             self._publish_gsa()
 
     def cleanup(self) -> None:
-        """Close what follows the field, the watch and the history."""
+        """Close what follows the field, the watch, the events and the history."""
         self._field_topics.close()
         self._watch.close()
+        self._events.close()
         self._history.close()
 
     def _on_model(self, sensor: SensorMapping, message: PointCloud2) -> None:
         if not self.active:
             return
+        name = topics.model_block(sensor.point)
+        self._events.keep(name, topics.contract(name), message)
         try:
             block = messages.acceleration_block(message)
         except InputError as error:
@@ -197,6 +207,7 @@ class AnalysisNode(ManagedNode[AnalysisSettings]):
             self._drives_window, self._drives_ns = window, self.get_clock().now().nanoseconds
 
     def _on_operating_point(self, topic: str, message: JointState) -> None:
+        self._events.keep(topic, topics.contract(topic), message)
         try:
             stamp, point = messages.operating_point_from(message)
         except InputError as error:
@@ -224,6 +235,7 @@ class AnalysisNode(ManagedNode[AnalysisSettings]):
         """Publish what the watch says when that has changed."""
         updates = self._watch.poll()
         for update in updates:
+            self._events.on_watch(update)
             if update.raised is not None and self.settings.alarm == "sequential":
                 self._on_alarm(update.level, update.state, update.raised.since_ns)
         if updates or self._watch.doing != self._doing:
@@ -247,11 +259,13 @@ class AnalysisNode(ManagedNode[AnalysisSettings]):
         for quantity in topics.ANALYSIS_QUANTITIES:
             message = messages.vector3(result.start_ns, getattr(result, quantity), result.point)
             self._quantities[result.point, quantity].publish(message)
-        self._history.add(result, result.point in self._comparison.rotating, live_now(self.get_clock()))
+        rotating, now_ns = result.point in self._comparison.rotating, live_now(self.get_clock())
+        self._history.add(result, rotating, now_ns, self._events.context_at(result.start_ns))
         if self.settings.alarm == "threshold" and (reason := self._alarm.update(result)):
             self.get_logger().warning(reason)
             if self._gsa.options.on_threshold:
                 self._start_gsa(reason, self._gsa.options.pause)
+        self._events.on_level(result, self._alarm.reason(result.point) if result.point in self._alarm.raised else "")
 
     def _start_gsa(self, reason: str, pause: float = 0.0, observed: LiveObservation | None = None) -> str:
         """Start the sensitivity analysis, after an explanation of what was observed; why it was not, if it was not."""
@@ -286,6 +300,9 @@ class AnalysisNode(ManagedNode[AnalysisSettings]):
         self._poll_gsa()
         self._poll_watch()
         comparison, conditions = self._comparison, self._comparison.conditions(self.clock_stands)
+        if not self.clock_stands:
+            self._events.on_signals(comparison.latest, conditions)
+        self._events.poll()
         statuses = [
             comparison_status(
                 self.status_name(f"comparison {point}"),

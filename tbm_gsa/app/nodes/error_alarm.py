@@ -42,4 +42,8 @@ class ErrorAlarm:
 
     def update(self, result: WindowResult) -> str:
         """Add a window of a test point; why the alarm is raised by it, empty if it is not."""
-        return f"{result.point}: {self._text}" if self._rule.update(result) else ""
+        return self.reason(result.point) if self._rule.update(result) else ""
+
+    def reason(self, point: str) -> str:
+        """Why the alarm of a test point is raised."""
+        return f"{point}: {self._text}"

@@ -55,6 +55,8 @@ class FieldTopics:
         Restarts at a test point whose single samples are no longer used; its health gets the faults of topics.
     on_samples : callable
         Called with the sensor, the stamp (ns), offsets (n,) in s and values (n, 3) while the node is active.
+    keep : callable
+        Called with the topic, its offer and every message while the node is active.
     """
 
     def __init__(
@@ -63,12 +65,13 @@ class FieldTopics:
         sensors: Mapping[str, SensorMapping],
         comparison: LiveComparison,
         on_samples: OnSamples,
+        keep: Callable[[str, TopicContract, Any], None],
     ) -> None:
         self._node, self._sensors, self._comparison = node, dict(sensors), comparison
         self._health = comparison.health
         self._points = {sensor.point for sensor in self._sensors.values()}
         self._frames = {name: FrameChoice(sensor.frame_id) for name, sensor in self._sensors.items()}
-        self._on_samples = on_samples
+        self._on_samples, self._keep = on_samples, keep
         self._follower = TopicFollower(node, self)
         for name in self._sensors:
             self._follower.follow(name, _contract_offer(name, node.get_namespace()))
@@ -131,7 +134,13 @@ class FieldTopics:
     def subscribe(self, topic: str, offer: TopicContract) -> Subscription:
         """Subscribe to blocks or single samples."""
         block = offer.type == _BLOCK
-        callback = partial(self._block, topic) if block else partial(self._sample, _SAMPLE[offer.type], topic)
+        take = partial(self._block, topic) if block else partial(self._sample, _SAMPLE[offer.type], topic)
+
+        def callback(message: Any) -> None:
+            if self._node.active:
+                self._keep(topic, offer, message)
+                take(message)
+
         kind = messages.message_class(offer.type)
         return self._node.create_subscription(kind, topic, callback, qos.profile(offer.quality))
 
@@ -144,9 +153,7 @@ class FieldTopics:
             self._health.settle(point, topic)
 
     def _unusable(self, topic: str, message: PointCloud2 | _Sample) -> bool:
-        """Whether the node is inactive, or the frame that of another test point or sensor."""
-        if not self._node.active:
-            return True
+        """Whether the frame is that of another test point or sensor."""
         sensor = self._sensors[topic]
         frame = message.header.frame_id
         foreign = frame != sensor.point and frame in self._points

@@ -15,6 +15,8 @@ from typing import TYPE_CHECKING, TypeVar
 from tbm_gsa.app.nodes.settings import OFF
 from tbm_gsa.comparison import UsualRatio, WindowResult
 from tbm_gsa.history import (
+    UNKNOWN,
+    Context,
     History,
     HistoryEntry,
     HistoryError,
@@ -80,7 +82,7 @@ class HistoryWriter:
     def __init__(self, file: str, source: WindowSource, warn: Callable[[str], object], days: float = 0.0) -> None:
         self.problem, self.written, self.lost = "", 0, 0
         self._source, self._warn = source, warn
-        self._waiting: list[tuple[SourceKind, HistoryEntry]] = []
+        self._waiting: list[tuple[SourceKind, Context, HistoryEntry]] = []
         self._history: History | None = None
         self._file: Path | None = None
         self._keep_ns = round(days * _DAY_NS)
@@ -134,12 +136,12 @@ class HistoryWriter:
                 )
         return usual
 
-    def add(self, result: WindowResult, rotating: bool, now_ns: int | None) -> None:
+    def add(self, result: WindowResult, rotating: bool, now_ns: int | None, context: Context = UNKNOWN) -> None:
         """Write a window in which something was measured; `now_ns` as `live_now` returns it."""
         if self._file is None:
             return
         kind = kind_of(result.start_ns + result.length_ns, now_ns)
-        self._waiting += ((kind, entry) for entry in live_entries(result, rotating))
+        self._waiting += ((kind, context, entry) for entry in live_entries(result, rotating))
         surplus = len(self._waiting) - MOST_WAITING
         if surplus > 0:
             self.lost += surplus
@@ -174,9 +176,9 @@ class HistoryWriter:
 
     def _write(self, history: History) -> None:
         while self._waiting:
-            kind, run = next(groupby(self._waiting, key=itemgetter(0)))
-            entries = [entry for _, entry in run]
-            self.written += history.add(replace(self._source, kind=kind), entries)
+            (kind, context), run = next(groupby(self._waiting, key=itemgetter(0, 1)))
+            entries = [entry for *_, entry in run]
+            self.written += history.add(replace(self._source, kind=kind), entries, context)
             del self._waiting[: len(entries)]
             if kind == "live":
                 self._discard(history, max(entry.start_ns for entry in entries))

@@ -40,12 +40,15 @@ class WatchUpdate:
     Attributes
     ----------
     level : LevelWatch
+    start_ns : int
+        Begin of the span.
     state : WatchState
     raised : MachineAlarm or None
         Alarm that was raised by the span.
     """
 
     level: LevelWatch
+    start_ns: int
     state: WatchState
     raised: MachineAlarm | None
 
@@ -177,7 +180,7 @@ class LiveWatch:
         for level in self._levels:
             for start_ns, row, state, raised in level.poll():
                 self._store.add(level.stored.source, start_ns, row, state, self.commissioning)
-                found.append(WatchUpdate(level, state, raised))
+                found.append(WatchUpdate(level, start_ns, state, raised))
         if not any(level.training for level in self._levels):
             for level in (one for one in self._levels if one.wants_training):
                 level.train(Path(self._folder.name))

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import os
+import shlex
 from typing import Annotated, Literal
+from urllib.parse import urlsplit
 
 from pydantic import AfterValidator, Field
 
@@ -30,6 +32,21 @@ def _named(name: str) -> str:
     if not (name.strip() and name.isprintable() and len(name) <= LONGEST_NAME):
         raise ValueError(f"{quoted(name)}, allowed: a name of 1 to {LONGEST_NAME} printable characters")
     return name
+
+
+def _command_line(command: str) -> str:
+    try:
+        shlex.split(command)
+    except ValueError as error:  # a quote that is not closed
+        raise ValueError(f"{quoted(command)}: {error}, allowed: a program and its arguments") from None
+    return command
+
+
+def _web_address(address: str) -> str:
+    parts = urlsplit(address)
+    if address and not (parts.scheme in ("http", "https") and parts.hostname and address.isprintable()):
+        raise ValueError(f"{quoted(address)}, allowed: an address such as http://127.0.0.1:8000/events")
+    return address
 
 
 _Name = Annotated[str, AfterValidator(_named)]
@@ -70,6 +87,35 @@ class WatchSettings(FrozenModel):
     )
 
 
+class EventSettings(FrozenModel):
+    """Whom the site tells of events: nobody who can reach the node over ROS may set it."""
+
+    command: Annotated[str, AfterValidator(_command_line)] = parameter(
+        "",
+        "program and arguments, run without a shell when an event begins or ends; it gets the event as JSON on stdin",
+        changes="start",
+    )
+    post: Annotated[str, AfterValidator(_web_address)] = parameter(
+        "", "http or https address that gets the event as JSON in a POST", changes="start"
+    )
+
+
+class SnapshotSettings(FrozenModel):
+    """Recordings of the moments of events."""
+
+    folder: str = parameter(
+        "", "folder of the recordings of events; empty: snapshots beside the history, none without one", written=True
+    )
+    quota: float = parameter(
+        2000.0, "what they may take on the disk, the newest are kept; 0: none are made (MB)", low=0.0, high=1e9
+    )
+    before: float = parameter(60.0, "recorded time before an event (s)", low=1.0, high=3600.0)
+    after: float = parameter(30.0, "recorded time after it (s)", low=0.0, high=3600.0)
+    memory: float = parameter(
+        80.0, "memory for what may have to be recorded; more comes in a shorter time (MB)", low=1.0, high=100000.0
+    )
+
+
 class AnalysisSettings(MachineSettings, WritingSettings):
     """Parameters of `analysis_node`."""
 
@@ -103,6 +149,8 @@ class AnalysisSettings(MachineSettings, WritingSettings):
     )
     watch: WatchSettings = WatchSettings()
     gsa: GsaSettings = GsaSettings()
+    events: EventSettings = EventSettings()
+    snapshot: SnapshotSettings = SnapshotSettings()
 
 
 class LiveViewSettings(NodeSettings):

@@ -14,6 +14,8 @@ from tbm_gsa.comparison import StreamCounters, WindowResult, dead_axes
 from tbm_gsa.comparison.results import OperatingKind
 from tbm_gsa.comparison.streams import Side
 from tbm_gsa.comparison.units import unit_doubt
+from tbm_gsa.history import Severity
+from tbm_gsa.history.event_list import ListedEvent
 from tbm_gsa.sensitivity.results import NOT_DETERMINED, STRONGEST, OutputResult, StudyResult
 from tbm_gsa.sensitivity.study.failures import WARNED
 from tbm_msgs_py.nodes import messages
@@ -25,6 +27,8 @@ _OPERATION: dict[OperatingKind, str] = {
     "transient": "not compared: the operating point changes",
     "standstill": "not compared: the machine stands still",
 }
+
+_EVENT_LEVELS: dict[Severity, messages.Level] = {"info": "ok", "warning": "warn", "error": "error"}
 
 
 def comparison_status(
@@ -57,10 +61,18 @@ def _judge(latest: WindowResult | None, alarm: bool, health: Condition) -> tuple
     if missing:
         return "stale", "; ".join([f"no signal of the {' and the '.join(missing)}", *health.doubts])
     notes = ["measured level over its threshold"] if alarm else []
-    notes += [*health.doubts, *_holes(latest)]
+    notes += [*health.doubts, *holes(latest)]
     if latest.operation == "steady":
-        notes += [*_dead(latest), *filter(None, [unit_doubt(latest.field_rms, latest.model_rms)])]
+        notes += [*dead_channels(latest), *filter(None, [unit_doubt(latest.field_rms, latest.model_rms)])]
     return ("warn" if notes else "ok", "; ".join(notes or [_OPERATION[latest.operation]]))
+
+
+def event_status(prefix: str, event: ListedEvent) -> DiagnosticStatus:
+    """One event; an ended one is no fault any more. `name` and `since` are those of `rock` and `machine`."""
+    values = {key: "" if value is None else value for key, value in event.model_dump(exclude={"text"}).items()}
+    values |= {"node": event.name, "name": event.kind, "since": event.begin}
+    level: messages.Level = "ok" if event.end else _EVENT_LEVELS[event.severity]
+    return messages.status(f"{prefix} {event.id or event.begin} {event.kind}", level, event.text, values, event.machine)
 
 
 def _figures(latest: WindowResult) -> dict[str, float]:
@@ -72,12 +84,13 @@ def _figures(latest: WindowResult) -> dict[str, float]:
     return values | {"model_coverage": latest.model_coverage, "field_coverage": latest.field_coverage}
 
 
-def _holes(latest: WindowResult) -> list[str]:
+def holes(latest: WindowResult) -> list[str]:
+    """Report the signals of which a window has less than its most part."""
     shares = {"model": latest.model_coverage, "field": latest.field_coverage}
     return [f"{source} covers {share:.0%} of the window" for source, share in shares.items() if share < _WHOLE]
 
 
-def _dead(latest: WindowResult) -> list[str]:
+def dead_channels(latest: WindowResult) -> list[str]:
     """Report the axes along which the sensor measures next to nothing."""
     axes = [axis for axis, dead in zip("xyz", dead_axes(latest), strict=True) if dead]
     return [f"field measures next to nothing along {', '.join(axes)}: a dead channel?"] if axes else []

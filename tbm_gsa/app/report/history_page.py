@@ -32,6 +32,7 @@ def history_page(found: HistorySummary, windows: Sequence[StoredEntry]) -> str:
         "subtitle": f"{len(windows)} entries from {begin} to {end}",
         "figures": figures,
         "summary": found.summary,
+        "by": found.by,
         "baselines": [one for one in found.baselines if one.machine in machines],
         "provenance": {
             "history": found.path,

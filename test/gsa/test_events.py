@@ -1,0 +1,167 @@
+"""Events and contexts in the history: kept once, ended, acknowledged, listed; a file of the version before goes on."""
+
+import json
+import sqlite3
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from tbm_gsa.history import (
+    Context,
+    Event,
+    EventSelection,
+    History,
+    HistoryEntry,
+    HistoryError,
+    Selection,
+    WindowSource,
+)
+
+SECOND = 1_000_000_000
+SOURCE = WindowSource("live", "/tbm/analysis_node", "", "dz101", "ab" * 32)
+NIGHT = Context(412, 1234.5, "III", "night")
+ALARM = Event(10 * SECOND, "sensor", "shield", "warning", "sensor", "gain at shield x", context=NIGHT)
+ROCK = Event(20 * SECOND, "rock", "", "info", "rock", "lateral 1.5", level="6.7 r/min")
+
+
+def entry(second, point="shield"):
+    return HistoryEntry(point, "x", second * SECOND, SECOND, 1.0, 1.0, 0.0, 1.0)
+
+
+@pytest.fixture
+def history(tmp_path):
+    with History(tmp_path / "h.sqlite") as opened:
+        yield opened
+
+
+def test_an_event_is_stored_once_and_ends(history):
+    first = history.store_event(SOURCE, ALARM)
+    second = history.store_event(SOURCE, ROCK)
+    seen = history.acknowledge([first.number], "Anna", "cable", 99 * SECOND)
+    ended = history.store_event(SOURCE, replace(ALARM, end_ns=15 * SECOND, snapshot="/a/b", verdict="machine"))
+    assert (ended.number, ended.acknowledged_by, ended.event.snapshot) == (first.number, "Anna", "/a/b")
+    assert seen[0].event == first.event == ALARM
+    assert history.events() == [ended, second]
+    assert history.events(newest=1) == [second]
+    for selection, numbers in (
+        (EventSelection(standing=True), [2]),
+        (EventSelection(open=True), [2]),
+        (EventSelection(kind="sensor", point="shield", machine="dz101"), [1]),
+        (EventSelection(since_ns=16 * SECOND), [2]),
+        (EventSelection(since_ns=15 * SECOND, until_ns=20 * SECOND), [1]),
+        (EventSelection(machine="south"), []),
+    ):
+        assert [one.number for one in history.events(selection)] == numbers
+
+
+def test_events_are_acknowledged_all_or_none(history):
+    for event in (ALARM, ROCK):
+        history.store_event(SOURCE, event)
+    for numbers, by, problem in (
+        ([1, 3], "Anna", r"no event 3, there: 1 to 2$"),
+        ([1], " ", r"name ' ', allowed: 1 to 1000 printable characters$"),
+        ([1], "a\nb", "printable"),
+    ):
+        with pytest.raises(HistoryError, match=problem):
+            history.acknowledge(numbers, by, "", 0)
+    assert len(history.events(EventSelection(open=True))) == 2
+    history.acknowledge([1], "Anna", "", 0)
+    with pytest.raises(HistoryError, match=r"event 1: acknowledged by Anna already, allowed: .* --replace$"):
+        history.acknowledge([2, 1], "Bert", "", 0)
+    assert [one.acknowledged_by for one in history.acknowledge([2, 1], "Bert", "", 0, replace=True)] == ["Bert"] * 2
+
+
+def test_a_window_carries_the_context_of_its_begin(history):
+    history.add(SOURCE, [entry(0), entry(1)])
+    history.add(SOURCE, [entry(2), entry(3)], NIGHT)
+    history.add(SOURCE, [entry(2, "girder"), entry(3, "girder")], NIGHT)
+    history.add(SOURCE, [entry(4), entry(5)], replace(NIGHT, ring=9, rock_class="IV"))
+    history.add(replace(SOURCE, kind="replay"), [entry(5)])
+    found = {(one.source.kind, one.entry.point, one.entry.start_ns // SECOND): one.context for one in history.windows()}
+    assert [found["live", "shield", second].ring for second in range(6)] == [None, None, 412, 412, 9, 9]
+    assert found["live", "girder", 3] == NIGHT
+    assert found["replay", "shield", 5] == Context()
+    shield = Selection(point="shield", source="live")
+    for by, expected in (
+        ("rock_class", [("", 2), ("III", 2), ("IV", 2)]),
+        ("ring", [("", 2), ("9", 2), ("412", 2)]),  # as numbers
+        ("shift", [("", 2), ("night", 4)]),
+    ):
+        groups = list(history.groups(("point", "axis"), shield, by))
+        assert [(group.key[-1], len(group.start_ns)) for group in groups] == expected
+    history.discard(SOURCE.name, 0, 3 * SECOND, 100)
+    assert [one.context.ring for one in history.all_windows(shield)] == [412, 9, 9]
+    kept = sqlite3.connect(history.path).execute("SELECT since_ns FROM contexts").fetchall()
+    assert kept == [(2 * SECOND,), (4 * SECOND,)]
+
+
+def test_a_file_of_the_version_before_gets_events(tmp_path):
+    old = tmp_path / "old.sqlite"
+    connection = sqlite3.connect(old)
+    connection.executescript(Path(__file__).with_name("history_5.sql").read_text())
+    connection.close()
+    with History(old) as opened, History(tmp_path / "new.sqlite") as new:
+        assert opened.windows()[0].context == Context()
+        opened.store_event(SOURCE, ALARM)
+        paths = (opened.path, new.path)
+        for table in ("contexts", "events"):
+            found = [sqlite3.connect(path).execute(f"PRAGMA table_info({table})").fetchall() for path in paths]
+            assert found[0] == found[1]
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        "events SET event = 'moon'",
+        "events SET end_ns = 'never'",
+        "events SET ring = 'one'",
+        "contexts SET chainage = 'far'",
+        "contexts SET shift = x'07'",
+    ],
+)
+def test_events_and_contexts_of_others_are_refused(history, change):
+    history.store_event(SOURCE, ALARM)
+    history.add(SOURCE, [entry(0)], NIGHT)
+    with sqlite3.connect(history.path) as connection:
+        connection.execute(f"UPDATE {change}")
+    with pytest.raises(HistoryError, match=r"(an event|a context) that is not one of tbm_monitor"):
+        _ = history.events(), history.windows()
+
+
+def test_the_command_lists_and_acknowledges(history, typed):
+    for event in (ALARM, ROCK):
+        history.store_event(SOURCE, event)
+    where = ("--history", str(history.path))
+    code, out, _ = typed("events", *where, "--json")
+    (alarm, rock) = json.loads(out)["events"]
+    assert (code, alarm["begin"], alarm["end"], alarm["ring"]) == (0, "1970-01-01T00:00:10.000Z", None, 412)
+    assert (rock["id"], rock["severity"], rock["verdict"], rock["level"]) == (2, "info", "rock", "6.7 r/min")
+    assert typed("events", "ack", "2", "--by", "Anna", "--comment", "sandstone", *where)[0] == 0
+    out = typed("events", *where)[1]
+    assert "2: lateral 1.5; seen by Anna: sandstone" in out
+    assert typed("events", "--open", *where)[1].count("shield") == 2
+    for line, problem in (
+        (("events", "ack", "7", "--by", "Anna", *where), "no event 7, there: 1 to 2"),
+        (("events", *where, "ack", "1", "--by", "Anna"), "allowed: options behind the command"),
+        (("events", "--kind", "moon", *where), "'machine', 'sensor', 'rock'"),
+    ):
+        code, _, error = typed(*line)
+        assert (code, problem in error, error.count("\n")) == (2, True, 1)
+
+
+def test_trends_are_told_apart_by_what_the_site_says(history, typed, tmp_path):
+    for second, rock in enumerate(("III", "III", "IV", None)):
+        history.add(SOURCE, [replace(entry(second), relative_error=0.1 * second)], Context(rock_class=rock))
+    where, page = ("--history", str(history.path)), tmp_path / "page.html"
+    code, out, _ = typed("history", *where, "--by", "rock_class", "--html", str(page), "--json")
+    found = json.loads(out)
+    assert (code, found["by"]) == (0, "rock_class")
+    trends = {one["group"]: (one["windows"], one["error_mean"]) for one in found["summary"]}
+    assert trends == {"": (1, pytest.approx(0.3)), "III": (2, pytest.approx(0.05)), "IV": (1, pytest.approx(0.2))}
+    assert [one["rock_class"] for one in found["windows"]] == ["III", "III", "IV", None]
+    assert '<td class="text">IV</td>' in page.read_text()
+    assert "rock_class" in typed("history", *where, "--by", "rock_class")[1]
+    assert [one["group"] for one in json.loads(typed("history", *where, "--json")[1])["summary"]] == [None]
+    code, _, error = typed("history", *where, "--by", "moon")
+    assert (code, "'ring', 'chainage', 'rock_class', 'shift'" in error) == (2, True)
