@@ -183,7 +183,7 @@ class System:
     def mean_force(self) -> np.ndarray:
         """Mean generalised force of rock, motors and thrust cylinders, shape (n,)."""
         torque, moment = self.driving(self.operating_point)
-        force = np.asarray(torque * self.motor_pattern)
+        force: np.ndarray = torque * self.motor_pattern
         force[self.load_dofs] += self.mean_load
         force[self.load_dofs[3]] -= moment
         if self.cylinders is not None:

@@ -103,9 +103,19 @@ def quiet(data):
     return calm
 
 
+def bare(data):
+    """A copy without what a file need not state: motors give torque alone, thrust and torque act on the head alone."""
+    less = copy.deepcopy(data)
+    less["driveshaft"].pop("motor", None)
+    for connection in all_connections(less):
+        connection.pop("force_controlled", None)
+        connection.pop("turning_inertia", None)
+    return less
+
+
 def small():
-    """Two drives, one ring, one carrier: 14 nodes, so that a general ODE solver manages the whole of it."""
-    data = quiet(plain())
+    """Bare machine of two drives, one ring, one carrier: 14 nodes, so that a general ODE solver manages all of it."""
+    data = bare(quiet(plain()))
     head, carrier = data["cutterhead_bearing_gear"], data["carrier_girder"]
     head["nodes"] = {1: [0.0, 0.0, 0.0], 8: [-2.5, 0.0, 0.0]}
     head["shafts"] = [
@@ -120,7 +130,6 @@ def small():
     data["driveshaft"].update(count=2, ring_shaft_nodes=[8])
     by_name = {connection["name"]: connection for connection in all_connections(data)}
     rock, bearing, bolt = by_name["k_r_ct"], by_name["k_b_io"], by_name["k_c_bc"]
-    del rock["turning_inertia"]
     head["connections"] = [rock]
     carrier["connections"] = [
         {**bolt, "between": [10, 12]},
