@@ -2,6 +2,7 @@
 
 import json
 import math
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -13,7 +14,7 @@ from tbm_gsa.app.cli.compare import print_tables
 from tbm_gsa.app.report.compare_page import compare_page
 from tbm_gsa.comparison import ComparisonResult
 from tbm_gsa.comparison.drive_moments import DriveBand, DriveMoments, drive_moments
-from tbm_gsa.comparison.drive_sides import field_drives
+from tbm_gsa.comparison.drive_sides import DriveReducer, field_drives
 from tbm_gsa.comparison.drives import compare_drives
 from tbm_gsa.comparison.levels import machine_history, recorded_history
 from tbm_gsa.comparison.live_drives import LiveDrives
@@ -145,13 +146,18 @@ def test_drives_that_are_lacking_are_named(change, skipped):
     [
         (TORQUE * NAN, 100.0, "drive_1: not in the recording; "),
         (TORQUE[:1], 100.0, "a sampling rate needs at least two samples"),
-        (TORQUE, 20_000.0, "a rate of 20000 Hz, allowed: up to that of the model, 10000 Hz"),
         (np.where(np.arange(10) == np.arange(10)[:, None], NAN, TORQUE[:10]), 100.0, "no time at which every drive"),
     ],
 )
 def test_drives_that_cannot_be_compared_are_one_line(torque, rate, problem):
     with pytest.raises(InputError, match=problem):
         held(torque, rate)
+
+
+def test_drives_faster_than_the_model_are_one_line(tmp_path):
+    write_bag(tmp_path / "bag", {}, more=lambda writer: write_drives(writer, TORQUE[:40], 20_000))
+    with pytest.raises(RecordingError, match="a rate of 20000 Hz, allowed: up to that of the model, 10000 Hz"):
+        compare_recording(tmp_path / "bag", model_duration=1.0)
 
 
 def test_a_record_of_nothing_is_a_doubt_of_the_comparison(tmp_path):
@@ -256,6 +262,27 @@ def test_live_drives_are_compared_window_by_window(rate):
 )
 def test_live_drives_without_a_model_say_so(given, problem):
     assert live_window(4.0, 50, **given).problem == problem
+
+
+@pytest.mark.parametrize("rate", [7.0, 100.0, 3000.0])
+def test_the_models_samples_do_not_depend_on_the_pieces(rate):
+    record = DriveRecord(0, np.arange(200) / rate, TORQUE[:200, :2], TORQUE[:200, :2])
+    field = field_drives(record, DZ101, machine_history(DZ101, 0, 10**11), None, Settings())
+    time, (numbers,) = np.arange(30_000) / 10_000, np.random.default_rng(3).normal(1.0, 0.1, (1, 30_000, 10))
+    angle = np.zeros((30_000, 10, 6))
+    angle[:, :, 3] = 0.01 * time[:, None]
+
+    def reduced(*cuts):
+        reducer = DriveReducer(DZ101, field, 3.0)
+        for part in np.split(np.arange(30_000), cuts):
+            chunk = SimpleNamespace(first_step=777 + part[0], mesh_force=numbers[part], displacement=angle[part])
+            reducer.feed(chunk)
+        return reducer.finish()
+
+    whole, pieces = reduced(), reduced(1, 5, 1234, 29_999)
+    assert whole.samples == pieces.samples == pytest.approx(3.0 * rate - max(rate, 2.0 / 0.4), abs=1.0)
+    np.testing.assert_allclose(pieces.torque, whole.torque, rtol=1e-12)
+    np.testing.assert_allclose(whole.speed, SPEED + 0.01, rtol=1e-6)
 
 
 def test_moments_are_those_of_numpy():
