@@ -185,6 +185,8 @@ def test_drives_alone_are_compared(tmp_path, capsys, dead):
     assert result.drives.field.sharing_factor == pytest.approx(1.03, rel=1e-3)
     assert result.drives.field.correlation == pytest.approx(1.0)
     assert ComparisonResult.model_validate_json(result.model_dump_json()) == result
+    with pytest.raises(ValueError, match="points: none, allowed: at least one, or drives"):
+        ComparisonResult.model_validate(dict(result) | {"drives": None})
     print_tables(result)
     assert "8 drives run, sharing factor 1.030, lowest share 0.980" in capsys.readouterr().out
     if not dead:
