@@ -214,15 +214,15 @@ def test_a_silent_sensor_is_an_event_from_begin_to_end(host_node, peer, tmp_path
     node = host_node(AnalysisNode, **given)
     node.asked_only = True
     assert "read" in peer.set_parameters("/tbm/analysis_node", events__command="rm")[0]
-    offsets = np.arange(50) / 1000.0
+    offsets = np.arange(250) / 1000.0
     makers = [peer.publisher(PointCloud2, f"/tbm/{side}/girder/block", qos.BLOCK) for side in ("model", "field")]
 
     def go(seconds, count):
-        for _ in range(round(seconds / 0.05)):
+        for _ in range(round(seconds / 0.25)):
             values = np.sin(2 * np.pi * 50.0 * (clock.now_ns * 1e-9 + offsets))[:, None] * [1.0, 1.0, 1.0]
             for maker in makers[:count]:
                 maker.publish(messages.block(ACCELERATION, clock.now_ns, offsets, values))
-            clock.tick(0.05)
+            clock.tick(0.25)
 
     def newest():
         return {pair.key: pair.value for pair in events[-1].status[-1].values} if events and events[-1].status else {}
@@ -234,7 +234,7 @@ def test_a_silent_sensor_is_an_event_from_begin_to_end(host_node, peer, tmp_path
         peer.settle()
 
     say(ring=412, chainage="1234.5", rock_class="III", shift="")
-    go(3.2, 2)
+    go(3.25, 2)
     say(ring="many")
     node.report()
     assert newest() == {}
@@ -242,7 +242,7 @@ def test_a_silent_sensor_is_an_event_from_begin_to_end(host_node, peer, tmp_path
     assert node.says(line) and line in peer.text("tbm: analysis_node")
     say(ring=413, rock_class="IV")
     node.node._comparison.health._received["girder", "field"] -= 3.0  # wall time in which nothing came
-    go(0.2, 1)
+    go(0.25, 1)
     node.report()
     assert (newest()["kind"], newest()["point"], newest()["end"], newest()["source"]) == (
         "silent",
@@ -251,7 +251,7 @@ def test_a_silent_sensor_is_an_event_from_begin_to_end(host_node, peer, tmp_path
         "replay",
     )
     for _ in range(2):
-        go(0.7, 2)
+        go(0.75, 2)
         node.report()
     assert newest()["end"] > newest()["begin"]
     with History(tmp_path / "h.sqlite") as history:
