@@ -48,7 +48,7 @@ def file(tmp_path):
                 for point in ("shield", "<i>$x_{")
                 for axis in "xyz"
             ]
-            history.add(source, rows, Context(shift="<b>night"))
+            history.add(source, rows, lambda _: Context(shift="<b>night"))
     return path
 
 

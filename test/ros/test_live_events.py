@@ -1,7 +1,6 @@
 """Events of the analysis node: faults of signals from begin to end, on the topic, in the history, told to the site."""
 
 import json
-import sqlite3
 import sys
 from http.server import BaseHTTPRequestHandler, HTTPServer
 from threading import Thread
@@ -12,14 +11,11 @@ import pytest
 rclpy = pytest.importorskip("rclpy")
 
 from diagnostic_msgs.msg import DiagnosticArray  # noqa: E402
-from hypothesis import given, settings  # noqa: E402
-from hypothesis import strategies as st  # noqa: E402
 from peer import SimulatedClock  # noqa: E402
 from sensor_msgs.msg import PointCloud2  # noqa: E402
 
 from tbm_gsa.app.nodes import event_keeper, site_hook  # noqa: E402
 from tbm_gsa.app.nodes.analysis_node import AnalysisNode  # noqa: E402
-from tbm_gsa.app.nodes.context_log import ContextLog, read_context  # noqa: E402
 from tbm_gsa.app.nodes.event_keeper import EventKeeper, Finding  # noqa: E402
 from tbm_gsa.app.nodes.history_writer import HistoryWriter  # noqa: E402
 from tbm_gsa.app.nodes.settings import AnalysisSettings  # noqa: E402
@@ -99,35 +95,6 @@ def test_events_of_a_locked_or_no_history_are_kept(tmp_path):
         other.acknowledge([1], "Anna", "cable", 0)
         kept.look(SILENT)
     assert (kept.listed[0].id, kept.listed[0].acknowledged_by) == (1, "Anna")
-
-
-@given(
-    st.lists(
-        st.tuples(st.sampled_from(["ring", "chainage", "rock_class", "shift", "x"]), st.text(max_size=9)), max_size=5
-    )
-)
-@settings(max_examples=60, deadline=None)
-def test_any_texts_are_a_context_or_one_line(pairs):
-    try:
-        found = read_context(pairs)
-    except InputError as error:
-        assert "allowed: " in str(error) and str(error).isprintable()
-        return
-    with sqlite3.connect(":memory:") as connection:  # what the history can hold
-        row = connection.execute("SELECT ?, ?, ?, ?", (found.ring, found.chainage, found.rock_class, found.shift))
-        assert row.fetchone() == (found.ring, found.chainage, found.rock_class, found.shift)
-
-
-def test_a_context_holds_from_its_stamp_on():
-    log = ContextLog()
-    one, two, three = (Context(ring=ring) for ring in (1, 2, 3))
-    assert log.add(10 * SECOND, one, 20 * SECOND) == log.add(12 * SECOND, two, 20 * SECOND) == ""
-    assert [log.at(second * SECOND) for second in (9, 10, 12, 99)] == [Context(), one, two, two]
-    assert log.add(0, three, 20 * SECOND) == "the stamp is 0: it holds from now on"
-    assert log.add(90 * SECOND, three, 20 * SECOND) == "the stamp is 70.000 s ahead: it holds from now on"
-    assert [log.at(second * SECOND) for second in (19, 20)] == [two, three]
-    assert log.add(11 * SECOND, three, 11 * SECOND) == ""  # a recording begins anew
-    assert [log.at(second * SECOND) for second in (10, 12)] == [one, three]
 
 
 class Told(BaseHTTPRequestHandler):
