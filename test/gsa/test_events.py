@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from rosbags.typesys import Stores, get_typestore
 
 from tbm_gsa.history import (
     Context,
@@ -20,6 +21,8 @@ from tbm_gsa.history import (
     WindowSource,
 )
 from tbm_gsa.history.context import ContextLog, read_context
+from tbm_gsa.history.recorded_context import recorded_contexts
+from tbm_msgs_py import BagWriter
 from tbm_msgs_py.base.errors import InputError
 
 SECOND = 1_000_000_000
@@ -201,3 +204,36 @@ def test_a_context_holds_from_its_stamp_on():
     assert [log.at(second * SECOND) for second in (19, 20)] == [two, three]
     assert log.add(11 * SECOND, three, 11 * SECOND) == ""  # a recording begins anew
     assert [log.at(second * SECOND) for second in (10, 12)] == [one, three]
+
+
+def test_the_context_of_a_recording_is_found(tmp_path):
+    """Messages that rosbags serialises, among them one that is no context and one without a stamp."""
+    store = get_typestore(Stores.ROS2_JAZZY)
+    types = store.types
+
+    def diagnostics(second, **values):
+        stamp = types["builtin_interfaces/msg/Time"](second, 0)
+        pairs = [types["diagnostic_msgs/msg/KeyValue"](key, value) for key, value in values.items()]
+        status = types["diagnostic_msgs/msg/DiagnosticStatus"](0, "site", "", "", pairs)
+        header = types["std_msgs/msg/Header"](stamp, "")
+        made = types["diagnostic_msgs/msg/DiagnosticArray"](header, [status])
+        return bytes(store.serialize_cdr(made, "diagnostic_msgs/msg/DiagnosticArray"))
+
+    with BagWriter(tmp_path / "bag") as writer:
+        for log, content in (
+            (100, diagnostics(90, ring="7", shift="day")),
+            (110, diagnostics(110, ring="seven")),
+            (120, diagnostics(0, ring="8")),
+        ):
+            writer.write("/tbm/context", "diagnostic_msgs/msg/DiagnosticArray", log * SECOND, content)
+    log, problem = recorded_contexts(tmp_path / "bag")
+    assert [log.at(second * SECOND) for second in (89, 90, 119, 120)] == [
+        Context(),
+        *[Context(ring=7, shift="day")] * 2,
+        Context(ring=8),
+    ]
+    assert problem == "context: ring 'seven', allowed: a whole number, and 1 more"
+    with BagWriter(tmp_path / "none") as writer:
+        writer.write("/tbm/a", "diagnostic_msgs/msg/DiagnosticArray", SECOND, content)
+    log, problem = recorded_contexts(tmp_path / "none")
+    assert (log.at(9 * SECOND), problem) == (Context(), "")
