@@ -140,6 +140,17 @@ def small():
     return data
 
 
+def rock(data):
+    """The connections to the ground by their node."""
+    return {c["between"][0]: c for c in all_connections(data) if c["between"][1] == "ground"}
+
+
+def brake(data):
+    """Damper about x of the rock at the head, which a turning inertia is stated for, N·m·s/rad."""
+    head = rock(data)[1]
+    return 2.0 * data["connection_damping"]["rock"] * np.sqrt(head["stiffness"][3] * head["turning_inertia"])
+
+
 def static_mesh_force(machine):
     """T/(n r_b) from the file's numbers, N."""
     drive = machine.description.driveshaft

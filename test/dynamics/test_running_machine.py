@@ -10,7 +10,7 @@ import copy
 import numpy as np
 import pytest
 import scipy.signal
-from machine_files import all_connections, bare, built, plain, small, static_mesh_force
+from machine_files import all_connections, brake, built, plain, rock, small, static_mesh_force
 
 from tbm_dynamics import MachineError, Simulator
 from tbm_dynamics.structure.assembly import node_positions
@@ -38,17 +38,6 @@ def still(system):
     """Static displacement of a node in a direction."""
     q = system.equilibrium().displacement
     return lambda node, direction: q[system.dof(node, direction)]
-
-
-def rock(data):
-    """The connections to the ground by their node."""
-    return {c["between"][0]: c for c in all_connections(data) if c["between"][1] == "ground"}
-
-
-def brake(data):
-    """Damper of the rock about x at the head by hand, N·m·s/rad."""
-    head = rock(data)[1]
-    return 2.0 * data["connection_damping"]["rock"] * np.sqrt(head["stiffness"][3] * head["turning_inertia"])
 
 
 def gearbox_ratio(data):
@@ -163,7 +152,7 @@ def test_motors_turn_the_head_against_the_brake_of_the_rock(system, data, still)
 
 def test_a_slower_head_is_braked_less_in_a_run():
     # Without error and variation the teeth carry what the motors give once everything has come to rest again.
-    data = bare(small())
+    data = small()
     data["driveshaft"]["mesh"].update(variation=0.0, error_factor=0.0)
     data["driveshaft"]["gearbox"]["stages"] = []
     data["driveshaft"]["rotor"]["inertia"] = [2000.0, 60.0, 60.0]
