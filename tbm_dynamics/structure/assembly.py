@@ -20,7 +20,7 @@ from tbm_dynamics.structure.drive import (
     motor_row,
     turn,
 )
-from tbm_dynamics.structure.system import Cylinders, Drives, System
+from tbm_dynamics.structure.system import Drives, System
 from tbm_msgs_py.base.errors import MachineError
 from tbm_msgs_py.base.operating_point import OperatingPoint
 
@@ -72,7 +72,9 @@ def _assembled(description: MachineDescription, load_scale: np.ndarray, point: O
     couplings = build_couplings(description, unit, rows, ring_inertia)
     assembler.K += rows.T @ (couplings.stiffness[:, None] * rows)
     assembler.C += rows.T @ (couplings.damping[:, None] * rows)
-    _refuse_floating(assembler)
+    cylinders, oil = _cylinders(assembler)
+    controlled = _controlled(assembler, cylinders, oil)
+    _refuse_floating(assembler, assembler.K if controlled is None else assembler.K - controlled)
     return System(
         M=assembler.M,
         C=assembler.C,
@@ -84,7 +86,8 @@ def _assembled(description: MachineDescription, load_scale: np.ndarray, point: O
         motor_pattern=_motor_pattern(assembler),
         mean_load=description.loads.mean * load_scale,
         operating_point=point,
-        cylinders=_cylinders(assembler),
+        cylinders=cylinders,
+        controlled=controlled,
         rock_damping=sum(assembler.turning_damping(one) for one in description.all_connections()),
     )
 
@@ -119,39 +122,58 @@ def _add_drives(assembler: Assembler, unit: DriveUnit) -> tuple[Drives, np.ndarr
     return Drives(angles, own, turns, odd, rotors=own[turned, -3]), rows.reshape(2 * drive.count, -1)
 
 
-def _cylinders(assembler: Assembler) -> Cylinders | None:
+def _cylinders(assembler: Assembler) -> tuple[np.ndarray | None, float]:
+    """Extension (n,) of the cylinders that hold the thrust per unit motion, and the stiffness of their oil (N/m)."""
     for connection in assembler.description.all_connections():
         if connection.force_controlled:
             first, second = connection.between
             row = np.zeros(len(assembler.M))
             row[assembler.index[first]], row[assembler.index[int(second)]] = 1.0, -1.0
-            return Cylinders(row, float(connection.stiffness_rows[0, 0]))
-    return None
+            return row, float(connection.stiffness_rows[0, 0])
+    return None, 0.0
+
+
+def _controlled(assembler: Assembler, cylinders: np.ndarray | None, oil: float) -> np.ndarray | None:
+    """Stiffness (n, n) of cylinders and motors that hold a mean force."""
+    drive, found = assembler.description.driveshaft, np.zeros_like(assembler.K)
+    if cylinders is not None:
+        found += oil * np.outer(cylinders, cylinders)
+    if drive.motor.stiffness:
+        for one, row in zip(assembler.description.each_drive, _motor_rows(assembler), strict=True):
+            found += (0.0 if one.off else drive.motor.stiffness) * np.outer(row, row)
+    return found if found.any() else None
+
+
+def _motor_rows(assembler: Assembler) -> list[np.ndarray]:
+    """Angle between rotor and stator of each drive per unit motion, (n,)."""
+    drive = assembler.description.driveshaft
+    return [
+        motor_row(assembler, drive_nodes(drive, i)[-1], mount, drive.gearbox.ratio)
+        for i, mount in enumerate(assembler.description.mount_nodes)
+    ]
 
 
 def _motor_pattern(assembler: Assembler) -> np.ndarray:
     """Generalised force (n,) of the motors, which share the torque by their weights."""
     drive, each = assembler.description.driveshaft, assembler.description.each_drive
     unit = gear_pair(drive).turning * drive.gear.pinion_teeth / drive.gear.ring_teeth / sum(one.weight for one in each)
-    pattern = np.zeros(len(assembler.M))
-    for i, (one, mount) in enumerate(zip(each, assembler.description.mount_nodes, strict=True)):
-        pattern += unit * one.weight * motor_row(assembler, drive_nodes(drive, i)[-1], mount, drive.gearbox.ratio)
-    return pattern
+    weights = np.array([one.weight for one in each])
+    return np.asarray(unit * weights @ np.array(_motor_rows(assembler)))
 
 
 def _equal(one: DriveUnit, other: DriveUnit) -> bool:
     return all(np.array_equal(getattr(one, key), getattr(other, key)) for key in "MCK")
 
 
-def _refuse_floating(assembler: Assembler) -> None:
-    """Raise if some nodes can move without straining anything, or have no mass."""
+def _refuse_floating(assembler: Assembler, stiffness: np.ndarray) -> None:
+    """Raise if some nodes can move without straining anything, or have no mass; `stiffness` holds mean loads."""
     nodes = list(assembler.positions)
     for node in nodes:
         if np.any(assembler.M.diagonal()[assembler.dofs(node)] <= 0.0):
             raise MachineError(f"node {node} has no mass; give it a shaft or a body")
     # Scaled so that translations and rotations of light and heavy parts compare.
     scale = 1.0 / np.sqrt(assembler.M.diagonal())
-    scaled = assembler.K * np.outer(scale, scale)
+    scaled = stiffness * np.outer(scale, scale)
     if _sound(scaled):
         return
     values, vectors = scipy.linalg.eigh(scaled)

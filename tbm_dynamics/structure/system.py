@@ -57,22 +57,6 @@ class Drives:
 
 
 @dataclass(frozen=True)
-class Cylinders:
-    """Thrust cylinders that hold a force: what moves slowly does not feel their stiffness.
-
-    Attributes
-    ----------
-    row : (n,) ndarray
-        Their extension (m) per unit motion.
-    stiffness : float
-        Of their oil against what moves fast (N/m).
-    """
-
-    row: np.ndarray
-    stiffness: float
-
-
-@dataclass(frozen=True)
 class Equilibrium:
     """Static state under the mean load: displacement (n,) m and rad, forces of the couplings (2p,) N and N·m."""
 
@@ -101,8 +85,11 @@ class System:
     mean_load : (6,) ndarray
         Mean of the cutterhead loads (N, N·m).
     operating_point : OperatingPoint
-    cylinders : Cylinders or None
-        By which the mean thrust enters, the rock's spring holding against it; without them it is a load on the head.
+    cylinders : (n,) ndarray or None
+        Extension (m) per unit motion of the cylinders by which the mean thrust enters, the rock's spring holding
+        against it; without them it is a load on the head.
+    controlled : (n, n) ndarray or None
+        Stiffness of what holds a mean force wherever it is, cylinders and motors, against what moves fast.
     rock_damping : float
         Moment of the rock's damper about x per speed of the head (N·m·s/rad), on top of the mean torque.
     assembled : System or None
@@ -119,7 +106,8 @@ class System:
     motor_pattern: np.ndarray
     mean_load: np.ndarray
     operating_point: OperatingPoint
-    cylinders: Cylinders | None = None
+    cylinders: np.ndarray | None = None
+    controlled: np.ndarray | None = None
     rock_damping: float = 0.0
     assembled: System | None = None
 
@@ -169,10 +157,9 @@ class System:
 
     @cached_property
     def _static_factor(self) -> tuple[np.ndarray, bool]:
-        if self.cylinders is None:
+        if self.controlled is None:
             return self._factor
-        row = self.cylinders.row
-        factor, lower = scipy.linalg.cho_factor(self.K - self.cylinders.stiffness * np.outer(row, row), lower=True)
+        factor, lower = scipy.linalg.cho_factor(self.K - self.controlled, lower=True)
         return np.asarray(factor), bool(lower)
 
     def driving(self, point: OperatingPoint) -> np.ndarray:
@@ -188,7 +175,7 @@ class System:
         force[self.load_dofs[3]] -= moment
         if self.cylinders is not None:
             force[self.load_dofs[0]] -= self.mean_load[0]
-            force -= self.mean_load[0] * self.cylinders.row
+            force -= self.mean_load[0] * self.cylinders
         return force
 
     def equilibrium(self, stiffness: np.ndarray | None = None, error: np.ndarray | None = None) -> Equilibrium:

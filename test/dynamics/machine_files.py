@@ -113,6 +113,13 @@ def bare(data):
     return less
 
 
+def settling():
+    """The shipped file, but that the wind-up of girder and gripper settles as fast as any slip of the motors can do."""
+    data = plain()
+    data["driveshaft"]["motor"]["damping"] = 9e4
+    return data
+
+
 def small():
     """Bare machine of two drives, one ring, one carrier: 14 nodes, so that a general ODE solver manages all of it."""
     data = bare(quiet(plain()))
@@ -138,6 +145,17 @@ def small():
     data["connections"] = [{**bearing, "between": [8, 10]}]
     data["test_points"] = {"cutterhead": 1}
     return data
+
+
+def rock(data):
+    """The connections to the ground by their node."""
+    return {c["between"][0]: c for c in all_connections(data) if c["between"][1] == "ground"}
+
+
+def brake(data):
+    """Damper about x of the rock at the head, which a turning inertia is stated for, N·m·s/rad."""
+    head = rock(data)[1]
+    return 2.0 * data["connection_damping"]["rock"] * np.sqrt(head["stiffness"][3] * head["turning_inertia"])
 
 
 def static_mesh_force(machine):

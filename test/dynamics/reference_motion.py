@@ -48,11 +48,11 @@ def reference_motion(system, start, loads, times, speed, torque=None, tolerance=
     moment = system.rock_damping * system.operating_point.speed
     constant = ((system.operating_point.torque if torque is None else torque) + moment) * system.motor_pattern
     constant[system.load_dofs[3]] -= moment
-    if system.cylinders:
-        # A constant force, and a spring about the extension that it has there.
-        row, thrust = system.cylinders.row, -system.mean_load[0]
-        constant[system.load_dofs[0]] += thrust
-        constant += (thrust + system.cylinders.stiffness * (row @ system.equilibrium().displacement)) * row
+    if system.cylinders is not None:
+        constant[system.load_dofs[0]] -= system.mean_load[0]
+        constant -= system.mean_load[0] * system.cylinders
+    if system.controlled is not None:  # springs about where they are in the equilibrium
+        constant += system.controlled @ system.equilibrium().displacement
     teeth = couplings.ring_teeth / (2.0 * np.pi)
 
     @lru_cache(maxsize=8)  # the solver comes back to the stages of a step

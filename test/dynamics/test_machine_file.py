@@ -100,7 +100,7 @@ WRONG = {
     "unknown reading": ("damping: stiffness_proportional", "damping: modal", "damping.reading", "'ratio'"),
     "ratio of no frequency": ("damping: stiffness_proportional", "damping: ratio", "damping", "frequency (Hz)"),
     "massless": ("rotor: {mass: 1100,", "rotor: {mass: 0,", "driveshaft.rotor.mass", "greater than 0"),
-    "grade": ("accuracy_grade: 6", "accuracy_grade: 13", "gear.accuracy_grade", "less than or equal to 12"),
+    "grade": ("accuracy_grade: 5", "accuracy_grade: 13", "gear.accuracy_grade", "less than or equal to 12"),
     "title that rings": ("title: ", 'title: "\\a" # ', "title", "printable"),
     "rock of no strength": ("ucs_mpa: 108", "ucs_mpa: 0", "cutters.rock.ucs_mpa", "greater than 0"),
     "strength not a number": ("bts_mpa: 7.2", "bts_mpa: .nan", "cutters.rock.bts_mpa", "finite"),
@@ -182,10 +182,10 @@ def test_a_wrong_file_is_refused_with_place_and_remedy(tmp_path, name):
     [
         ("pressure_angle_deg: 25", "pressure_angle_deg: 10.5", "driveshaft.gear: pinion of 16 teeth is undercut"),
         ("ring_teeth: 152", "ring_teeth: 17", "driveshaft.gear: "),
-        ("planet_teeth: 25", "planet_teeth: 24", "driveshaft.gearbox.stages.0: "),
-        ("planets: 3", "planets: 4", "driveshaft.gearbox.stages.0: "),
+        ("planet_teeth: 32", "planet_teeth: 31", "driveshaft.gearbox.stages.0: "),
+        ("planets: 3", "planets: 5", "driveshaft.gearbox.stages.0: "),
         ("planets: 3", "planets: 9", "driveshaft.gearbox.stages.0: "),
-        ("sun_teeth: 20", "sun_teeth: 10", "driveshaft.gearbox.stages.0: "),
+        ("sun_teeth: 22", "sun_teeth: 10", "driveshaft.gearbox.stages.0: "),
         ("mesh: -2.5, rear", "mesh: -2.15, rear", "two of its nodes are at the same place"),
     ],
 )
