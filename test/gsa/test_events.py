@@ -62,6 +62,8 @@ def test_an_event_is_stored_once_and_ends(history):
         (EventSelection(since_ns=16 * SECOND), [2]),
         (EventSelection(since_ns=15 * SECOND, until_ns=20 * SECOND), [1]),
         (EventSelection(machine="south"), []),
+        (EventSelection(source="live", node=SOURCE.name, machine="abababab"), [1, 2]),
+        (EventSelection(source="replay"), []),
     ):
         assert [one.number for one in history.events(selection)] == numbers
 

@@ -46,7 +46,7 @@ class Kept:
     def look(self, *found, seconds=1, kind="live"):
         for _ in range(seconds):
             self.keeper.update(found, lambda key: key[1] == "girder", self.now, kind)
-            self.listed = self.keeper.poll(self.now)
+            self.listed = self.keeper.poll()
             self.now += SECOND
         return [(one.begin[17:19], one.end and one.end[17:19], one.kind) for one in self.listed]
 
