@@ -78,8 +78,6 @@ def field_drives(
     if not known.any():
         raise InputError("no time at which every drive has a number, allowed: at least two")
     rate = sampling_rate(record.time[known])
-    if rate > MODEL_RATE_HZ:
-        raise InputError(f"a rate of {rate:g} Hz, allowed: up to that of the model, {MODEL_RATE_HZ:g} Hz")
     band = DriveBand.of(rate, low_pass_hz, settings)
     time, uniform = _uniform(record.time[known], values[np.ix_(known, kept)], band)
     filled = np.full((len(time), len(kept)), np.nan)
@@ -152,22 +150,31 @@ class DriveReducer:
         What of it is wanted.
     duration : float
         Of the run, s.
+    rate_hz : float
+        Of its steps.
 
     Attributes
     ----------
     nodes : tuple of int
         Nodes whose motion is wanted: the rotors, where speeds are.
+
+    Raises
+    ------
+    InputError
+        A recording of more samples than the run has.
     """
 
-    def __init__(self, machine: Machine, field: FieldDrives, duration: float) -> None:
+    def __init__(self, machine: Machine, field: FieldDrives, duration: float, rate_hz: float = MODEL_RATE_HZ) -> None:
         self._machine, self._band, self._columns = machine, field.band, np.array(field.numbers) - 1
         self.nodes = rotor_nodes(machine) if field.speeds else ()
         self._mean_speed = mean_pinion_speed(machine, machine.operating_point.speed)
-        self._stride = MODEL_RATE_HZ / field.band.rate_hz
-        self._filter = CausalFilter(recorder_filter(field.band, MODEL_RATE_HZ))
+        if field.band.rate_hz > rate_hz:
+            raise InputError(f"a rate of {field.band.rate_hz:.6g} Hz, allowed: up to that of the model, {rate_hz:g} Hz")
+        self._rate, self._stride = rate_hz, rate_hz / field.band.rate_hz
+        self._filter = CausalFilter(recorder_filter(field.band, rate_hz))
         self._begin = min(max(SETTLED_S, SETTLED_PERIODS / field.band.high_hz), 0.5 * duration)
         self._angle: Array | None = None
-        self._sampled = 0
+        self._steps = self._sampled = 0  # done, and samples taken of them
         self._rows: list[Array] = []
 
     def feed(self, chunk: Chunk) -> None:
@@ -175,11 +182,10 @@ class DriveReducer:
         torque = pinion_torque(self._machine, chunk.mesh_force)
         values = np.hstack([torque[:, self._columns], self._speed(chunk)[:, self._columns]])
         values = self._filter.process(values)
-        last = chunk.first_step + len(values)
-        count = int(np.ceil(last / self._stride - 1e-9)) - self._sampled
+        count = int(np.ceil((self._steps + len(values)) / self._stride - 1e-9)) - self._sampled
         steps = np.floor((self._sampled + np.arange(count)) * self._stride + 1e-9).astype(np.int64)
-        self._rows.append(values[steps - chunk.first_step])
-        self._sampled += count
+        self._rows.append(values[steps - self._steps])
+        self._steps, self._sampled = self._steps + len(values), self._sampled + count
 
     def _speed(self, chunk: Chunk) -> Array:
         """Speed of each drive (n, p): the mean, and the rate of its rotor's angle where it is wanted."""
@@ -189,7 +195,7 @@ class DriveReducer:
         angle = chunk.displacement[:, -len(self.nodes) :, 3]
         before = angle[:1] if self._angle is None else self._angle
         self._angle = angle[-1:].copy()
-        return np.asarray(speed + np.diff(angle, axis=0, prepend=before) * MODEL_RATE_HZ)
+        return np.asarray(speed + np.diff(angle, axis=0, prepend=before) * self._rate)
 
     def finish(self) -> DriveMoments:
         """Moments behind the begin of the run; an `InputError` where it has no sample there."""

@@ -312,11 +312,11 @@ class ComparisonResult(Part):
 
     @model_validator(mode="after")
     def _complete(self) -> ComparisonResult:
-        if not self.points and self.drives is None:
-            raise ValueError("points: none, allowed: at least one, or drives")
         for key, found in (("bands", self.bands), ("spectra", self.spectra), ("nodes", self.nodes)):
             if self.points.keys() != found.keys():
                 raise ValueError(f"{key}: other test points than in points")
+        if not self.points and self.drives is None:
+            raise ValueError("points: none, allowed: at least one, or drives")
         return self
 
     @model_serializer(mode="wrap")

@@ -15,7 +15,7 @@ from typing import Final
 
 import numpy as np
 
-from tbm_dynamics import Machine
+from tbm_dynamics import Machine, MachineError
 from tbm_gsa.explanation.band_reading import BandReading
 from tbm_gsa.explanation.cause_curves import WORKERS, CauseCurves, CurveTable, cause_curves
 from tbm_gsa.explanation.load_scatter import LoadScatter
@@ -48,11 +48,13 @@ def at_operating_point(machine: Machine, speed_r_min: float, torque_kn_m: float,
 
     The loads' level is free all the same.
     """
-    return machine.with_inputs(
-        x1=rounded(speed_r_min, _SPEED_DIGITS),
-        x2=rounded(torque_kn_m, _LOAD_DIGITS),
-        x3=rounded(thrust_kn, _LOAD_DIGITS),
-    )
+    with suppress(MachineError):
+        return machine.with_inputs(
+            x1=rounded(speed_r_min, _SPEED_DIGITS),
+            x2=rounded(torque_kn_m, _LOAD_DIGITS),
+            x3=rounded(thrust_kn, _LOAD_DIGITS),
+        )
+    return machine.with_inputs(x1=speed_r_min, x2=torque_kn_m, x3=thrust_kn)  # rounded it is beyond the limits
 
 
 def rounded(value: float, digits: int) -> float:

@@ -5,7 +5,6 @@ from __future__ import annotations
 import csv
 import math
 from collections.abc import Callable, Iterable, Iterator
-from dataclasses import astuple
 from itertools import islice
 from pathlib import Path
 from typing import Any, Final, Literal
@@ -65,7 +64,9 @@ def _row(window: StoredEntry) -> tuple[Any, ...]:
     known = (None if math.isnan(value) else value for value in (*numbers, entry.field_kurtosis))
     times = (entry.start_ns, entry.start_ns, entry.length_ns * 1e-9)
     origin = (source.kind, source.name, source.machine, source.machine_sha256)
-    return (*times, entry.point, entry.axis, *known, *origin, *astuple(window.context))
+    said = window.context
+    context = (said.ring, said.chainage, said.rock_class, said.shift)
+    return (*times, entry.point, entry.axis, *known, *origin, *context)
 
 
 def _write_csv(path: Path, rows: Iterator[tuple[Any, ...]]) -> int:

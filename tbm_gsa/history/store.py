@@ -97,8 +97,19 @@ class History(Queries):
         write_ahead(self._connection, wait_s)
         ask("PRAGMA synchronous = NORMAL")
 
-    def add(self, source: WindowSource, entries: Iterable[HistoryEntry], context: Context = UNKNOWN) -> int:
-        """Commit windows of a source and context at once, replacing those of the same time; the number of entries."""
+    def add(
+        self,
+        source: WindowSource,
+        entries: Iterable[HistoryEntry],
+        context_at: Callable[[int], Context] = lambda _: UNKNOWN,
+    ) -> int:
+        """Commit windows of a source at once, with the context of their begins, replacing those of the same time.
+
+        Returns
+        -------
+        int
+            Number of entries.
+        """
         with self._transaction() as ask:
             number = _number_of(ask, source)
             insert = f"INSERT OR REPLACE INTO windows (source, {ENTRY_COLUMNS}) VALUES ({_ROW})"  # noqa: S608
@@ -108,7 +119,7 @@ class History(Queries):
                 count += 1
                 if entry.start_ns != noted:
                     noted = entry.start_ns
-                    _note_context(ask, number, noted, context)
+                    _note_context(ask, number, noted, context_at(noted))
         return count
 
     def store_event(self, source: WindowSource, event: Event) -> StoredEvent:

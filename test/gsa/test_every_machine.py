@@ -102,9 +102,17 @@ def test_only_the_papers_machine_is_held_against_the_paper(typed, machine, tmp_p
         assert not (tmp_path / "new").exists()
 
 
+def test_a_demo_of_another_machine_is_refused_at_once(typed, recording, machine):
+    other = str(RIG) if machine.name != "rig" else "open380"
+    code, out, err = typed("demo", "--bag", recording, "--machine", other)
+    assert (code, out, len(err.splitlines())) == (2, "", 1)
+    assert "test points" in err
+
+
 @pytest.mark.verify
 def test_a_machine_is_studied(command, machine):
-    code, out, err = command("gsa", "run", "--machine", machine.origin, *TINY, "--out", "study", "--json")
+    given = ("--machine", machine.origin, *TINY, "--method", "prs", "--out", "study", "--json")
+    code, out, err = command("gsa", "run", *given)
     assert code == 0, err
     found = json.loads(out)["outputs"]
     assert list(found) == list(INDICATORS)

@@ -17,7 +17,7 @@ from tbm_gsa.app.cli import history as history_command
 from tbm_gsa.app.cli.main import main
 from tbm_gsa.app.report.history_figures import by_trend, trends
 from tbm_gsa.app.report.history_page import history_page
-from tbm_gsa.history import Baseline, History, HistoryEntry, StoredEntry, WindowSource
+from tbm_gsa.history import Baseline, Context, History, HistoryEntry, StoredEntry, WindowSource
 from tbm_gsa.history.baseline import ErrorStatistics
 from tbm_gsa.history.summary import BaselineSummary, HistorySummary
 from tbm_msgs_py import OperatingPoint
@@ -48,7 +48,7 @@ def file(tmp_path):
                 for point in ("shield", "<i>$x_{")
                 for axis in "xyz"
             ]
-            history.add(source, rows)
+            history.add(source, rows, lambda _: Context(shift="<b>night"))
     return path
 
 
@@ -207,7 +207,7 @@ def test_a_baseline_and_pictures(run, file, tmp_path):
     assert json.loads(out)["points"]["shield"]["x"]["mean"] == pytest.approx(0.345)
     assert json.loads(run("history", "--history", file, "--json")[1])["baselines"][0]["name"] == "spring"
     page, picture = tmp_path / "h.html", tmp_path / "h.png"
-    code, _, err = run("history", "--history", file, "--html", page, "--png", picture)
+    code, _, err = run("history", "--history", file, "--by", "shift", "--html", page, "--png", picture)
     assert code == 0, err
     text = page.read_text("utf-8")
     assert "Baseline spring" in text
@@ -215,6 +215,7 @@ def test_a_baseline_and_pictures(run, file, tmp_path):
     assert "http" not in text.replace("http://www.w3.org", "")
     assert "<i>" not in text
     assert "<b>" not in text
+    assert "&lt;b&gt;night" in text
     assert text.count("<img") == 2
     assert imread(picture).shape[1] == 1200
     assert "spring" in run("history", "--history", file)[1]

@@ -18,7 +18,7 @@ FIRST = HistoryEntry("girder", "x", START, 2 * SECOND, 1.5, 1.2, 0.2, 1.0)
 @pytest.fixture
 def file(tmp_path):
     with History(tmp_path / "h.sqlite") as history:
-        history.add(SOURCE, [FIRST], Context(412, 1234.5, "III, wet", None))
+        history.add(SOURCE, [FIRST], lambda _: Context(412, 1234.5, "III, wet", None))
         later = replace(FIRST, start_ns=START + 2 * SECOND, relative_error=math.inf, field_peak=6.0, field_kurtosis=3.1)
         history.add(SOURCE, [later, replace(FIRST, point="shield", start_ns=START + 2 * SECOND)])
     return history.path

@@ -9,6 +9,7 @@ from scipy.spatial.distance import cdist, pdist
 from scipy.stats import qmc
 
 from tbm_dynamics import load_machine
+from tbm_gsa.explanation.curve_cache import at_operating_point
 from tbm_gsa.sensitivity.study import design as designs
 from tbm_gsa.sensitivity.study.definition import read_definition
 from tbm_gsa.sensitivity.study.design import KINDS, add_points, make_design
@@ -108,6 +109,14 @@ def test_a_range_that_is_not_stated_is_the_machines(tmp_path):
     found = read_definition(tmp_path / "study.yaml", load_machine(RIG)).inputs
     ends = [(round(item.lower, 4), round(item.upper, 4)) for item in found.inputs]
     assert ends == [(0.1974, 0.4934), (33.3333, 166.6667), (0.5, 2.0)]
+
+
+def test_a_level_is_not_rounded_beyond_the_limits():
+    machine = load_machine("open380")  # 1000 kW
+    point = at_operating_point(machine, 12.46, 766.3, 5012.0).description.operating_point
+    assert (point.speed_r_min, point.torque_kn_m, point.thrust_kn) == (12.46, 766.3, 5012.0)
+    point = at_operating_point(machine, 9.004, 766.3, 5012.0).description.operating_point
+    assert (point.speed_r_min, point.torque_kn_m, point.thrust_kn) == (9.0, 770.0, 5000.0)
 
 
 def test_inputs_given_twice_are_refused():

@@ -15,6 +15,7 @@ pytestmark = pytest.mark.ros
 NOT_WRITTEN = {"machine", "mapping", "schedule", "bag", "baseline", "loads", "host", "compression"}
 NOT_WRITTEN |= {"alarm", "watch.baseline"}
 WRITTEN = [(AnalysisNode, "/tbm/analysis_node", "gsa.folder"), (AnalysisNode, "/tbm/analysis_node", "history")]
+WRITTEN += [(AnalysisNode, "/tbm/analysis_node", "snapshot.folder")]
 WRITTEN += [(BagRecorder, "/tbm/bag_recorder", "output")]
 
 

@@ -190,8 +190,8 @@ def test_the_plotjuggler_layout_shows_the_contract():
             assert len(getattr(message, field)) == len(message.name), name
         else:
             assert isinstance(follow(topic, fields), float), name
-    # One message a study, which is a table and no curve.
-    assert shown == CONTRACT - NOT_SHOWN - {topics.absolute(topics.GSA_RESULT)}
+    # Tables and no curves: one message a study, events, and what the site says.
+    assert shown == CONTRACT - NOT_SHOWN - set(map(topics.absolute, (topics.GSA_RESULT, topics.EVENTS, topics.CONTEXT)))
 
 
 def test_the_systemd_unit_starts_a_command_that_there_is(tmp_path):

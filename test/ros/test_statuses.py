@@ -11,6 +11,7 @@ from diagnostic_msgs.msg import DiagnosticStatus
 
 from tbm_gsa.app.nodes.drive_statuses import drives_status
 from tbm_gsa.app.nodes.gsa_process import GsaStatus
+from tbm_gsa.app.nodes.live_comparison import drive_mapping
 from tbm_gsa.app.nodes.statuses import comparison_status, gsa_result_statuses, gsa_status
 from tbm_gsa.app.nodes.stream_health import Condition
 from tbm_gsa.comparison import WindowResult
@@ -123,6 +124,17 @@ def test_status_of_the_drives(window, kind, age, level, message):
     if window in (DRIVES, ODD) and age < 5.1:
         assert (values["field_running"], values["drive_1_model_torque"]) == ("1", "32000")
         assert "drive_1_field_speed" not in values  # it is not known
+
+
+@pytest.mark.parametrize(
+    ("stated", "topic", "ratio"),
+    [("", "field/drives", 1.0), ("{ratio: 20}", "field/drives", 20.0), ("{topic: /plc/motors}", "/plc/motors", 1.0)],
+)
+def test_drives_are_those_of_the_namespace_unless_stated(tmp_path, stated, topic, ratio):
+    file = tmp_path / "mapping.yaml"
+    file.write_text(f"topics: {{}}\ndrives: {stated or '~'}\n")
+    for found in [drive_mapping(str(file)), *([] if stated else [drive_mapping("")])]:
+        assert (found.topic, found.ratio) == (topic, ratio)
 
 
 def test_values_of_the_latest_window():

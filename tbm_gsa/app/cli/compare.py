@@ -42,6 +42,7 @@ from tbm_gsa.history import (
     default_history,
     recording_entries,
 )
+from tbm_gsa.history.recorded_context import recorded_contexts
 from tbm_gsa.signals.settings import Settings
 from tbm_msgs_py.bags.metadata import is_synthetic
 from tbm_msgs_py.base.files import check_result, write_whole
@@ -126,9 +127,12 @@ def _keep(compared: RecordingComparison, kind: SourceKind, path: Path | None) ->
     """Put the windows into the history; a default one that cannot be used spoils no comparison."""
     result, recording = compared.result, compared.result.recording
     source = WindowSource(kind, recording.path, recording.sha256, result.machine, result.machine_file.sha256)
+    contexts, problem = recorded_contexts(Path(recording.path))
+    if problem:
+        notes.print(Text(problem))
     try:
         with History(path or default_history()) as history:
-            history.add(source, recording_entries(result, compared.starts_ns))
+            history.add(source, recording_entries(result, compared.starts_ns), contexts.at)
     except (HistoryError, sqlite3.Error) as error:
         if path is not None:
             raise

@@ -43,7 +43,7 @@ from tbm_gsa.reading import MachineFile, Maybe, Part
 from tbm_gsa.sensitivity.results import NOT_DETERMINED, is_determined
 from tbm_gsa.sensitivity.study.outputs import checked_outputs
 from tbm_msgs_py.bags.metadata import is_synthetic
-from tbm_msgs_py.base.errors import RunError
+from tbm_msgs_py.base.errors import RecordingError, RunError
 from tbm_msgs_py.base.units import STANDARD_GRAVITY
 from tbm_msgs_py.recordings.mapping import default_mapping_file
 from tbm_msgs_py.recordings.recording import Recording, read_recording
@@ -143,11 +143,15 @@ def demo(
     recording = read_recording(bag or shipped_bag(STORY))
     length = max(record.duration for record in recording.points.values())
     described = load_machine(machine)
+    points = described.description.test_points
+    if not points.keys() & recording.points.keys():
+        recorded, known = ", ".join(recording.points), ", ".join(points)
+        raise RecordingError(f"{recording.path}: test points {recorded}: machine {machine} has {known}")
     loads = load_rates(described.step())
     names = split_names("--outputs", [] if outputs is None else [outputs])
-    checked_outputs(names, described.description.test_points, _STUDY_S)  # refused before anything starts
+    checked_outputs(names, points, _STUDY_S)  # refused before anything starts
     start = time.monotonic()
-    with watch(described.description.test_points) as watching, NodeProcesses(out / "logs") as processes:
+    with watch(points) as watching, NodeProcesses(out / "logs") as processes:
         nodes = Supervision(processes, watching.state.diagnostics)
         for command in node_commands(recording, machine, loads, seed, out, samples, test, names):
             nodes.start(command)

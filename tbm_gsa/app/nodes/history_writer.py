@@ -7,6 +7,7 @@ import sqlite3
 import time
 from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
 from itertools import groupby
 from operator import itemgetter
 from pathlib import Path
@@ -178,7 +179,7 @@ class HistoryWriter:
         while self._waiting:
             (kind, context), run = next(groupby(self._waiting, key=itemgetter(0, 1)))
             entries = [entry for *_, entry in run]
-            self.written += history.add(replace(self._source, kind=kind), entries, context)
+            self.written += history.add(replace(self._source, kind=kind), entries, partial(_same, context))
             del self._waiting[: len(entries)]
             if kind == "live":
                 self._discard(history, max(entry.start_ns for entry in entries))
@@ -205,3 +206,7 @@ class HistoryWriter:
             self.use(self._write)
         if self._history is not None:
             self._history.close()
+
+
+def _same(context: Context, _time_ns: int) -> Context:
+    return context

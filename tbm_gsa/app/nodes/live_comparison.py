@@ -45,8 +45,12 @@ def field_sensors(mapping: str, points: Collection[str]) -> tuple[dict[str, Sens
 
 
 def drive_mapping(mapping: str) -> DriveMapping:
-    """How the drives of the field are recorded, by a mapping file or, without one, by the contract."""
-    return (load_mapping(mapping).drives if mapping else None) or DriveMapping()
+    """How the drives of the field are recorded, by a mapping file or, without one, by the contract.
+
+    The topic is that of the node's namespace unless it is stated.
+    """
+    stated = (load_mapping(mapping).drives if mapping else None) or DriveMapping()
+    return stated if "topic" in stated.model_fields_set else stated.model_copy(update={"topic": topics.FIELD_DRIVES})
 
 
 class LiveComparison:

@@ -11,7 +11,6 @@ from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from rclpy.serialization import serialize_message
 
 from tbm_gsa.app.nodes.block_ring import KeptMessage
-from tbm_gsa.app.nodes.context_log import ContextLog, context_from
 from tbm_gsa.app.nodes.event_findings import SIGNAL_KINDS, SignalFindings, watch_findings
 from tbm_gsa.app.nodes.event_keeper import EventKeeper, Finding, Key
 from tbm_gsa.app.nodes.history_writer import HistoryWriter, kind_of, live_now
@@ -23,9 +22,11 @@ from tbm_gsa.app.nodes.statuses import event_status
 from tbm_gsa.app.nodes.stream_health import Condition
 from tbm_gsa.comparison import WindowResult
 from tbm_gsa.history import Context, Event
+from tbm_gsa.history.context import ContextLog, read_context
 from tbm_gsa.history.event_list import ListedEvent
 from tbm_msgs_py import topics
 from tbm_msgs_py.base.errors import InputError
+from tbm_msgs_py.nodes import messages
 from tbm_msgs_py.nodes.managed import ManagedNode
 from tbm_msgs_py.topics import TopicContract
 
@@ -68,7 +69,9 @@ class LiveEvents:
     def on_context(self, message: DiagnosticArray) -> None:
         """Take what the site says of ring, chainage, rock class and shift."""
         try:
-            problem = self._context.add(*context_from(message), self._now_ns())
+            stamp_ns = messages.stamp_to_ns(message.header.stamp)
+            said = read_context((pair.key, pair.value) for status in message.status for pair in status.values)
+            problem = self._context.add(stamp_ns, said, self._now_ns())
         except InputError as error:
             problem = f"{error}; the last one stays"
         else:
