@@ -105,7 +105,7 @@ class Simulator:
     method : "reduced" or "full"
         The production basis, or every unknown.
     ramp : float
-        s from the start, over which the loads go from their mean to what is handed over.
+        s from the start, over which loads and torque go from their mean there to what is handed over.
 
     Attributes
     ----------
@@ -217,12 +217,12 @@ class Simulator:
         rows = slice(begin, begin + n)
         inputs, steps = np.empty((n, INPUTS)), self.next_step + np.arange(n)
         inputs[:, :6] = loads - self._system.mean_load
-        if self.next_step < self._ramp_steps:
-            share = np.minimum(steps[:, None] / self._ramp_steps, 1.0)
-            inputs[:, :6] *= share**2 * (3.0 - 2.0 * share)
         torque, moment = (self._operation.driving_at(steps) - self._mean_driving).T
         inputs[:, MOTORS] = torque
         inputs[:, ABOUT_X] -= moment
+        if self.next_step < self._ramp_steps:  # the motors, too: what turns the head and what holds it stay equal
+            share = np.minimum(steps[:, None] / self._ramp_steps, 1.0)
+            inputs *= share**2 * (3.0 - 2.0 * share)
         known = block.inputs[rows]
         known[:, :INPUTS], known[0, INPUTS:], known[1:, INPUTS:] = inputs, self._last_inputs, inputs[:-1]
         block.record[rows, -INPUTS:] = inputs

@@ -18,10 +18,12 @@ from tbm_msgs_py.base.operating_point import OperatingPoint
 NODES = (8, 14, 17, 20)
 
 
-def few(drives, count=4):
+def few(drives, count=4, motor=None):
     """A small machine of four drives, one more than patterns."""
     data = small()
     data["driveshaft"]["count"] = count
+    if motor is not None:
+        data["driveshaft"]["motor"] = motor
     return built({**data, "drives": drives})
 
 
@@ -109,7 +111,11 @@ ODD = {
     "uncoupled": {2: {"off": "uncoupled"}},
     "seats": {3: {"seat_stiffness": 0.5, "mount_stiffness": 0.6, "mount_node": 10}, 1: {"tooth_stiffness": 0.8}},
 }
-COMPILED = "seats"  # for a pattern more, in 20 s
+HELD = {
+    "held": {1: {"tooth_stiffness": 0.6}, 2: {"torque_share": 1.3}},
+    "held, one off": {1: {"tooth_stiffness": 0.6}, 4: {"off": True, "torque_share": -0.4}},
+}
+COMPILED = ("seats", "held, one off")  # for a pattern more, in 20 s
 
 
 def motion(system, method, torque_falls):
@@ -126,10 +132,12 @@ def motion(system, method, torque_falls):
 
 
 @pytest.mark.parametrize(
-    "name", [pytest.param(name, marks=pytest.mark.verify if name == COMPILED else ()) for name in ODD]
+    "name", [pytest.param(name, marks=pytest.mark.verify if name in COMPILED else ()) for name in (*ODD, *HELD)]
 )
 def test_reduced_against_every_unknown(name):
-    system = few(ODD[name]).assemble()
+    motor = {"control": "speed", "damping": 2.5e5, "stiffness": 4e5} if name in HELD else None
+    system = few({**ODD, **HELD}[name], motor=motor).assemble()
+    assert (system.drives.odd != ()) == (name in COMPILED)
     actual, expected = (
         [np.concatenate([getattr(c, what) for c in chunks]) for what in ("mesh_force", "acceleration")]
         for chunks in (motion(system, method, name == "torque") for method in ("reduced", "full"))

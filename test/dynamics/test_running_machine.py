@@ -11,6 +11,8 @@ import numpy as np
 import pytest
 import scipy.signal
 from machine_files import all_connections, brake, built, plain, rock, small, static_mesh_force
+from reference_motion import reference_motion, start_of
+from test_simulation import swinging
 
 from tbm_dynamics import MachineError, Simulator
 from tbm_dynamics.structure.assembly import node_positions
@@ -166,3 +168,36 @@ def test_a_slower_head_is_braked_less_in_a_run():
     moment, share = brake(data) * SPEED, static_mesh_force(built(data))
     assert before == pytest.approx(np.full(2, share * (1.0 + moment / TORQUE)), rel=1e-6)
     assert after == pytest.approx(np.full(2, share * (1.0 + 0.25 * moment / TORQUE)), rel=1e-4)
+
+
+@pytest.fixture(scope="module")
+def running():
+    """The small machine with everything that the shipped one states: system, loads (n, 6), and what Radau finds."""
+    data = small()
+    data["driveshaft"]["motor"] = {"control": "speed", "damping": 2.5e5, "stiffness": 4e5}
+    rock(data)[1]["turning_inertia"] = 8e5
+    (held,) = [c for c in all_connections(data) if c["between"] == [10, 12]]
+    held.update(type="hydraulic", force_controlled=True)
+    system = built(data).assemble()
+    loads, times = swinging(system, 0.3), np.arange(250) * 1e-4
+    speed = system.operating_point.speed
+    found = reference_motion(
+        system, start_of(system), lambda t: loads(t)[0], times, lambda t: speed * t, tolerance=1e-7
+    )
+    return system, loads(times), found
+
+
+@pytest.mark.parametrize("method", ["reduced", "full"])
+def test_a_run_of_it_is_that_of_radau(running, method):
+    system, loads, (displacement, acceleration, force) = running
+    assert (system.cylinders is None, system.controlled is None, system.rock_damping > 0.0) == (False, False, True)
+    chunk = Simulator(system, system.nodes, method=method).step(loads)
+    assert np.abs(chunk.mesh_force - force).max() < 2e-4 * force.max()
+    for found, exact in ((chunk.displacement, displacement), (chunk.acceleration, acceleration)):
+        expected = exact.reshape(found.shape)
+        for node in (1, 8, 12):
+            places = system.nodes.index(node), slice(None)
+            level = np.sqrt(np.mean(expected[:, *places] ** 2, axis=0))
+            off = np.sqrt(np.mean((found - expected)[:, *places] ** 2, axis=0))
+            assert np.all(off[[0, 1, 2]] < 2e-3 * level[:3].max())
+            assert off[3] < 2e-3 * level[3]

@@ -157,6 +157,28 @@ def test_a_torque_ramp_is_the_torque_of_each_of_its_steps(machine, system, loads
 
 
 @pytest.mark.parametrize("method", ["reduced", "full"])
+def test_loads_come_in_on_a_ramp_from_their_mean(two_drives, method):
+    # By hand: loads and torque beyond the mean times s² (3 − 2 s), each step handed over alone; then whole.
+    point, ramp, count = two_drives.operating_point, 60, 100
+    mean = two_drives.mean_load
+    loads = mean * (1.0 + 0.2 * np.sin(0.7 + 0.3 * np.arange(count)))[:, None] + [0.0, 2e5, 0.0, 0.0, 1e5, 0.0]
+    half = replace(point, torque=0.5 * point.torque)
+    ramped, by_hand = (Simulator(two_drives, two_drives.nodes, method=method, **more) for more in ({"ramp": 6e-3}, {}))
+    ramped.set_operating_point(half)
+    actual, expected = [ramped.step(part) for part in np.split(loads, [1, 37])], []
+    for step, row in enumerate(loads):
+        s = min(step / ramp, 1.0)
+        share = s**2 * (3.0 - 2.0 * s)
+        by_hand.set_operating_point(replace(point, torque=point.torque * (1.0 - 0.5 * share)))
+        expected.append(by_hand.step((mean + share * (row - mean))[None]))
+    head = 0  # node 1, which the loads act on
+    struck = Simulator(two_drives, two_drives.nodes, method=method).step(loads[:1]).acceleration[0, head]
+    assert np.abs(actual[0].acceleration[0, head]).max() < 1e-3 * np.abs(struck).max()
+    for part, whole in zip(joined(actual), joined(expected), strict=True):
+        assert part == pytest.approx(whole, rel=1e-7, abs=1e-9 * np.abs(whole).max())
+
+
+@pytest.mark.parametrize("method", ["reduced", "full"])
 @pytest.mark.parametrize("step", [2e-3, 1e-2, 1.0])
 def test_a_step_too_coarse_for_the_teeth(system, two_drives, step, method):
     # On every unknown each shorter step that is tried costs a second, so the reference method has fewer of them here.
