@@ -65,6 +65,7 @@ def main() -> None:
     prediction = predict(machine)
     _print(f"objective {fine.fun:.4f} after {found.nfev + fine.nfev} machines")
     _print(f"F_x fluctuates by {_fluctuation(machine):.1%}; stress {prediction.stress_used:.0%} of the allowable")
+    _print(f"axial level of the pinion: x4 {prediction.steel_share:.2f} beside x16")
     for point, rms in prediction.rms.items():
         _print(f"{point}: {', '.join(f'{value / STANDARD_GRAVITY:.3f}' for value in rms)} g")
     _print("axial natural frequencies (Hz): " + ", ".join(f"{value:.1f}" for value in prediction.axial_frequencies))
