@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import Final, Literal, get_args
 
 from tbm_gsa.history.context import UNKNOWN, Context
-from tbm_gsa.history.entries import WindowSource, machine_condition
+from tbm_gsa.history.entries import SourceKind, WindowSource, machine_condition
 
 EventKind = Literal["machine", "sensor", "rock", "level", "dead", "silent", "lost", "refused"]
 EVENT_KINDS: Final[tuple[EventKind, ...]] = get_args(EventKind)
@@ -93,6 +93,8 @@ class EventSelection:
         As in `Selection`.
     node : str, optional
         Name of the node that found them.
+    source : SourceKind, optional
+        Of the machine or of a replay.
     standing : bool
         Only those that have not ended.
     open : bool
@@ -105,6 +107,7 @@ class EventSelection:
     point: str | None = None
     machine: str | None = None
     node: str | None = None
+    source: SourceKind | None = None
     standing: bool = False
     open: bool = False
 
@@ -117,6 +120,7 @@ class EventSelection:
             ("point = ?", self.point),
             (machine_condition(self.machine), self.machine),
             ("name = ?", self.node),
+            ("kind = ?", self.source),
         ]
         given = [(text, value) for text, value in parts if value is not None]
         flags = ["end_ns IS NULL"] * self.standing + ["acknowledged_ns IS NULL"] * self.open

@@ -64,15 +64,20 @@ def test_in_a_pipe_the_last_line_is_of_the_end(capsys):
     assert "alarm at shield" in lines[-1]
 
 
-def test_on_a_terminal_one_line_is_kept_up_to_date(monkeypatch):
+def test_on_a_terminal_line_and_table_are_kept_up_to_date(monkeypatch):
     output = io.StringIO()
     monkeypatch.setattr(status_line, "notes", Console(file=output, force_terminal=True, width=200))
+    monkeypatch.setattr(status_line.time, "strftime", lambda _: f"at {now}")
     with StatusLine(Path("logs"), None, lambda: 0.0) as line:
-        for seconds in range(3):
-            line.update(POINTS, float(seconds))
+        for now in range(3):
+            line.update(POINTS | {"tbm: machine": (int(now > 0), "x22 [red]" * 20, {})}, float(now))
     shown = re.sub(r"\x1b\[[0-9;?]*[A-Za-z]", "", output.getvalue())
     assert re.findall(r"(\d+) s: 2 points", shown)[-1] == "2"
-    assert shown.replace("\r", "").strip().count("\n") <= 1
+    last = shown[shown.rindex("2 s: 2 points") :].splitlines()
+    rows = [text.split() for text in last[2:] if text.strip()]
+    assert [row[:5] for row in rows[1:3]] == [["girder", "ok", "0.10", "at", "0"], ["shield", "ok", "0.25", "at", "0"]]
+    assert rows[3][:6] == ["machine", "warning", "–", "at", "1", "x22"]
+    assert rows[3][-1].endswith("…")
 
 
 @pytest.mark.parametrize(("given", "named"), [("OFF", "no node finds another"), ("LOCAL", "allowed: LOCALHOST")])

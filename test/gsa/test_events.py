@@ -8,7 +8,6 @@ from pathlib import Path
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from rosbags.typesys import Stores, get_typestore
 
 from tbm_gsa.history import (
     Context,
@@ -23,6 +22,7 @@ from tbm_gsa.history import (
 from tbm_gsa.history.context import ContextLog, read_context
 from tbm_gsa.history.recorded_context import recorded_contexts
 from tbm_msgs_py import BagWriter
+from tbm_msgs_py.bags.definitions import typestore
 from tbm_msgs_py.base.errors import InputError
 
 SECOND = 1_000_000_000
@@ -62,6 +62,8 @@ def test_an_event_is_stored_once_and_ends(history):
         (EventSelection(since_ns=16 * SECOND), [2]),
         (EventSelection(since_ns=15 * SECOND, until_ns=20 * SECOND), [1]),
         (EventSelection(machine="south"), []),
+        (EventSelection(source="live", node=SOURCE.name, machine="abababab"), [1, 2]),
+        (EventSelection(source="replay"), []),
     ):
         assert [one.number for one in history.events(selection)] == numbers
 
@@ -208,7 +210,7 @@ def test_a_context_holds_from_its_stamp_on():
 
 def test_the_context_of_a_recording_is_found(tmp_path):
     """Messages that rosbags serialises, among them one that is no context and one without a stamp."""
-    store = get_typestore(Stores.ROS2_JAZZY)
+    store = typestore()  # of rosbags
     types = store.types
 
     def diagnostics(second, **values):

@@ -131,7 +131,7 @@ def test_a_machine_is_explained_and_updated(typed, machine, tmp_path, monkeypatc
     assert code == 0, err
     found = json.loads(out)
     assert found["verdict"] != "machine"  # nothing has changed
-    code = next(code for code in default_inputs(machine).codes if code in found["inputs"])
+    code = next(cause["input"] for cause in found["causes"] if cause.get("input"))
     update = ("machine", "update", "--machine", machine.origin, "--from", "found", "--out", "new.yaml", "--input", code)
     assert typed(*update)[0] == 0
     assert load_machine(tmp_path / "new.yaml").name == f"{machine.name}_updated"

@@ -46,7 +46,7 @@ class Kept:
     def look(self, *found, seconds=1, kind="live"):
         for _ in range(seconds):
             self.keeper.update(found, lambda key: key[1] == "girder", self.now, kind)
-            self.listed = self.keeper.poll(self.now)
+            self.listed = self.keeper.poll()
             self.now += SECOND
         return [(one.begin[17:19], one.end and one.end[17:19], one.kind) for one in self.listed]
 
@@ -146,7 +146,7 @@ def test_the_site_is_told_without_a_shell(tmp_path, site, monkeypatch):
     site.answer = 500
     for command, address, problem in (
         ("sh -c 'echo no route >&2; exit 3'", "", "events.command sh: exit code 3 no route"),
-        ("sleep 60", "", "events.command sleep: killed after 0.05 s"),
+        ("sh -c 'sleep 61 & wait'", "", "events.command sh: killed after 0.05 s"),
         ("", f"http://127.0.0.1:{site.server_port}/", "answered 500"),
         ("", "http://127.0.0.1:1/", "Connection refused"),
     ):

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from typing import Annotated
+from typing import Annotated, Literal
 
 import typer
 
@@ -27,6 +27,9 @@ def show(
     kind: Annotated[EventKind | None, typer.Option(help="Events of this kind only.")] = None,
     point: Annotated[str | None, typer.Option(help="Events at this test point only.")] = None,
     machine: Of = None,
+    source: Annotated[
+        Literal["live", "replay"] | None, typer.Option(help="Events of the machine, or of recordings that were played.")
+    ] = None,
     standing: Annotated[bool, typer.Option("--standing", help="Only events that have not ended.")] = False,
     unseen: Annotated[bool, typer.Option("--open", help="Only events that nobody has acknowledged.")] = False,
     limit: Annotated[int, typer.Option(min=1, max=MOST_LISTED, help="Newest events to list.")] = NEWEST,
@@ -38,7 +41,9 @@ def show(
         return
     span, of = span_of(since, until), name_or_digest(machine)
     with HistoryReader(history or default_history()) as opened:
-        found = EventList.of(opened, EventSelection(*span, kind, point, of, standing=standing, open=unseen), limit)
+        found = EventList.of(
+            opened, EventSelection(*span, kind, point, of, source=source, standing=standing, open=unseen), limit
+        )
     if json:
         print_json(found)
         return

@@ -1,4 +1,4 @@
-"""What `run` says while it goes on: one line, kept up to date on a terminal, now and then elsewhere."""
+"""What `run` says while it goes on: on a terminal a line and a table, kept up to date; elsewhere a line at times."""
 
 from __future__ import annotations
 
@@ -7,12 +7,13 @@ import time
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from types import TracebackType
-from typing import Self
+from typing import Final, Self
 
+from rich.console import Group
 from rich.live import Live
 from rich.text import Text
 
-from tbm_gsa.app.cli.output import notes
+from tbm_gsa.app.cli.output import add_row, narrow_table, notes
 from tbm_msgs_py.base.texts import listed, printable
 from tbm_msgs_py.topics import status_name
 
@@ -21,7 +22,9 @@ PERIOD_S = 60.0
 ALARM_S = 5.0
 """Between two lines there that tell of other alarms."""
 _COMPARISON = status_name("comparison ")
-_MACHINE = status_name("machine")
+_MACHINE, _ROCK = status_name("machine"), status_name("rock")
+_STATES: Final = ("ok", "warning", "error", "stale")
+_LONGEST: Final = 60  # characters of what a row says
 
 Diagnostics = Mapping[str, tuple[int, str, Mapping[str, str]]]
 """Level, text and values by the name of the status."""
@@ -46,6 +49,8 @@ class StatusLine:
         self._printed = -math.inf
         self._shown = math.inf  # stream time of the last line; without one there is none at the end, either
         self._alarms: list[str] = []
+        self._since: dict[str, tuple[int, str]] = {}  # level of each status, and when it took it
+        self._drawn: tuple[object, ...] = ()
 
     def __enter__(self) -> Self:
         if self._live:
@@ -68,10 +73,43 @@ class StatusLine:
         watched = {"the machine": diagnostics[_MACHINE][2]} if _MACHINE in diagnostics else {}
         alarms = [name for name, values in (points | watched).items() if values.get("alarm") == "1"]
         if self._live:
-            self._live.update(Text(self._text(points, alarms, stream_time), no_wrap=True), refresh=True)
+            self._draw(self._live, Text(self._text(points, alarms, stream_time), no_wrap=True), diagnostics)
         elif self._clock() - self._printed >= (PERIOD_S if alarms == self._alarms else ALARM_S):
             self._printed, self._shown, self._alarms = self._clock(), stream_time, alarms
             notes.print(self._text(points, alarms, stream_time), highlight=False)
+
+    def _draw(self, live: Live, line: Text, diagnostics: Diagnostics) -> None:
+        """Draw line and table when one of them has changed."""
+        rows = self._rows(diagnostics)
+        if (line.plain, rows) != self._drawn:
+            self._drawn = (line.plain, rows)
+            table = narrow_table("", "", "=state", ">error", "=since", "what")
+            for row in rows:
+                add_row(table, *row)
+            live.update(Group(line, table) if rows else line, refresh=True)
+
+    def _rows(self, diagnostics: Diagnostics) -> list[tuple[str, ...]]:
+        """Test points, machine and rock: their state and since when, axial error, and what they say."""
+        shown = {name: name.removeprefix(_COMPARISON) for name in sorted(diagnostics) if name.startswith(_COMPARISON)}
+        shown |= {name: name.removeprefix(status_name("")) for name in (_MACHINE, _ROCK) if name in diagnostics}
+        rows: list[tuple[str, ...]] = []
+        for name, short in shown.items():
+            level, text, values = diagnostics[name]
+            if self._since.get(name, (None,))[0] != level:
+                self._since[name] = (level, time.strftime("%H:%M:%S"))
+            error = _axial_error(values)
+            figure = f"{error:.2f}" if math.isfinite(error) else "–"
+            state = _STATES[level] if level < len(_STATES) else str(level)
+            rows.append(
+                (
+                    short,
+                    state,
+                    figure,
+                    self._since[name][1],
+                    text if len(text) <= _LONGEST else f"{text[: _LONGEST - 1]}…",
+                )
+            )
+        return rows
 
     def finish(self, diagnostics: Diagnostics, stream_time: float) -> None:
         """Print how things were at the end, where the last line is older; on a terminal the results take its place."""

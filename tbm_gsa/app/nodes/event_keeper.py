@@ -100,16 +100,11 @@ class EventKeeper:
                 self._change(replace(standing, event=changed))
         for key in self._standing.keys() - by_key.keys():
             if covers(key):
-                self._absent.setdefault(key, at_ns)
+                self._miss(key, at_ns)
 
-    def poll(self, now_ns: int) -> tuple[ListedEvent, ...]:
-        """End what has been away for long enough, write what waits; the newest events, and all that stand."""
+    def poll(self) -> tuple[ListedEvent, ...]:
+        """Write what waits; the newest events, and all that stand."""
         self._adopt()
-        for key, since_ns in list(self._absent.items()):
-            if since_ns > now_ns:  # the clock has jumped back
-                self._absent[key] = now_ns
-            elif now_ns - since_ns >= HOLD_NS:
-                self._end(key, since_ns)
         self._save()
         self._history.use(self._read)
         newest = sorted(self._recent.values(), key=lambda one: (one.event.begin_ns, one.number))
@@ -137,6 +132,14 @@ class EventKeeper:
         self._standing[one.key] = made
         self._change(made)
         self._tell(ListedEvent.of(self._standing[one.key]))
+
+    def _miss(self, key: Key, at_ns: int) -> None:
+        """Take note that what stands was not found; it ends when that has lasted, in the time of its looks."""
+        since_ns = self._absent.setdefault(key, at_ns)
+        if at_ns < since_ns:  # the clock has jumped back
+            self._absent[key] = at_ns
+        elif at_ns - since_ns >= HOLD_NS:
+            self._end(key, since_ns)
 
     def _end(self, key: Key, end_ns: int) -> None:
         self._absent.pop(key, None)

@@ -105,7 +105,7 @@ class LiveEvents:
 
     def poll(self) -> None:
         """Do what is due, and publish the newest events if they have changed."""
-        newest = self._keeper.poll(self._now_ns())
+        newest = self._keeper.poll()
         if (outcome := self._snapshots.poll(self._now_ns())) is not None:
             self._node.faults.update("snapshot", f"{outcome.path}: {outcome.problem}" if outcome.problem else "")
             if not outcome.there:

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import os
 import queue
 import shlex
 import shutil
+import signal
 import subprocess
 import threading
 import urllib.error
@@ -78,7 +80,7 @@ class SiteHook:
             self._waiting.put_nowait(None)
         running = self._running
         if running is not None:
-            running.kill()
+            _kill(running)
 
     def _work(self) -> None:
         while (document := self._waiting.get()) is not None and not self._closed:
@@ -103,7 +105,7 @@ class SiteHook:
         try:
             said = self._running.communicate(document, TIMEOUT_S)[1]
         except subprocess.TimeoutExpired:
-            self._running.kill()
+            _kill(self._running)
             self._running.wait()
             return f"{name}: killed after {TIMEOUT_S:g} s"
         if code := self._running.returncode:
@@ -124,3 +126,10 @@ class SiteHook:
             return f"{name}: answered {error.code}"
         except (OSError, HTTPException) as error:
             return shortened(f"{name}: {getattr(error, 'reason', None) or error}", LONGEST_NAME)
+
+
+def _kill(process: subprocess.Popen[bytes]) -> None:
+    """Kill a command with what it has started, unless it has ended."""
+    if process.poll() is None:
+        with suppress(ProcessLookupError):
+            os.killpg(process.pid, signal.SIGKILL)
