@@ -220,7 +220,7 @@ class Machine:
         --------
         >>> system = load_machine("dz101").assemble()
         >>> system.M.shape, float(system.natural_frequencies(1)[0].round(1))
-        ((420, 420), 1.1)
+        ((420, 420), 1.8)
         """
         from tbm_dynamics.structure.assembly import assemble  # noqa: PLC0415 - scipy, for those who assemble
 

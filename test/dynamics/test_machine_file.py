@@ -83,8 +83,8 @@ WRONG = {
     "source of two lines": ("source: table5", 'source: "a\\nb"', "connections.0.source", "one line of printable"),
     "source of a load": ("1.5e+5, source: assumed", '1.5e+5, source: "a\\nb"', "loads.fx.lines.0.source", "one line"),
     "value without source": (
-        "rotor: {mass: 1100, inertia: [5, 60, 60], source: assumed}",
-        "rotor: {mass: 1100, inertia: [5, 60, 60]}",
+        "rotor: {mass: 1100, inertia: [3, 60, 60], source: assumed}",
+        "rotor: {mass: 1100, inertia: [3, 60, 60]}",
         "driveshaft.rotor.source",
         "missing",
     ),

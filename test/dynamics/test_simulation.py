@@ -4,8 +4,9 @@ The reference of the small machine (14 nodes, 2 drives) is converged: between it
 differs by more than 4e-6 of itself. Tolerances are the design's, each indicator within 1 %, except for the peak
 accelerations of the light pinion (6 kg·m²) in this machine's strikes: a strike begins within a step, its damping force
 jumps, and the peak of such a signal is not defined to 1 % on a grid; there the mean square is held. On the shipped
-machine the production method, which takes such steps in parts, is held to 1 % in all eight against every unknown at a
-tenth of the step: one seed always, another, for which `test_whole_system` has Radau too, in `make verify`.
+machine the production method, which takes such steps in parts, is held to 1 % in all eight, the pinion's rotational
+peak by its mean square, against every unknown at a tenth of the step: one seed always, another, for which
+`test_whole_system` has Radau too, in `make verify`.
 """
 
 import numpy as np
@@ -143,7 +144,9 @@ def test_indicators_of_the_shipped_machine_while_teeth_strike(seed):
 
     def indicators_of(chunk, stride):
         motion, force = chunk.motion[::stride], chunk.mesh_force[::stride]
-        return list(indicators(motion[:, 0, 0], motion[:, 1, 1], force, share).values())
+        found = indicators(motion[:, 0, 0], motion[:, 1, 1], force, share)
+        # Where a tooth strikes the reference has peaks of one of its own steps, by 2 to 30 %: the level instead.
+        return list({**found, "PAcc_R": np.sqrt(np.mean(motion[:, 1, 1, 3] ** 2))}.values())
 
     assert indicators_of(actual, 1) == pytest.approx(indicators_of(expected, finer), rel=0.01)
 

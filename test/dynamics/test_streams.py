@@ -76,7 +76,8 @@ def test_a_lost_block_is_bridged_by_a_straight_line(machine):
     expected = Simulator(machine.assemble(), stream.nodes, ramp=LOAD_RAMP).step(bridged)
     assert forces(chunks) == pytest.approx(expected.mesh_force, rel=1e-9)
     jump = np.abs(np.diff(forces(chunks), axis=0)).max(axis=1)
-    assert jump[[399, 799]].max() < 3.0 * np.median(jump)  # no jump of the state where the gap begins and ends
+    for border in (399, 799):  # where the gap begins and ends the state does not jump
+        assert abs(jump[border] - jump[[border - 1, border + 1]].mean()) < 0.1 * np.median(jump)
 
 
 def test_a_stamp_a_little_off_the_grid_belongs_to_its_step(machine):

@@ -16,7 +16,7 @@ from tbm_dynamics.loads.density import load_density
 from tbm_dynamics.loads.description import COMPONENTS, LOAD_GROUPS, LoadFactors
 from tbm_dynamics.machine.description import MachineDescription
 from tbm_gsa.explanation.band_reading import BandReading, Sensor
-from tbm_gsa.explanation.load_posterior import BandObservation, load_posterior
+from tbm_gsa.explanation.load_posterior import MODULATION_ERROR, NOISE_ERROR, BandObservation, load_posterior
 from tbm_gsa.explanation.load_scatter import LoadScatter, effective_duration, load_scatter
 from tbm_gsa.explanation.load_transfer import load_transfer, machine_motion
 from tbm_gsa.signals.band_weights import band_weights
@@ -64,10 +64,15 @@ def band_powers(machine, seed, duration, reading=READING):
 
 
 def draws(scatter, factors, noise, duration, count, seed=0):
-    """Band powers drawn from the law that is claimed."""
-    covariance = scatter.covariance(factors, noise, duration)
+    """Band powers drawn from the law that is claimed: chance, and the errors of what meshes add and of the noise."""
+    expected = scatter.expected(factors, noise)
+    errors = (
+        MODULATION_ERROR * np.square(factors) @ scatter.transfer.modulated / expected,
+        NOISE_ERROR * scatter.width * noise / expected,
+    )
+    covariance = scatter.covariance(factors, noise, duration) + np.diag(np.square(errors).sum(axis=0))
     logs = default_rng(seed).multivariate_normal(np.zeros(len(noise)), covariance, count, method="eigh")
-    return scatter.expected(factors, noise) * np.exp(logs - 0.5 * np.diag(covariance))
+    return expected * np.exp(logs - 0.5 * np.diag(covariance))
 
 
 @pytest.mark.parametrize("frequency", [0.9, 4.3, 99.6, 100.05, 109.9, 130.3, 399.0])
