@@ -39,6 +39,8 @@ class Context:
 UNKNOWN: Final = Context()
 _MOST: Final = 10_000  # changes that are remembered
 _MOST_RING: Final = 2**62
+FARTHEST: Final = 1e9
+"""Largest chainage either way, m."""
 
 
 class ContextError(InputError):
@@ -74,8 +76,8 @@ def _chainage(text: str | None) -> float | None:
         value = None if text is None else float(text)
     except ValueError:
         value = math.nan
-    if value is not None and not math.isfinite(value):
-        raise ContextError(f"chainage {quoted(text)}, allowed: a number, m")
+    if value is not None and not abs(value) <= FARTHEST:
+        raise ContextError(f"chainage {quoted(text)}, allowed: a number of m, up to {FARTHEST:g}")
     return value
 
 

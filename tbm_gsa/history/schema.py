@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Final
 
 from tbm_gsa.history.entries import AXES, SOURCE_KINDS, STATE_PARTS
+from tbm_gsa.history.context import FARTHEST
 from tbm_gsa.history.events import EVENT_KINDS, EVENT_VERDICTS, SEVERITIES
 from tbm_msgs_py.base.errors import InputError
 from tbm_msgs_py.base.texts import LONGEST_LINE
@@ -284,10 +285,11 @@ def _maybe(condition: str, *names: str) -> str:
 
 _AXIS: Final = f"axis IN {AXES}"
 # What rows of a history this program writes, as conditions in SQL: SQLite itself takes any type anywhere.
+_SOURCE: Final = f"kind IN {SOURCE_KINDS} AND {_texts('name', 'digest', 'machine', 'machine_sha256')}"
 WINDOW_IS_SOUND: Final = " AND ".join(
     (
-        f"kind IN {SOURCE_KINDS}",
-        _texts("name", "digest", "machine", "machine_sha256", "point"),
+        _SOURCE,
+        _texts("point"),
         _AXIS,
         _whole("start_ns", "length_ns"),
         _numbers("field_rms", "model_rms", "relative_error", "coverage", "field_peak", "field_kurtosis"),
@@ -322,13 +324,14 @@ USUAL_ERROR_IS_SOUND: Final = " AND ".join(
 )
 CONTEXT_IS_SOUND: Final = " AND ".join(
     (
-        _maybe("typeof({name}) = 'integer'", "ring"),
-        _numbers("chainage"),
+        _maybe(_whole("{name}"), "ring"),
+        _maybe(f"typeof({{name}}) = 'real' AND abs({{name}}) <= {FARTHEST}", "chainage"),
         _maybe(_texts("{name}"), "rock_class", "shift"),
     )
 )
 EVENT_IS_SOUND: Final = " AND ".join(
     (
+        _SOURCE,
         f"event IN {EVENT_KINDS}",
         f"severity IN {SEVERITIES}",
         f"verdict IN {EVENT_VERDICTS}",
