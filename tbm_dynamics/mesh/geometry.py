@@ -136,15 +136,18 @@ class GearPair(ABC):
         """Mesh cycles from where a tooth pair enters to where it touches at the pitch point."""
         return (self.pinion_pitch_radius * math.sin(self.working_angle) - self.path_start) / self.base_pitch
 
-    def line_of_action(self, angle: float) -> np.ndarray:
+    def line_of_action(self, angle: float, flank: int = 1) -> np.ndarray:
         """Force on the driven gear per force in the transverse section, pinion at `angle` (rad) around x, shape (3,).
 
         Tangential in the turning direction, and radial: an internal mesh pushes the ring away, an external one towards
-        its axis. Along x it is tan β_b, forwards where the helix is positive.
+        its axis. Along x it is tan β_b, forwards where the helix is positive. Of the coast flank, −1, the force is
+        negative, and pushes the gears apart all the same.
         """
         radial = np.array([0.0, math.cos(angle), math.sin(angle)])
         tangential = np.array([0.0, -math.sin(angle), math.cos(angle)])
-        across = math.cos(self.working_angle) * tangential + self.turning * math.sin(self.working_angle) * radial
+        across = (
+            math.cos(self.working_angle) * tangential + flank * self.turning * math.sin(self.working_angle) * radial
+        )
         forwards = np.array([math.tan(self.helix) * math.cos(self.transverse_angle), 0.0, 0.0])
         return np.asarray(across + forwards)
 

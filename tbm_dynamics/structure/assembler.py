@@ -134,14 +134,15 @@ class Assembler:
         turning[[self.index[node] + 3 for node in nodes]] = 1.0
         return float(turning @ self.M @ turning)
 
-    def mesh_row(self, pinion: int, driven: int, pair: GearPair, angle: float) -> np.ndarray:
+    def mesh_row(self, pinion: int, driven: int, pair: GearPair, angle: float, flank: int = 1) -> np.ndarray:
         """Compression of a mesh along its line of action in the transverse section per unit motion, (n,).
 
-        The pinion is at `angle` (rad) around the driven gear, which its flank turns about x.
+        The pinion is at `angle` (rad) around the driven gear, which its drive flank turns about x; on the coast flank,
+        −1, the compression is negative.
         """
         out = np.array([0.0, math.cos(angle), math.sin(angle)])
         to_contact = pair.turning * pair.pinion_pitch_radius * out
-        place, line = self.positions[pinion] + to_contact, pair.line_of_action(angle)
+        place, line = self.positions[pinion] + to_contact, pair.line_of_action(angle, flank)
         row = np.zeros(len(self.M))
         row[self.dofs(pinion)] = line @ rigid_arm(to_contact)[:3]
         row[self.dofs(driven)] = -line @ rigid_arm(place - self.positions[driven])[:3]

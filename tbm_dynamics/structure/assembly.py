@@ -68,7 +68,7 @@ def _assembled(description: MachineDescription, load_scale: np.ndarray, point: O
         assembler.turn_against(connection)
     ring_inertia = assembler.polar_inertia(description.driveshaft.ring_shaft_nodes)
     unit = drive_unit(description)
-    drives, rows = _add_drives(assembler, unit)
+    drives, rows = _add_drives(assembler)
     couplings = build_couplings(description, unit, rows, ring_inertia)
     assembler.K += rows.T @ (couplings.stiffness[:, None] * rows)
     assembler.C += rows.T @ (couplings.damping[:, None] * rows)
@@ -92,12 +92,12 @@ def _assembled(description: MachineDescription, load_scale: np.ndarray, point: O
     )
 
 
-def _add_drives(assembler: Assembler, unit: DriveUnit) -> tuple[Drives, np.ndarray]:
+def _add_drives(assembler: Assembler) -> tuple[Drives, np.ndarray]:
     """Turn the drive to every place: where the drives are, and the rows of their couplings (2p, n)."""
     description, drive = assembler.description, assembler.description.driveshaft
     mounts = description.mount_nodes
     kinds = [
-        (one.seat_stiffness, one.mount_stiffness, mount, not one.off)
+        (one.seat_stiffness, one.mount_stiffness, mount, not one.off, 1 if one.weight > 0.0 else -1)
         for one, mount in zip(description.each_drive, mounts, strict=True)
     ]
     units = {kind: drive_unit(description, *kind) for kind in set(kinds)}
@@ -108,16 +108,12 @@ def _add_drives(assembler: Assembler, unit: DriveUnit) -> tuple[Drives, np.ndarr
         R = np.kron(np.eye(2 * len(nodes)), turn(float(angle)))
         one = units[kinds[i]]
         assembler.add_matrices(nodes, R.T @ one.M @ R, R.T @ one.C @ R, R.T @ one.K @ R)
-        rows[:, i, assembler.dofs(*nodes)] = unit.rows @ R
+        rows[:, i, assembler.dofs(*nodes)] = one.rows @ R
     own = np.array([assembler.dofs(*drive_nodes(drive, i)) for i in range(drive.count)])
     turns = np.array([np.kron(np.eye(2 * OWN_NODES), turn(float(a))) for a in angles])
-    # Without a controller a motor with power is one without.
+    # Without a controller a motor with power is as one without.
     alike = mode(kinds)
-    odd = tuple(
-        i
-        for i, kind in enumerate(kinds)
-        if kind[:-1] != alike[:-1] or (kind != alike and not _equal(units[kind], units[alike]))
-    )
+    odd = tuple(i for i, kind in enumerate(kinds) if kind[2] != alike[2] or not _equal(units[kind], units[alike]))
     turned = [one.off != "uncoupled" for one in description.each_drive]
     return Drives(angles, own, turns, odd, rotors=own[turned, -3]), rows.reshape(2 * drive.count, -1)
 
@@ -162,7 +158,7 @@ def _motor_pattern(assembler: Assembler) -> np.ndarray:
 
 
 def _equal(one: DriveUnit, other: DriveUnit) -> bool:
-    return all(np.array_equal(getattr(one, key), getattr(other, key)) for key in "MCK")
+    return all(np.array_equal(getattr(one, key), getattr(other, key)) for key in ("M", "C", "K", "rows"))
 
 
 def _refuse_floating(assembler: Assembler, stiffness: np.ndarray) -> None:

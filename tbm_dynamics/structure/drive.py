@@ -82,11 +82,12 @@ def drive_unit(
     mount: float = 1.0,
     mount_node: int | None = None,
     powered: bool = True,
+    flank: int = 1,
 ) -> DriveUnit:
     """Build the drive at angle 0, with or without power on its motor.
 
     `seat` and `mount` are factors on the stiffness of its pinion's seats and of the gearbox on its mount, `mount_node`
-    is the node that carries it, by default the template's.
+    is the node that carries it, by default the template's; `flank` is that on which its pinion rests, 1 or −1.
     """
     drive = description.driveshaft
     carrier = mount_node or drive.mount_node
@@ -115,16 +116,11 @@ def drive_unit(
         M=unit.M,
         C=unit.C,
         K=unit.K,
-        rows=np.array([_mesh_row(unit, drive, pair), pair.turning * twist]),
+        rows=np.array([unit.mesh_row(middle, drive.ring_node, pair, 0.0, flank), pair.turning * twist]),
         pinion_mesh_mass=unit.polar_inertia((front, middle, rear)) / pair.pinion_base_radius**2,
         gearbox_inertia=reflected * turning / (reflected + turning),
         shaft_damping=unit.damping("steel"),
     )
-
-
-def _mesh_row(unit: Assembler, drive: DriveTemplate, pair: GearPair) -> np.ndarray:
-    """Compression of the mesh along its line of action."""
-    return unit.mesh_row(drive_nodes(drive, 0)[1], drive.ring_node, pair, 0.0)
 
 
 def motor_row(assembler: Assembler, rotor: int, mount: int, ratio: float) -> np.ndarray:

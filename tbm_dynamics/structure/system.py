@@ -32,7 +32,7 @@ class Drives:
     turns : (p, d, d) ndarray
         From those to the axes of the drive.
     odd : tuple of int
-        Drives whose M, C or K, couplings left out, are not those of the others.
+        Drives whose mesh row, M, C or K, couplings left out, are not those of the others.
     rotors : (r,) ndarray of int
         Unknowns of the angles of the rotors that their drives turn.
     """

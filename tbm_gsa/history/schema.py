@@ -5,8 +5,8 @@ import time
 from pathlib import Path
 from typing import Final
 
-from tbm_gsa.history.entries import AXES, SOURCE_KINDS, STATE_PARTS
 from tbm_gsa.history.context import FARTHEST
+from tbm_gsa.history.entries import AXES, SOURCE_KINDS, STATE_PARTS
 from tbm_gsa.history.events import EVENT_KINDS, EVENT_VERDICTS, SEVERITIES
 from tbm_msgs_py.base.errors import InputError
 from tbm_msgs_py.base.texts import LONGEST_LINE
