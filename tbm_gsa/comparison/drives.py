@@ -15,7 +15,7 @@ from tbm_gsa.comparison.drive_results import DriveResult, DriveSide, DrivesResul
 from tbm_gsa.comparison.drive_sides import DriveReducer, FieldDrives, field_drives
 from tbm_gsa.comparison.levels import OperatingHistory
 from tbm_gsa.comparison.results import finite
-from tbm_gsa.signals.settings import MODEL_RATE_HZ, Settings
+from tbm_gsa.signals.settings import Settings
 from tbm_gsa.signals.statistics import ratio, relative_error
 from tbm_msgs_py.base.arrays import Flags
 from tbm_msgs_py.base.drive_state import drive_name
@@ -74,9 +74,7 @@ class DriveComparison:
         """Levels of operation that the model is to be run at."""
         return set() if self._field is None else set(self._field.levels)
 
-    def reducer(
-        self, level: int, machine: Machine, duration: float, rate_hz: float = MODEL_RATE_HZ
-    ) -> DriveReducer | None:
+    def reducer(self, level: int, machine: Machine, duration: float, rate_hz: float) -> DriveReducer | None:
         """Return what is to be fed with the run at a level, if it is wanted."""
         if self._field is not None and level in self._field.levels:
             with self._noted():

@@ -11,7 +11,7 @@ from tbm_gsa.comparison.offline import compared_band
 from tbm_gsa.signals.clock import sampling_rate
 from tbm_gsa.signals.conditioning import Frame
 from tbm_gsa.signals.reduction import ReducedSignal, SignalReducer
-from tbm_gsa.signals.settings import MODEL_RATE_HZ, Settings
+from tbm_gsa.signals.settings import Settings
 from tbm_msgs_py.base.arrays import Array
 from tbm_msgs_py.base.errors import InputError
 from tbm_msgs_py.base.progress import ShareDone
@@ -157,7 +157,7 @@ class _Intake:
         self._origin_ns = self._waiting[0].start_ns
         rate = sampling_rate(np.concatenate([self._seconds(record) for record in self._waiting]))
         level_of = self._history.level_of(self._origin_ns - self._shift_ns) if self._history else None
-        band = compared_band(rate, MODEL_RATE_HZ, self._settings)
+        band = compared_band(rate, self._settings.model_rate_hz, self._settings)
         return SignalReducer(rate, band, self._frame, self._settings, level_of)
 
     def _seconds(self, record: AccelerationRecord) -> Array:

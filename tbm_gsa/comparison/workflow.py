@@ -109,7 +109,8 @@ def compare_recording(
     chosen = _checked(settings or Settings(), model_duration, seed, span)
     described = machine if isinstance(machine, Machine) else load_machine(machine)
     step = described.step(time_step)  # a machine that cannot be run is refused before a long recording is read
-    _check_band(chosen, step)
+    chosen = replace(chosen, model_rate_hz=1.0 / step)
+    _check_band(chosen)
     reader = open_recording(bag, mapping)
     shared = _shared_points(reader, described)
     placed = described.with_offsets(_stated_offsets(reader, shared))
@@ -133,9 +134,9 @@ def compare_recording(
     )
 
 
-def _check_band(settings: Settings, step: float) -> None:
-    """Refuse an upper limit that runs in such steps (s) do not hold."""
-    highest = LOW_PASS_SHARE / step
+def _check_band(settings: Settings) -> None:
+    """Refuse an upper limit that the runs of the model do not hold."""
+    highest = LOW_PASS_SHARE * settings.model_rate_hz
     if settings.high_hz is not None and not LOWEST_HIGH_HZ <= settings.high_hz <= highest:
         raise InputError(
             f"upper limit of the band {settings.high_hz:g} Hz, allowed: {LOWEST_HIGH_HZ:g} to {highest:g}, "
@@ -346,7 +347,7 @@ def _model_side(
             for point, signal in field.items()
         }
         name = "model" if len(machines) == 1 else f"model, level {level + 1} of {len(machines)}"
-        reducer, most = drives.reducer(level, machines[level], run[0]), highest_hz(settings)
+        reducer, most = drives.reducer(level, machines[level], run[0], settings.model_rate_hz), highest_hz(settings)
         runs.append(run_model(machines[level], *run, reducers, *started, partial(progress, name), most, reducer))
     drives.finish()
     return {point: ReducedSignal.joined([signals[point] for signals in runs]) for point in field} if runs else {}

@@ -7,7 +7,7 @@ from typing import Final
 from tbm_dynamics.integration import DEFAULT_STEP
 
 MODEL_RATE_HZ: Final = 1.0 / DEFAULT_STEP
-"""Of the runs of the model."""
+"""Of the runs of a model whose meshes need no shorter step."""
 
 
 @dataclass(frozen=True)
@@ -28,6 +28,8 @@ class Settings:
         Strongest lines per axis.
     resolution_hz : float
         Of the spectra.
+    model_rate_hz : float
+        Of the runs of the model.
     """
 
     window_s: float = 2.0
@@ -36,6 +38,7 @@ class Settings:
     expected_lines: Mapping[str, float] = field(default_factory=dict)
     line_count: int = 5
     resolution_hz: float = 0.25
+    model_rate_hz: float = MODEL_RATE_HZ
 
 
 def band_name(low: float, high: float) -> str:

@@ -212,7 +212,7 @@ def test_gaps_and_lost_values_are_counted():
 @pytest.mark.parametrize(
     ("torque", "speed", "texts"),
     [
-        (-TORQUE / RATIO, SPEED * RATIO, ["-0.049 of the model's: another sign", "0.049 of", "20.2 times the model's"]),
+        (-TORQUE / RATIO, SPEED * RATIO, ["-0.038 of the model's: another sign", "0.038 of", "26.4 times the model's"]),
         (TORQUE / 1e3, SPEED, ["0.001 of the model's: values in kN·m where"]),
         (TORQUE / 1.4, SPEED, []),
     ],
