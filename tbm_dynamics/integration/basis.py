@@ -12,7 +12,7 @@ into
 
 Either is reduced to the motions that forces can bring about: of the loads and motors, and of the couplings,
 
-- the static ones K⁻¹f, so that every static answer is exact;
+- the static ones K⁻¹f, so that every static answer is exact, and so is the start, at which the rotors are held;
 - for the meshes those at (K + ω²M)⁻¹: a pinion moves by itself under a blow, the faster it is, the less of the machine
   follows;
 - lightly damped modes in the loads' range, whose resonances are narrow;
@@ -82,6 +82,17 @@ class ModalPart:
     inputs: np.ndarray
     couplings: np.ndarray
 
+    def balanced(self, velocity: np.ndarray, force: np.ndarray) -> np.ndarray:
+        """State (2m, …) at coordinates that hold the dampers, moving at a velocity (m, …), and forces of couplings.
+
+        `force` is that of all couplings that `couplings` counts among. A displacement found outside the basis would be
+        a blow on its stiffest coordinates.
+        """
+        m, i = len(velocity), len(self.inputs)
+        stiffness, damping, forced = -self.linear.H[m:, :m], -self.linear.H[m:, m:], self.linear.E[m:, i:]
+        push = forced @ force[self.couplings] - damping @ velocity
+        return np.concatenate([np.linalg.solve(stiffness, push), velocity])
+
 
 @dataclass(frozen=True, eq=False)
 class SplitBasis:
@@ -111,7 +122,8 @@ def _split_basis(system: System, tolerance: float) -> SplitBasis:
     alike = _alike_matrices(system)
     M, C, K = (expand.T @ matrix @ expand for matrix in alike)
     meshes = np.arange(2 * shared.shape[1]) < shared.shape[1]
-    whole = _Problem(M, C, K, expand.T @ input_columns(system), patterns, meshes)
+    rotors = _rotors(system)
+    whole = _Problem(M, C, K, expand.T @ input_columns(system), patterns, meshes, expand.T @ rotors @ shared)
     symmetric = [
         _reduced(whole.restricted(unknowns), expand[:, unknowns], tolerance) for unknowns in whole.components()
     ]
@@ -120,7 +132,8 @@ def _split_basis(system: System, tolerance: float) -> SplitBasis:
     M, C, K = (turn @ matrix[np.ix_(own, own)] @ turn.T for matrix in alike)
     inputs = np.zeros((len(own), INPUTS))
     inputs[:, MOTORS], own_torque = _own_torque(system, shared)
-    individual = _Problem(M, C, K, inputs, rows[:, usual, own] @ turn.T, np.array([True, False]))
+    coupled = rows[:, usual, own] @ turn.T
+    individual = _Problem(M, C, K, inputs, coupled, np.array([True, False]), turn @ rotors[own][:, [usual]])
     return SplitBasis(tuple(symmetric), _reduced(individual, np.eye(len(own)), tolerance), shared, own_torque)
 
 
@@ -132,6 +145,15 @@ def _alike_matrices(system: System) -> tuple[np.ndarray, np.ndarray, np.ndarray]
         return system.M, system.C, system.K
     stiffness, damping = (couplings.rows.T @ (part[:, None] * couplings.rows) for part in beyond)
     return system.M, system.C + damping, system.K + stiffness
+
+
+def _rotors(system: System) -> np.ndarray:
+    """Torque on the rotor of each drive, (n, p); none on one that its drive does not turn."""
+    drives = system.drives
+    torque = np.zeros((system.size, len(drives.dofs)))
+    for i, dofs in enumerate(drives.dofs):
+        torque[np.intersect1d(dofs, drives.rotors), i] = 1.0
+    return torque
 
 
 def _own_torque(system: System, shared: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -149,7 +171,10 @@ def _own_torque(system: System, shared: np.ndarray) -> tuple[np.ndarray, np.ndar
 
 @dataclass(frozen=True)
 class _Problem:
-    """Matrices (d, d), inputs (d, 7) and coupling rows (k, d) of some unknowns; which couplings are meshes."""
+    """Matrices (d, d), inputs (d, 7) and coupling rows (k, d) of some unknowns; which couplings are meshes.
+
+    `rotors` (d, c) are torques on the rotors: a run starts with these held.
+    """
 
     M: np.ndarray
     C: np.ndarray
@@ -157,6 +182,7 @@ class _Problem:
     inputs: np.ndarray
     rows: np.ndarray
     meshes: np.ndarray
+    rotors: np.ndarray
 
     def components(self) -> list[np.ndarray]:
         """Return sets of unknowns that nothing couples: axial, torsional and lateral motion as a rule.
@@ -178,7 +204,7 @@ class _Problem:
         """Return the same for some of the unknowns."""
         square = np.ix_(unknowns, unknowns)
         M, C, K = (matrix[square] for matrix in (self.M, self.C, self.K))
-        return _Problem(M, C, K, self.inputs[unknowns], self.rows[:, unknowns], self.meshes)
+        return _Problem(M, C, K, self.inputs[unknowns], self.rows[:, unknowns], self.meshes, self.rotors[unknowns])
 
 
 def _symmetric_unknowns(system: System, shared: np.ndarray) -> np.ndarray:
@@ -198,7 +224,8 @@ def _reduced(problem: _Problem, expand: np.ndarray, tolerance: float) -> ModalPa
     size = np.abs(problem.rows).max(axis=1)
     couplings = np.flatnonzero(size > _UNCOUPLED * size.max()) if size.max() > 0.0 else np.arange(0)
     rows, pushed = problem.rows[couplings], problem.inputs[:, inputs]
-    shapes = _shapes(problem, rows.T, pushed, rows[problem.meshes[couplings]].T, tolerance)
+    held = problem.rotors[:, np.any(problem.rotors != 0.0, axis=0)]
+    shapes = _shapes(problem, rows.T, pushed, rows[problem.meshes[couplings]].T, held, tolerance)
     M, C, K = (shapes.T @ matrix @ shapes for matrix in (problem.M, problem.C, problem.K))
     linear = first_order(M, C, K, shapes.T @ pushed, rows @ shapes)
     # Mass-orthonormal shapes: the coordinates are the projections in the sense of the mass.
@@ -206,7 +233,12 @@ def _reduced(problem: _Problem, expand: np.ndarray, tolerance: float) -> ModalPa
 
 
 def _shapes(
-    problem: _Problem, coupled: np.ndarray, pushed: np.ndarray, meshes: np.ndarray, tolerance: float
+    problem: _Problem,
+    coupled: np.ndarray,
+    pushed: np.ndarray,
+    meshes: np.ndarray,
+    held: np.ndarray,
+    tolerance: float,
 ) -> np.ndarray:
     """Motions that are kept, (d, m), mass-orthonormal and diagonal in the stiffness."""
     M, K = problem.M, problem.K
@@ -214,7 +246,7 @@ def _shapes(
     struck = K + (2.0 * np.pi * _STRIKE_HZ) ** 2 * M
     attachments = np.hstack(
         [
-            scipy.linalg.solve(K, np.hstack([coupled, pushed]), assume_a="pos"),
+            scipy.linalg.solve(K, np.hstack([coupled, pushed, held]), assume_a="pos"),
             scipy.linalg.solve(struck, meshes, assume_a="pos"),
         ]
     )

@@ -26,6 +26,8 @@ class Start:
     laws : CouplingLaws
     displacement, velocity : (n,) ndarray
         q − q_s and q̇.
+    push : (2L,) ndarray
+        Forces of the couplings beyond the linear part, which the displacement holds with those of its dampers.
     residual : (2, 2L) ndarray
         Residual forces of the couplings a step before and now.
     mesh_inputs : (3, 2L) ndarray
@@ -41,6 +43,7 @@ class Start:
     laws: CouplingLaws
     displacement: np.ndarray
     velocity: np.ndarray
+    push: np.ndarray
     residual: np.ndarray
     mesh_inputs: np.ndarray
     force: np.ndarray
@@ -63,7 +66,9 @@ def static_start(system: System, rate: float, time_step: float, linear: np.ndarr
     velocity -= _turning_rotors(system, velocity)
     # The dampers hold that motion back a little: shift the start to where no net force is left.
     rows = couplings.rows
-    offset = -system.solve(system.C @ velocity + rows.T @ (couplings.damping * slope[1]))
+    push = couplings.damping * slope[1]
+    offset = -system.solve(system.C @ velocity + rows.T @ push)
+    push += (couplings.damping - linear[1]) * (rows @ velocity) + (couplings.stiffness - linear[0]) * (rows @ offset)
     deflection, p = rows @ still.displacement, couplings.drives
     beyond = widened((couplings.damping - linear[1])[None], p)[0]
     laws = CouplingLaws(
@@ -78,7 +83,16 @@ def static_start(system: System, rate: float, time_step: float, linear: np.ndarr
         residual[i] += beyond * motion[1]
     flank = widened(system.flank[None], p)[0]
     return Start(
-        still.displacement, deflection, laws, offset, velocity, np.array(residual), mesh_inputs[1], force, flank
+        still.displacement,
+        deflection,
+        laws,
+        offset,
+        velocity,
+        widened(push[None], p)[0],
+        np.array(residual),
+        mesh_inputs[1],
+        force,
+        flank,
     )
 
 

@@ -387,5 +387,5 @@ def _sources(value: object, source: str | None) -> Iterator[str | None]:
     elif isinstance(value, list | tuple):
         for part in value:
             yield from _sources(part, source)
-    elif isinstance(value, int | float):
+    elif isinstance(value, int | float) and not isinstance(value, bool):
         yield source

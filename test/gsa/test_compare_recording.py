@@ -159,8 +159,8 @@ def test_the_recorded_operating_point_is_used(tmp_path):
     # The first entry is older than the recording and holds for 1 s of it, the second for 1 s, the third to the end.
     several, _ = level("several", (-100.0, 0.5, 2.0e6), (1.0, 0.5, 4.0e6), (2.0, 0.0, 0.0), (3.0, 0.5, 6.0e6))
     assert several.torque_kn_m == pytest.approx(4000.0, rel=1e-3)
-    # The stages mesh at 0.853 of 62.07 and 279.3 Hz.
-    assert bands == ["0.5-20_hz", "47-59_hz", "100-110_hz", "125-135_hz", "200-210_hz", "214-263_hz"]
+    # The stages mesh at 0.853 of 76.26 and 361.3 Hz.
+    assert bands == ["0.5-20_hz", "58-72_hz", "100-110_hz", "125-135_hz", "200-210_hz", "277-341_hz"]
     assert several.note == "never steady for 10 s: time-weighted mean of 3 stretches"
 
 

@@ -162,7 +162,7 @@ def test_a_changed_input_is_found_at_any_level_of_loads(curves, factors):
 
 
 def test_a_sensor_that_reads_wrong_is_named(curves):
-    gain = 1.2
+    gain = 1.4
     found = judged(curves, powers(with_gain(curves.nominal, CHANNEL, gain)))
     assert (found.verdict, found.fault, found.chosen.hypothesis.name) == ("sensor", "gain", "girder_y")
     low, _, high = map(gain_at, found.chosen.quantiles)

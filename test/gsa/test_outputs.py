@@ -28,7 +28,7 @@ def compared(response):
         point: (response.time, response.acceleration(node)[:, :3])
         for point, node in load_machine("dz101").description.test_points.items()
     }
-    settings = Settings(high_hz=HIGH_HZ)
+    settings = Settings(high_hz=HIGH_HZ, bands=load_machine("dz101").driven_loads.bands)
     return {
         frame: {point: compare(signal, signal, frame, settings) for point, signal in signals.items()}
         for frame in ("fixed", "rotating")
