@@ -270,11 +270,37 @@ def _correct_individual(push: np.ndarray, level: int, r: np.ndarray, predicted: 
 
 
 @njit(**_LOOPS)  # type: ignore[untyped-decorator]
-def _shift(r: np.ndarray, anew: bool) -> None:
-    """Shift the residuals (3, …) by a step; `anew`: r has jumped, and the quadratic begins at its end."""
+def _shift(r: np.ndarray) -> None:
+    """Shift the residuals (3, …) by a step."""
     for i in range(len(r[0])):
-        r[0, i] = r[2, i] if anew else r[1, i]
+        r[0, i] = r[1, i]
         r[1, i] = r[2, i]
+
+
+@njit(**_LOOPS)  # type: ignore[untyped-decorator]
+def _begin_anew(
+    numbers: tuple[int, ...],
+    patterns: np.ndarray,
+    before: np.ndarray,
+    after: np.ndarray,
+    r: np.ndarray,
+    R: np.ndarray,
+    out: np.ndarray,
+) -> None:
+    """Begin the quadratics of couplings whose contact has changed now: r₋ = r₀ of them, R₋ = W r₋, r°₋ = r₋ − Wᵀ R₋."""
+    lanes = patterns.shape[1]
+    for kind in range(2):
+        for i in range(lanes):
+            if before[kind * lanes + i] != after[kind * lanes + i]:
+                r[0, kind, i] = r[1, kind, i]
+            out[0, kind, i] = r[0, kind, i]
+        for q in range(len(numbers)):
+            total = 0.0
+            for i in range(lanes):
+                total += patterns[q, i] * r[0, kind, i]
+            R[0, 2 * q + kind] = total
+            for i in range(lanes):
+                out[0, kind, i] -= total * patterns[q, i]
 
 
 @njit(**_LOOPS)  # type: ignore[untyped-decorator]
@@ -374,8 +400,10 @@ def advance(  # noqa: PLR0912, PLR0915 - one loop: a call for each phase would c
         for j in range(pairs):
             z[0, j], z[1, j] = z_end[0, j], z_end[1, j]
         for values in residuals:
-            _shift(values, changed)
+            _shift(values)
         if substep:
+            if changed:
+                _begin_anew(numbers, W, contact, contact_end, r, R, r_own)
             for i in range(2 * lanes):
                 contact[i] = contact_end[i]
             substep += 1
