@@ -95,8 +95,8 @@ def scalar_responses(values: np.ndarray, step: float) -> np.ndarray:
 def phi_functions(z: np.ndarray) -> np.ndarray:
     """φ₁, φ₂ and φ₃ of complex numbers (n,), (3, n), from φ₀ = eᶻ and φₖ = zφₖ₊₁ + 1/k!.
 
-    See Hochbruck and Ostermann, Acta Numerica 19, 2010. Where z is small the latter, solved for φₖ₊₁, loses digits: there
-    φ₃ is its series.
+    See Hochbruck and Ostermann, Acta Numerica 19, 2010. The latter solved for φₖ₊₁ loses digits where z is small:
+    there φ₃ is its series.
     """
     near = np.abs(z) < 1.0
     small, large = np.where(near, z, 0.0), np.where(near, 1.0, z)
