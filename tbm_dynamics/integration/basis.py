@@ -25,15 +25,16 @@ Unlike undamped modes up to a frequency these hold for any damping, with fewer s
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import cached_property, lru_cache
 
 import numpy as np
 import scipy.linalg
+import scipy.sparse
 import scipy.sparse.csgraph
 
 from tbm_dynamics.integration.linear import INPUTS, MOTORS, LinearSystem, first_order, input_columns
+from tbm_dynamics.integration.pairs import Eigenbasis, eigenbasis
 from tbm_dynamics.structure.system import System
 
 DEFAULT_TOLERANCE = 1e-4
@@ -93,6 +94,17 @@ class ModalPart:
         push = forced @ force[self.couplings] - damping @ velocity
         return np.concatenate([np.linalg.solve(stiffness, push), velocity])
 
+    @cached_property
+    def eigenbasis(self) -> Eigenbasis:
+        """Eigenvectors of its motion.
+
+        Raises
+        ------
+        SimulationError
+            They are nearly dependent.
+        """
+        return eigenbasis(self.linear.H)
+
 
 @dataclass(frozen=True, eq=False)
 class SplitBasis:
@@ -118,9 +130,9 @@ def _split_basis(system: System, tolerance: float) -> SplitBasis:
     shared = system.drives.shared
     rows = system.couplings.rows.reshape(2, len(shared), -1)
     expand = _symmetric_unknowns(system, shared)
-    patterns = np.einsum("ic,kin->kcn", shared, rows).reshape(-1, system.size) @ expand
+    patterns = (shared.T @ rows).reshape(-1, system.size) @ expand
     alike = _alike_matrices(system)
-    M, C, K = (expand.T @ matrix @ expand for matrix in alike)
+    M, C, K = (expand.T @ (matrix @ expand) for matrix in alike)
     meshes = np.arange(2 * shared.shape[1]) < shared.shape[1]
     rotors = _rotors(system)
     whole = _Problem(M, C, K, expand.T @ input_columns(system), patterns, meshes, expand.T @ rotors @ shared)
@@ -134,7 +146,9 @@ def _split_basis(system: System, tolerance: float) -> SplitBasis:
     inputs[:, MOTORS], own_torque = _own_torque(system, shared)
     coupled = rows[:, usual, own] @ turn.T
     individual = _Problem(M, C, K, inputs, coupled, np.array([True, False]), turn @ rotors[own][:, [usual]])
-    return SplitBasis(tuple(symmetric), _reduced(individual, np.eye(len(own)), tolerance), shared, own_torque)
+    return SplitBasis(
+        tuple(symmetric), _reduced(individual, scipy.sparse.eye_array(len(own)), tolerance), shared, own_torque
+    )
 
 
 def _alike_matrices(system: System) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -207,18 +221,18 @@ class _Problem:
         return _Problem(M, C, K, self.inputs[unknowns], self.rows[:, unknowns], self.meshes, self.rotors[unknowns])
 
 
-def _symmetric_unknowns(system: System, shared: np.ndarray) -> np.ndarray:
+def _symmetric_unknowns(system: System, shared: np.ndarray) -> scipy.sparse.csr_array:
     """Columns of the symmetric unknowns, orthonormal, (n, n_c): the other nodes, then the drives' patterns."""
     drives = system.drives
     others = np.setdiff1d(np.arange(system.size), drives.dofs)
     expand = np.zeros((system.size, len(others) + drives.dofs.shape[1] * shared.shape[1]))
     expand[others, np.arange(len(others))] = 1.0
-    for dofs, turn, weights in zip(drives.dofs, drives.turns, shared, strict=True):
-        expand[dofs, len(others) :] = np.kron(weights, turn.T)
-    return expand
+    weighted = shared[:, None, :, None] * drives.turns.transpose(0, 2, 1)[:, :, None, :]
+    expand[drives.dofs, len(others) :] = weighted.reshape(*drives.dofs.shape, -1)
+    return scipy.sparse.csr_array(expand)
 
 
-def _reduced(problem: _Problem, expand: np.ndarray, tolerance: float) -> ModalPart:
+def _reduced(problem: _Problem, expand: scipy.sparse.csr_array, tolerance: float) -> ModalPart:
     """Modal part of some unknowns; `expand` (d, u) gives the motion of the part from them."""
     inputs = np.flatnonzero(np.any(problem.inputs != 0.0, axis=0))
     size = np.abs(problem.rows).max(axis=1)
@@ -229,7 +243,7 @@ def _reduced(problem: _Problem, expand: np.ndarray, tolerance: float) -> ModalPa
     M, C, K = (shapes.T @ matrix @ shapes for matrix in (problem.M, problem.C, problem.K))
     linear = first_order(M, C, K, shapes.T @ pushed, rows @ shapes)
     # Mass-orthonormal shapes: the coordinates are the projections in the sense of the mass.
-    return ModalPart(expand @ shapes, shapes.T @ problem.M @ expand.T, linear, inputs, couplings)
+    return ModalPart(expand @ shapes, (expand @ (problem.M @ shapes)).T, linear, inputs, couplings)
 
 
 def _shapes(
@@ -241,47 +255,52 @@ def _shapes(
     tolerance: float,
 ) -> np.ndarray:
     """Motions that are kept, (d, m), mass-orthonormal and diagonal in the stiffness."""
-    M, K = problem.M, problem.K
-    modes = _resonant_modes(problem)
-    struck = K + (2.0 * np.pi * _STRIKE_HZ) ** 2 * M
+    # In unknowns of unit mass, x = L⁻ᵀ y of M = L Lᵀ: there mass-orthonormal is orthonormal.
+    factor = np.linalg.cholesky(problem.M)
+    inverse = scipy.linalg.solve_triangular(factor, np.eye(len(factor)), lower=True)
+    C, K = (inverse @ matrix @ inverse.T for matrix in (problem.C, problem.K))
+    coupled, pushed, meshes, held = (inverse @ forces for forces in (coupled, pushed, meshes, held))
+    struck = K + (2.0 * np.pi * _STRIKE_HZ) ** 2 * np.eye(len(K))
     attachments = np.hstack(
         [
             scipy.linalg.solve(K, np.hstack([coupled, pushed, held]), assume_a="pos"),
             scipy.linalg.solve(struck, meshes, assume_a="pos"),
         ]
     )
-    attachments /= np.sqrt(np.einsum("ij,ik,kj->j", attachments, M, attachments, optimize=True))
-    kept = np.hstack([modes, _beyond(M, modes, attachments, _LEAST)])
-    responses = np.hstack([_responses(problem, coupled, _GEARED_HZ), _responses(problem, pushed, _LOADED_HZ)])
-    basis = np.hstack([kept, _beyond(M, kept, responses, tolerance)])
-    _, rotation = scipy.linalg.eigh(basis.T @ K @ basis, basis.T @ M @ basis)
-    return np.asarray(basis @ rotation)
+    modes = _resonant_modes(C, K)
+    kept = np.hstack([modes, _beyond(modes, attachments / np.linalg.norm(attachments, axis=0), _LEAST)])
+    basis = np.hstack([kept, _beyond(kept, _responses(C, K, coupled, pushed), tolerance)])
+    _, rotation = scipy.linalg.eigh(basis.T @ K @ basis)
+    return np.asarray(inverse.T @ (basis @ rotation))
 
 
-def _resonant_modes(problem: _Problem) -> np.ndarray:
-    """Mass-normalised modes that a load could bring to resonance, (d, k)."""
+def _resonant_modes(C: np.ndarray, K: np.ndarray) -> np.ndarray:
+    """Modes that a load could bring to resonance, (d, k)."""
     highest = (2.0 * np.pi * _RESONANT_HZ) ** 2
-    squares, modes = scipy.linalg.eigh(problem.K, problem.M, subset_by_value=(-np.inf, highest))
+    squares, modes = scipy.linalg.eigh(K, subset_by_value=(-np.inf, highest))
     omega = np.sqrt(np.maximum(squares, 0.0))
-    ratio = np.einsum("ir,ij,jr->r", modes, problem.C, modes) / (2.0 * np.maximum(omega, 1e-9))
+    ratio = np.einsum("ir,ir->r", modes, C @ modes) / (2.0 * np.maximum(omega, 1e-9))
     return np.asarray(modes[:, ratio < _RESONANT_RATIO])
 
 
-def _responses(problem: _Problem, forces: np.ndarray, frequencies: Sequence[float]) -> np.ndarray:
-    """Accelerations (d, 2 f k) under harmonic forces (d, k), the largest under each force of unit mass."""
-    omega = 2.0 * np.pi * np.array(frequencies)[:, None, None]
-    answer = omega**2 * np.linalg.solve(problem.K + 1j * omega * problem.C - omega**2 * problem.M, forces[None])
-    parts = np.concatenate([answer.real, answer.imag])
-    masses = np.einsum("fik,ij,fjk->fk", parts, problem.M, parts, optimize=True)
-    return np.asarray((parts / np.sqrt(masses.max(axis=0))).transpose(1, 0, 2).reshape(len(forces), -1))
+def _responses(C: np.ndarray, K: np.ndarray, coupled: np.ndarray, pushed: np.ndarray) -> np.ndarray:
+    """Accelerations (d, r) under harmonic forces of couplings and inputs, of each force the largest of length 1."""
+    omega = 2.0 * np.pi * np.array(_GEARED_HZ)[:, None, None]
+    stiffness = np.empty((len(omega), *K.shape), dtype=complex)
+    stiffness.real, stiffness.imag = K - omega**2 * np.eye(len(K)), omega * C
+    answer = omega**2 * np.linalg.solve(stiffness, np.hstack([coupled, pushed])[None])
+    found = []
+    for answers in (answer[:, :, : coupled.shape[1]], answer[: len(_LOADED_HZ), :, coupled.shape[1] :]):
+        parts = np.concatenate([answers.real, answers.imag])
+        largest = np.linalg.norm(parts, axis=1).max(axis=0)
+        found.append((parts / largest).transpose(1, 0, 2).reshape(len(K), -1))
+    return np.hstack(found)
 
 
-def _beyond(M: np.ndarray, kept: np.ndarray, vectors: np.ndarray, tolerance: float) -> np.ndarray:
-    """Mass-orthonormal directions of vectors (d, c) beyond the kept ones, larger than a tolerance, (d, m)."""
-    # Twice: what is left of nearly dependent vectors is not quite orthonormal after once.
-    for least in (tolerance, 0.5):
-        vectors = vectors - kept @ (kept.T @ (M @ vectors))
-        sizes, directions = scipy.linalg.eigh(vectors.T @ M @ vectors)
-        large = sizes > least**2
-        vectors = vectors @ (directions[:, large] / np.sqrt(sizes[large]))
-    return vectors
+def _beyond(kept: np.ndarray, vectors: np.ndarray, tolerance: float) -> np.ndarray:
+    """Orthonormal directions of vectors (d, c) beyond the kept ones, larger than a tolerance, (d, m)."""
+    vectors = vectors - kept @ (kept.T @ vectors)
+    sizes, directions = scipy.linalg.eigh(vectors @ vectors.T)
+    found = directions[:, sizes > tolerance**2]
+    # Again: of nearly dependent vectors, rounding leaves some of the kept ones.
+    return np.asarray(np.linalg.qr(found - kept @ (kept.T @ found))[0])

@@ -22,7 +22,7 @@ from tbm_dynamics.integration.lanes import aligned, widened
 from tbm_dynamics.integration.laws import CouplingLaws
 from tbm_dynamics.integration.linear import INPUTS
 from tbm_dynamics.integration.method import Method, Steps, fine_step, refuse_coarse
-from tbm_dynamics.integration.pairs import act, as_pairs, eigenbasis, scalar_responses
+from tbm_dynamics.integration.pairs import act, as_pairs, scalar_responses
 from tbm_dynamics.integration.start import Start
 from tbm_dynamics.structure.system import System
 
@@ -151,9 +151,8 @@ class _SteppedPart:
 
     def __init__(self, part: ModalPart, step: float, multiple: int) -> None:
         linear = part.linear
-        basis = eigenbasis(linear.H)
-        inputs = np.linalg.solve(basis.vectors, linear.E) if len(linear.H) else linear.E
-        loads, couplings = np.split(inputs, [len(part.inputs)], axis=1)
+        basis = part.eigenbasis
+        loads, couplings = np.split(basis.inverse @ linear.E, [len(part.inputs)], axis=1)
         responses = [scalar_responses(values, step) for values in basis.values]
         transfer, now, end, *pushes = (as_pairs(basis, np.array(pair)) for pair in zip(*responses, strict=True))
         pad = -(len(linear.H) // 2) % multiple
@@ -165,7 +164,7 @@ class _SteppedPart:
             return np.vstack([a, idle, b, idle])
 
         self.vectors = padded(basis.vectors.T).T
-        self.inverse = padded(np.linalg.inv(basis.vectors) if len(linear.H) else basis.vectors)
+        self.inverse = padded(basis.inverse)
         self.transfer = np.hstack([transfer, np.zeros((4, pad))])
         self.load = padded(np.hstack([act(action, loads) for action in (end, now)]))
         self.push = padded(np.hstack([act(action, couplings) for action in pushes]))

@@ -6,6 +6,7 @@ form for every eigenvalue, whatever the damping couples.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -25,6 +26,8 @@ class Eigenbasis:
     ----------
     vectors : (s, s) ndarray
         v = vectors · (a, b), the a of all pairs first.
+    inverse : (s, s) ndarray
+        (a, b) = inverse · v.
     values : (2, s/2) ndarray of complex
         Eigenvalue that each a and each b belongs to: λ and its conjugate, or two real ones.
     paired : (s/2,) ndarray of bool
@@ -32,6 +35,7 @@ class Eigenbasis:
     """
 
     vectors: np.ndarray
+    inverse: np.ndarray
     values: np.ndarray
     paired: np.ndarray
 
@@ -53,14 +57,23 @@ def eigenbasis(H: np.ndarray) -> Eigenbasis:
     pairs = np.array(
         [np.concatenate([values[upper], values[first]]), np.concatenate([values[upper].conj(), values[second]])]
     )
-    basis = Eigenbasis(np.hstack([a, b]), pairs, np.arange(pairs.shape[1]) < len(upper))
-    condition = np.linalg.cond(basis.vectors / np.linalg.norm(basis.vectors, axis=0)) if len(H) else 1.0
+    inverse, condition = _inverse(np.hstack([a, b]))
     if condition > _WORST_CONDITION:
         raise SimulationError(
             f"the eigenvectors of the damped system are nearly dependent (condition {condition:.1e}); "
             "change a damping ratio slightly, or use method 'full'"
         )
-    return basis
+    return Eigenbasis(np.hstack([a, b]), inverse, pairs, np.arange(pairs.shape[1]) < len(upper))
+
+
+def _inverse(vectors: np.ndarray) -> tuple[np.ndarray, float]:
+    """Inverse of eigenvectors (s, s), and their condition, of unit length each, in the norm of all elements."""
+    try:
+        inverse = np.linalg.inv(vectors)
+    except np.linalg.LinAlgError:
+        return vectors, np.inf
+    lengths = np.linalg.norm(vectors, axis=0)
+    return inverse, float(np.sqrt(len(vectors)) * np.linalg.norm(lengths[:, None] * inverse))
 
 
 def scalar_responses(values: np.ndarray, step: float) -> np.ndarray:
@@ -72,13 +85,27 @@ def scalar_responses(values: np.ndarray, step: float) -> np.ndarray:
         Transfer; input linear over the step by its value now and at the end; residual quadratic through its values a
         step before, now and at the end.
     """
-    augmented = np.zeros((len(values), 4, 4), dtype=complex)
-    augmented[:, 0, 0] = values * step
-    augmented[:, [0, 1, 2], [1, 2, 3]] = step
-    # Responses to 1, s and s²/2.
-    transfer, p0, p1, p2 = scipy.linalg.expm(augmented)[:, 0].T if len(values) else np.zeros((4, 0), dtype=complex)
-    p1, p2 = p1 / step, p2 / step**2
+    phi1, phi2, phi3 = phi_functions(values * step)
+    # Responses to 1, s/τ and (s/τ)²/2.
+    p0, p1, p2 = step * phi1, step * phi2, step * phi3
+    transfer = np.exp(values * step)
     return np.array([transfer, p0 - p1, p1, p2 - 0.5 * p1, p0 - 2.0 * p2, p2 + 0.5 * p1])
+
+
+def phi_functions(z: np.ndarray) -> np.ndarray:
+    """φ₁, φ₂ and φ₃ of complex numbers (n,), (3, n), from φ₀ = eᶻ and φₖ = zφₖ₊₁ + 1/k!.
+
+    See Hochbruck and Ostermann, Acta Numerica 19, 2010. The latter solved for φₖ₊₁ loses digits where z is small:
+    there φ₃ is its series.
+    """
+    near = np.abs(z) < 1.0
+    small, large = np.where(near, z, 0.0), np.where(near, 1.0, z)
+    series = np.zeros_like(z)
+    for j in range(20, 2, -1):
+        series = series * small + 1.0 / math.factorial(j)
+    phi3 = np.where(near, series, (((np.exp(large) - 1.0) / large - 1.0) / large - 0.5) / large)
+    phi2 = z * phi3 + 0.5
+    return np.array([z * phi2 + 1.0, phi2, phi3])
 
 
 def as_pairs(basis: Eigenbasis, factors: np.ndarray) -> np.ndarray:

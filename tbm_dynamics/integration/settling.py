@@ -24,7 +24,7 @@ def settling_time(system: System) -> float:
     at rest under the mean load, and what it has to gain or to lose to be as it will be is a free motion.
     """
     basis = split_basis(system)
-    poles = np.concatenate([np.linalg.eigvals(part.linear.H) for part in (*basis.symmetric, basis.individual)])
+    poles = np.concatenate([part.eigenbasis.values.ravel() for part in (*basis.symmetric, basis.individual)])
     rates = -poles.real[poles.imag > 2.0 * math.pi * LOWEST_HZ]
     slowest = float(rates.min(initial=np.inf))
     return min(LONGEST_S, -math.log(LEFT) / slowest) if slowest > 0.0 else LONGEST_S

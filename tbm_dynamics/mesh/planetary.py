@@ -21,6 +21,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Annotated, ClassVar
 
 import numpy as np
@@ -199,8 +200,9 @@ class StageLaw:
     planet_error: np.ndarray
 
 
+@lru_cache(maxsize=16)
 def stage_law(stage: PlanetaryStage, elasticity: float, poisson: float, harmonics: int) -> StageLaw:
-    """Condense a stage to its carrier.
+    """Condense a stage to its carrier; the last are kept, for the machines of a study differ in other parts.
 
     Parameters
     ----------

@@ -67,8 +67,7 @@ def _assembled(description: MachineDescription, load_scale: np.ndarray, point: O
         assembler.add_connection(*connection.between, connection)
         assembler.turn_against(connection)
     ring_inertia = assembler.polar_inertia(description.driveshaft.ring_shaft_nodes)
-    unit = drive_unit(description)
-    drives, rows = _add_drives(assembler)
+    drives, rows, unit = _add_drives(assembler)
     couplings = build_couplings(description, unit, rows, ring_inertia)
     assembler.K += rows.T @ (couplings.stiffness[:, None] * rows)
     assembler.C += rows.T @ (couplings.damping[:, None] * rows)
@@ -92,8 +91,8 @@ def _assembled(description: MachineDescription, load_scale: np.ndarray, point: O
     )
 
 
-def _add_drives(assembler: Assembler) -> tuple[Drives, np.ndarray]:
-    """Turn the drive to every place: where the drives are, and the rows of their couplings (2p, n)."""
+def _add_drives(assembler: Assembler) -> tuple[Drives, np.ndarray, DriveUnit]:
+    """Turn the drive to every place: where the drives are, the rows of their couplings (2p, n), the usual drive."""
     description, drive = assembler.description, assembler.description.driveshaft
     mounts = description.mount_nodes
     kinds = [
@@ -102,20 +101,24 @@ def _add_drives(assembler: Assembler) -> tuple[Drives, np.ndarray]:
     ]
     units = {kind: drive_unit(description, *kind) for kind in set(kinds)}
     angles = np.array(description.drive_angles)
-    rows = np.zeros((2, drive.count, len(assembler.M)))
+    rows, turns = np.zeros((2, drive.count, len(assembler.M))), []
     for i, angle in enumerate(angles):
         nodes = (*drive_nodes(drive, i), drive.ring_node, mounts[i])
         R = np.kron(np.eye(2 * len(nodes)), turn(float(angle)))
         one = units[kinds[i]]
         assembler.add_matrices(nodes, R.T @ one.M @ R, R.T @ one.C @ R, R.T @ one.K @ R)
         rows[:, i, assembler.dofs(*nodes)] = one.rows @ R
+        turns.append(R[: 6 * OWN_NODES, : 6 * OWN_NODES])
     own = np.array([assembler.dofs(*drive_nodes(drive, i)) for i in range(drive.count)])
-    turns = np.array([np.kron(np.eye(2 * OWN_NODES), turn(float(a))) for a in angles])
     # Without a controller a motor with power is as one without.
     alike = mode(kinds)
     odd = tuple(i for i, kind in enumerate(kinds) if kind[2] != alike[2] or not _equal(units[kind], units[alike]))
     turned = [one.off != "uncoupled" for one in description.each_drive]
-    return Drives(angles, own, turns, odd, rotors=own[turned, -3]), rows.reshape(2 * drive.count, -1)
+    return (
+        Drives(angles, own, np.array(turns), odd, rotors=own[turned, -3]),
+        rows.reshape(2 * drive.count, -1),
+        units[alike],
+    )
 
 
 def _cylinders(assembler: Assembler) -> tuple[np.ndarray | None, float]:
@@ -135,18 +138,21 @@ def _controlled(assembler: Assembler, cylinders: np.ndarray | None, oil: float) 
     if cylinders is not None:
         found += oil * np.outer(cylinders, cylinders)
     if drive.motor.stiffness:
-        for one, row in zip(assembler.description.each_drive, _motor_rows(assembler), strict=True):
-            found += (0.0 if one.off else drive.motor.stiffness) * np.outer(row, row)
+        powered = [not one.off for one in assembler.description.each_drive]
+        rows = _motor_rows(assembler)[powered]
+        found += drive.motor.stiffness * (rows.T @ rows)
     return found if found.any() else None
 
 
-def _motor_rows(assembler: Assembler) -> list[np.ndarray]:
-    """Angle between rotor and stator of each drive per unit motion, (n,)."""
+def _motor_rows(assembler: Assembler) -> np.ndarray:
+    """Angle between rotor and stator of each drive per unit motion, (p, n)."""
     drive = assembler.description.driveshaft
-    return [
-        motor_row(assembler, drive_nodes(drive, i)[-1], mount, drive.gearbox.ratio)
-        for i, mount in enumerate(assembler.description.mount_nodes)
-    ]
+    return np.array(
+        [
+            motor_row(assembler, drive_nodes(drive, i)[-1], mount, drive.gearbox.ratio)
+            for i, mount in enumerate(assembler.description.mount_nodes)
+        ]
+    )
 
 
 def _motor_pattern(assembler: Assembler) -> np.ndarray:
@@ -154,7 +160,7 @@ def _motor_pattern(assembler: Assembler) -> np.ndarray:
     drive, each = assembler.description.driveshaft, assembler.description.each_drive
     unit = gear_pair(drive).turning * drive.gear.pinion_teeth / drive.gear.ring_teeth / sum(one.weight for one in each)
     weights = np.array([one.weight for one in each])
-    return np.asarray(unit * weights @ np.array(_motor_rows(assembler)))
+    return np.asarray(unit * weights @ _motor_rows(assembler))
 
 
 def _equal(one: DriveUnit, other: DriveUnit) -> bool:
@@ -164,12 +170,12 @@ def _equal(one: DriveUnit, other: DriveUnit) -> bool:
 def _refuse_floating(assembler: Assembler, stiffness: np.ndarray) -> None:
     """Raise if some nodes can move without straining anything, or have no mass; `stiffness` holds mean loads."""
     nodes = list(assembler.positions)
-    for node in nodes:
-        if np.any(assembler.M.diagonal()[assembler.dofs(node)] <= 0.0):
+    for node, masses in zip(nodes, assembler.M.diagonal().reshape(-1, 6), strict=True):
+        if masses.min() <= 0.0:
             raise MachineError(f"node {node} has no mass; give it a shaft or a body")
     # Scaled so that translations and rotations of light and heavy parts compare.
     scale = 1.0 / np.sqrt(assembler.M.diagonal())
-    scaled = stiffness * np.outer(scale, scale)
+    scaled = stiffness * scale * scale[:, None]
     if _sound(scaled):
         return
     values, vectors = scipy.linalg.eigh(scaled)

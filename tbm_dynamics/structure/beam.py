@@ -98,8 +98,10 @@ def _place(bending: np.ndarray, axial: np.ndarray, torsion: np.ndarray) -> np.nd
 def along_direction(matrix: np.ndarray, direction: np.ndarray) -> np.ndarray:
     """Turn an element matrix from its own axis x to `direction` (3,); circular sections have no other axis."""
     x = direction / np.linalg.norm(direction)
-    helper = np.array([0.0, 0.0, 1.0]) if abs(x[2]) < 0.9 else np.array([0.0, 1.0, 0.0])
-    y = np.cross(helper, x)
+    # Across it, in the plane of the global axis that it is not along.
+    y = np.array([-x[1], x[0], 0.0]) if abs(x[2]) < 0.9 else np.array([x[2], 0.0, -x[0]])
     y /= np.linalg.norm(y)
-    R = np.kron(np.eye(4), np.array([x, y, np.cross(x, y)]))
-    return np.asarray(R.T @ matrix @ R)
+    z = np.array([x[1] * y[2] - x[2] * y[1], x[2] * y[0] - x[0] * y[2], x[0] * y[1] - x[1] * y[0]])
+    turn = np.array([x, y, z])
+    blocks = matrix.reshape(4, 3, 4, 3).transpose(0, 2, 1, 3)
+    return np.asarray((turn.T @ blocks @ turn).transpose(0, 2, 1, 3).reshape(12, 12))

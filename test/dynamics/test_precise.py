@@ -11,6 +11,7 @@ import scipy.linalg
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from tbm_dynamics.integration.pairs import phi_functions
 from tbm_dynamics.integration.precise import polynomial_response, precise_exponential
 
 
@@ -98,3 +99,13 @@ def test_response_of_a_point_mass_in_closed_form():
     for response, s in ((half, 0.3), (whole, 0.6)):
         assert response[0] == pytest.approx([1.0, s, s**2 / 2, s**3 / 6, s**4 / 24], rel=1e-13)
         assert response[1] == pytest.approx([0.0, 1.0, s, s**2 / 2, s**3 / 6], rel=1e-13)
+
+
+@settings(max_examples=15)
+@given(size=st.floats(1e-9, 300.0), angle=st.floats(0.5 * np.pi, 1.5 * np.pi))
+def test_phi_functions_against_the_exponential(size, angle):
+    # The first row of exp of z above a chain of ones is 1, φ₁, φ₂, φ₃ of z (Al-Mohy and Higham, 2011).
+    z = size * np.exp(1j * angle)
+    chain = np.diag([1.0 + 0.0j] * 3, 1)
+    chain[0, 0] = z
+    assert phi_functions(np.array([z]))[:, 0] == pytest.approx(scipy.linalg.expm(chain)[0, 1:], rel=1e-11)

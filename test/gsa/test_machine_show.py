@@ -84,7 +84,8 @@ def connections(data):
     """Every connection between nodes, and where it is; PyYAML reads 1e9 as text."""
     for where, group in (*((name, data[name]) for name in STRUCTURES), ("between subsystems", data)):
         for entry in group["connections"]:
-            yield {**entry, "where": where, "stiffness": [float(value) for value in entry["stiffness"]]}
+            turning = {key: float(entry[key]) for key in ("turning_inertia",) if key in entry}
+            yield {**entry, **turning, "where": where, "stiffness": [float(value) for value in entry["stiffness"]]}
 
 
 def drive_nodes(data, i):
@@ -125,6 +126,7 @@ def test_the_document_holds_every_section(data, command):
     for key, keys in (("nodes", "node subsystem place roles"), ("modes", "frequency_hz motion node shares")):
         assert all(set(entry) == set(keys.split()) for entry in found[key])
     shafts = [{"inner_diameter": 0.0, "subsystem": n, **shaft} for n in STRUCTURES for shaft in data[n]["shafts"]]
+    assert all(0.0 < shaft.pop("stress") < 235e6 for shaft in found["shafts"])
     assert found["shafts"] == shafts
     bodies = [{"subsystem": name, **body} for name in STRUCTURES for body in data[name].get("bodies", [])]
     assert found["bodies"] == [{**body, "inertia": [*map(float, body["inertia"])]} for body in bodies]
@@ -171,7 +173,11 @@ def test_the_check_finds_size_frequency_and_mesh_force(data, command):
     nodes = sum(len(data[part]["nodes"]) for part in STRUCTURES) + 5 * count
     base = gear["module"] * gear["ring_teeth"] / 2.0 * np.cos(np.radians(gear["pressure_angle_deg"]))
     rock = data["cutterhead_bearing_gear"]["connections"][0]
-    damper = 2.0 * data["connection_damping"]["rock"] * np.sqrt(rock["stiffness"][3] * rock.get("turning_inertia", 0.0))
+    damper = (
+        2.0
+        * float(data["connection_damping"]["rock"])
+        * np.sqrt(float(rock["stiffness"][3]) * float(rock.get("turning_inertia", 0.0)))
+    )
     braked = damper * data["operating_point"]["speed_r_min"] * np.pi / 30.0  # the head's own turning
     force = (data["operating_point"]["torque_kn_m"] * 1e3 + braked) / (count * base)
     mesh_hz = data["operating_point"]["speed_r_min"] / 60.0 * gear["ring_teeth"]
