@@ -57,6 +57,7 @@ def model_rows(machine: Machine, curves: MeshCurves) -> Iterator[Row]:
     """Rows of Tables 4 and 5 and Figures 2, 3 and 6."""
     description = machine.description
     yield from _structure(description)
+    yield from _options(description)
     yield from _mesh(machine, curves)
     yield from _points(description)
     yield from _inputs(description)
@@ -74,6 +75,21 @@ def _structure(description: MachineDescription) -> Iterator[Row]:
         found = ours.get(name)
         same = verdict.echoed(found == node)
         yield Row(f"figure2.node.{name.replace(' ', '_')}", f"node of the {name}", node, found, same)
+
+
+def _options(description: MachineDescription) -> Iterator[Row]:
+    """What the paper leaves open of how the machine is driven, pushed and held."""
+    motor, connections = description.driveshaft.motor, description.all_connections()
+    pushed = any(connection.force_controlled for connection in connections)
+    braked = any(connection.turning_inertia is not None for connection in connections)
+    ours = {
+        "motors": f"hold their {motor.control}",
+        "thrust": "enters at the thrust cylinders" if pushed else "acts on the head",
+        "rock_damper": "a true ratio, on the head's own turning too" if braked else "as the other dampers",
+    }
+    for name, value in ours.items():
+        what = f"{name.replace('_', ' ')}{' about x' if name == 'rock_damper' else ''}"
+        yield Row(f"figure2.{name}", what, "not said", value, "no number", "a key of the machine file")
 
 
 def _mesh(machine: Machine, curves: MeshCurves) -> Iterator[Row]:

