@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 import re
 from itertools import groupby
+from statistics import NormalDist, pstdev
 from typing import Annotated, ClassVar, Literal, Self
 
 from pydantic import AfterValidator, Field, SerializerFunctionWrapHandler, model_serializer, model_validator
@@ -19,6 +20,7 @@ from tbm_dynamics.loads.description import LoadDescription
 from tbm_dynamics.machine.drive import DriveOverride, DriveTemplate, Node
 from tbm_dynamics.machine.sensor_place import SensorPlace, TestPoint, place_of
 from tbm_dynamics.machine.springs import Springs
+from tbm_dynamics.mesh.planetary import GOLDEN
 from tbm_msgs_py.base.fields import FrozenModel, Label, NonNegative, Positive, Source, SparseModel, Vector3
 from tbm_msgs_py.base.texts import LONGEST_NAME
 from tbm_msgs_py.base.units import R_MIN
@@ -251,6 +253,18 @@ class MachineDescription(FrozenModel):
         """How each drive differs from the template, in the order of the drives."""
         alike = DriveOverride()
         return tuple(self.drives.get(number, alike) for number in range(1, self.driveshaft.count + 1))
+
+    @property
+    def motor_weights(self) -> tuple[float, ...]:
+        """Weight of each motor in the torque of the head; of those that run, scattered as `motor.scatter` says.
+
+        By quantiles of a normal distribution, spread over the drives by the golden ratio.
+        """
+        each, count = self.each_drive, self.driveshaft.count
+        order = sorted(range(count), key=lambda i: math.modf(GOLDEN * i)[0])
+        normal = [NormalDist().inv_cdf((order.index(i) + 0.5) / count) for i in range(count)]
+        size = self.driveshaft.motor.scatter / max(pstdev(normal), 1e-12)
+        return tuple(one.weight * (1.0 + size * z) for one, z in zip(each, normal, strict=True))
 
     @property
     def drive_angles(self) -> tuple[float, ...]:

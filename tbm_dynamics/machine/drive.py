@@ -106,6 +106,8 @@ class Motor(FrozenModel):
     control: Literal["torque", "speed"] = "torque"
     damping: NonNegative = 0.0
     stiffness: NonNegative = 0.0
+    scatter: Annotated[float, Field(ge=0.0, le=0.3)] = 0.0
+    """Standard deviation of the torques of motors that run, over their mean: what a master leaves of its slaves."""
     source: Source = "assumed"
 
     @model_validator(mode="after")

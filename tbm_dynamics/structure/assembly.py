@@ -157,10 +157,9 @@ def _motor_rows(assembler: Assembler) -> np.ndarray:
 
 def _motor_pattern(assembler: Assembler) -> np.ndarray:
     """Generalised force (n,) of the motors, which share the torque by their weights."""
-    drive, each = assembler.description.driveshaft, assembler.description.each_drive
-    unit = gear_pair(drive).turning * drive.gear.pinion_teeth / drive.gear.ring_teeth / sum(one.weight for one in each)
-    weights = np.array([one.weight for one in each])
-    return np.asarray(unit * weights @ _motor_rows(assembler))
+    drive, weights = assembler.description.driveshaft, np.array(assembler.description.motor_weights)
+    unit = gear_pair(drive).turning * drive.gear.pinion_teeth / drive.gear.ring_teeth
+    return np.asarray(unit / weights.sum() * weights @ _motor_rows(assembler))
 
 
 def _equal(one: DriveUnit, other: DriveUnit) -> bool:

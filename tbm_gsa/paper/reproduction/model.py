@@ -78,7 +78,7 @@ def _structure(description: MachineDescription) -> Iterator[Row]:
 
 
 def _options(description: MachineDescription) -> Iterator[Row]:
-    """What the paper leaves open of how the machine is driven, pushed and held."""
+    """Say what the paper leaves open of how the machine is driven, pushed and held."""
     motor, connections = description.driveshaft.motor, description.all_connections()
     pushed = any(connection.force_controlled for connection in connections)
     braked = any(connection.turning_inertia is not None for connection in connections)
