@@ -27,7 +27,7 @@ from tbm_dynamics.integration.start import Start
 from tbm_dynamics.structure.system import System
 
 # Number of pairs that fills vector registers.
-_PAIRS = 4
+_PAIRS = 8
 
 
 class Condensed(Method[State]):
@@ -62,27 +62,29 @@ class Condensed(Method[State]):
         self.tail = len(self.output) - 2 * self._arrays.transfer.shape[2]
 
     def _outputs(self, dofs: np.ndarray) -> np.ndarray:
-        """Matrix from a row of the record: symmetric states, R, recorded drives' states and r°, u."""
+        """Matrix from a row of the record: symmetric states, R₋, R₀, recorded drives' states, r°₋ and r°₀, u."""
         split, parts = self._split, self._parts
         pairs = self._arrays.transfer.shape[2]
         size = 2 * pairs
-        symmetric = np.zeros((size + 2 * len(self._arrays.numbers), 2 * len(dofs)))
+        of_residual = 2 * len(self._arrays.numbers)
+        symmetric = np.zeros((size + 2 * of_residual, 2 * len(dofs)))
         inputs = np.zeros((INPUTS, 2 * len(dofs)))
         for part, stepped, places in zip(split.symmetric, parts.symmetric, parts.places, strict=True):
-            by_state, by_coupling, by_input = _observed(stepped, part, part.shapes[dofs])
+            by_state, by_residual, by_input = _observed(stepped, part, part.shapes[dofs])
             half, pair = np.divmod(places, pairs)
             symmetric[2 * pair + half] = by_state  # a record holds the two states of a pair side by side
-            symmetric[size + _pattern_places(part, split.shared.shape[1], 1)] += by_coupling
+            rows = _pattern_places(part, split.shared.shape[1], 1)
+            symmetric[size + np.concatenate([rows, of_residual + rows])] += by_residual
             inputs[part.inputs] += by_input
-        rows = [symmetric]
+        blocks = [symmetric]
         for i in self._recorded:
             places, outputs = np.nonzero(self._drives.dofs[i][:, None] == dofs)
             shapes = np.zeros((len(dofs), split.individual.shapes.shape[1]))
             shapes[outputs] = (self._drives.turns[i].T @ split.individual.shapes)[places]
-            by_state, by_coupling, by_input = _observed(parts.individual, split.individual, shapes)
-            rows += [by_state, by_coupling]
+            by_state, by_residual, by_input = _observed(parts.individual, split.individual, shapes)
+            blocks += [by_state, by_residual]
             inputs[split.individual.inputs] += split.own_torque[i] * by_input
-        return np.vstack([*rows, inputs])
+        return np.vstack([*blocks, inputs])
 
     def start(self, start: Start) -> tuple[State, np.ndarray]:
         """State and row of the record at the start of a run; see `method.Method`."""
@@ -91,23 +93,26 @@ class Condensed(Method[State]):
         state = zero_state(self._arrays)
         r = start.residual.reshape(2, 2, lanes)
         R = r @ W.T
+        state.residual[:2] = r
+        state.pattern_residual[:2] = R.transpose(0, 2, 1).reshape(2, -1)
+        state.individual_residual[:2] = r - R @ W
         push = start.push.reshape(2, lanes)
         pushed = push @ W.T
         for part, stepped, places in zip(self._split.symmetric, parts.symmetric, parts.places, strict=True):
             moving = part.balanced(part.project @ start.velocity, pushed.ravel())
-            state.symmetric.flat[places] = stepped.inverse @ moving
+            pushes = state.pattern_residual[:2, _pattern_places(part, shared.shape[1], 1)].ravel()
+            state.symmetric.flat[places] = stepped.inverse @ moving - stepped.shift @ pushes
         own = np.einsum("ide,ie->id", drives.turns, start.velocity[drives.dofs])
         own -= shared @ (shared.T @ own)
         individual = self._split.individual
         moving = individual.balanced(individual.project @ own.T, (push - pushed @ W)[:, :p])
         state.individual[:, :p] = parts.individual.inverse @ moving
-        state.residual[:2] = r
-        state.pattern_residual[:2] = R.transpose(0, 2, 1).reshape(2, -1)
-        state.individual_residual[:2] = r - R @ W
+        state.individual[:] -= parts.individual.shift @ state.individual_residual[:2].reshape(-1, lanes)
         state.mesh_inputs[:] = start.mesh_inputs
         state.contact_state[:] = np.where(np.isinf(self._own[0]), 0.0, start.flank)
-        recorded = np.vstack([state.individual, state.individual_residual[1]])[:, self._recorded]
-        return state, np.concatenate([state.symmetric.T.ravel(), state.pattern_residual[1], recorded.T.ravel()])
+        recorded = np.vstack([state.individual, *state.individual_residual[:2]])[:, self._recorded]
+        known = [state.symmetric.T.ravel(), state.pattern_residual[:2].ravel(), recorded.T.ravel()]
+        return state, np.concatenate(known)
 
     def advance(self, laws: CouplingLaws, steps: Steps, state: State) -> int:
         """Advance by n steps; see `method.Method`."""
@@ -143,8 +148,10 @@ class _SteppedPart:
         Between states and pairs, the latter padded to a number that fills registers.
     transfer : (4, s'/2) ndarray
         Action on the pairs.
-    load : (s', 2i), push : (s', 3k) ndarray
-        What u at the end and now, and the residual before, now and at the end, add to the pairs.
+    load : (s', 2i), push : (s', k) ndarray
+        What u at the end and now, and the residual before add to the pairs; see `condensed_kernel`.
+    shift : (s', 2k) ndarray
+        What the residual before and now is in the motion beyond the pairs.
     observe : (2k, s') ndarray
         Deflections and rates of the couplings from the pairs.
     """
@@ -154,7 +161,7 @@ class _SteppedPart:
         basis = part.eigenbasis
         loads, couplings = np.split(basis.inverse @ linear.E, [len(part.inputs)], axis=1)
         responses = [scalar_responses(values, step) for values in basis.values]
-        transfer, now, end, *pushes = (as_pairs(basis, np.array(pair)) for pair in zip(*responses, strict=True))
+        transfer, at_start, at_end, *pushes = (as_pairs(basis, np.array(pair)) for pair in zip(*responses, strict=True))
         pad = -(len(linear.H) // 2) % multiple
 
         def padded(columns: np.ndarray) -> np.ndarray:
@@ -166,8 +173,11 @@ class _SteppedPart:
         self.vectors = padded(basis.vectors.T).T
         self.inverse = padded(basis.inverse)
         self.transfer = np.hstack([transfer, np.zeros((4, pad))])
-        self.load = padded(np.hstack([act(action, loads) for action in (end, now)]))
-        self.push = padded(np.hstack([act(action, couplings) for action in pushes]))
+        self.load = padded(np.hstack([act(action, loads) for action in (at_end, at_start)]))
+        before, now, end = (act(action, couplings) for action in pushes)
+        late = now + act(transfer, end)
+        self.push = padded(before + act(transfer, late))
+        self.shift = padded(np.hstack([late, end]))
         self.observe = linear.observe @ self.vectors
 
 
@@ -190,14 +200,17 @@ def _over_a_step(split: SplitBasis, step: float) -> tuple[_SteppedParts, Arrays]
 
 
 def _observed(stepped: _SteppedPart, part: ModalPart, shapes: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Displacement and acceleration along shapes (o, m) from pairs (s', 2o), residual (k, 2o) and u (i, 2o)."""
+    """Displacement and acceleration along shapes (o, m) from pairs (s', 2o), residuals (2k, 2o) and u (i, 2o)."""
     m = shapes.shape[1]
     by_states, by_inputs, by_couplings = np.split(
         shapes @ part.linear.acceleration, [2 * m, 2 * m + len(part.inputs)], axis=1
     )
+    from_pairs = np.vstack([shapes @ stepped.vectors[:m], by_states @ stepped.vectors])
+    by_residuals = from_pairs @ stepped.shift
+    by_residuals[len(shapes) :, by_couplings.shape[1] :] += by_couplings
     return (
-        np.vstack([shapes @ stepped.vectors[:m], by_states @ stepped.vectors]).T,
-        np.vstack([np.zeros_like(by_couplings), by_couplings]).T,
+        from_pairs.T,
+        by_residuals.T,
         np.vstack([np.zeros_like(by_inputs), by_inputs]).T,
     )
 
@@ -213,33 +226,40 @@ def _arrays(split: SplitBasis, parts: _SteppedParts) -> Arrays:
     p, c = split.shared.shape
     P = max(PATTERNS, c)
     pairs = sum(len(places) for places in parts.places) // 2
-    push, observe, forced = (np.zeros((rows, 2 * pairs)) for rows in (6 * P, 4 * P, 2 * INPUTS))
-    couple = np.zeros((4 * P, 2 * P))
+    push, shift, observe, forced = (np.zeros((rows, 2 * pairs)) for rows in (2 * P, 4 * P, 4 * P, 2 * INPUTS))
+    couple, couple_now = np.zeros((2, 4 * P, 2 * P))
     spans = np.zeros((P, 2), dtype=np.uintp)  # unsigned: the kernel's loops then need no check for wrapping
     for part, stepped, places in zip(split.symmetric, parts.symmetric, parts.places, strict=True):
         motions, ends = _pattern_places(part, c, 2), _pattern_places(part, c, 1)
         observe[np.ix_(motions, places)] = stepped.observe
-        push[np.ix_(_pattern_places(part, c, 3), places)] = stepped.push.T
+        push[np.ix_(ends, places)] = stepped.push.T
+        shift[np.ix_(motions, places)] = stepped.shift.T
         forced[np.ix_(np.concatenate([part.inputs, INPUTS + part.inputs]), places)] = stepped.load.T
-        couple[np.ix_(motions, ends)] = stepped.observe @ stepped.push[:, 2 * len(ends) :]
+        couple_now[np.ix_(motions, ends)], couple[np.ix_(motions, ends)] = np.split(
+            stepped.observe @ stepped.shift, 2, axis=1
+        )
         for pattern in np.unique(part.couplings % c):
             low, high = spans[pattern] if spans[pattern, 1] else (places[0], 0)
             spans[pattern] = min(low, places[0]), max(high, places[0] + stepped.transfer.shape[1])
     own = parts.individual
-    own_couple = own.observe @ own.push[:, 4:]
+    own_couple_now, own_couple = np.split(own.observe @ own.shift, 2, axis=1)
     patterns = widened(split.shared.T, p)
     return Arrays(
         spans=spans,
         transfer=np.hstack([stepped.transfer for stepped in parts.symmetric]),
         forced=forced,
-        push=push.reshape(P, 6, 2, pairs),
+        push=push.reshape(P, 2, 2, pairs),
+        shift=shift.reshape(P, 4, 2, pairs),
         observe=aligned(observe.reshape(P, 4, 2, pairs)),
         # What is left of the patterns' couplings when every drive answers the whole residual as its own part does.
         couple=couple - np.kron(np.eye(P), own_couple),
+        couple_now=couple_now,
         own_transfer=own.transfer,
         own_push=own.push,
+        own_shift=own.shift,
         own_observe=aligned(own.observe),
         own_couple=own_couple,
+        own_couple_now=own_couple_now,
         patterns=aligned(np.vstack([patterns, np.zeros((P - c, patterns.shape[1]))])),
         own_forced=own.load if len(split.individual.inputs) else np.zeros((len(own.push), 2)),
         own_torque=aligned(widened(split.own_torque[None], p)[0]),

@@ -17,7 +17,10 @@ from tbm_dynamics.integration.lanes import aligned
 PATTERNS = 3
 """Least places P for the patterns of the drives: 1, cos and sin, idle ones zero; a drive with own seats adds one."""
 
-BY_LENGTH = ("transfer", "forced", "push", "couple", "own_transfer", "own_push", "own_couple", "own_forced")
+BY_LENGTH = (
+    *("transfer", "forced", "push", "shift", "couple", "couple_now"),
+    *("own_transfer", "own_push", "own_shift", "own_couple", "own_couple_now", "own_forced"),
+)
 """Arrays that depend on the length of a step."""
 
 
@@ -32,14 +35,19 @@ class Arrays(NamedTuple):
         Action of a step on the pairs of the symmetric parts (A).
     forced : (2, 14, 2M) ndarray
         What the inputs at the end and at the start add to the pairs (B).
-    push : (2, P, 6, 2, M) ndarray
-        What the residual in a pattern, a step before, now and at the end, adds to the pairs (P₋, P₀, P₊).
+    push : (2, P, 2, 2, M) ndarray
+        What the residual in a pattern a step before adds to the pairs (G).
+    shift : (2, P, 4, 2, M) ndarray
+        What the residual in a pattern a step before and now is in the motion beyond the pairs (P̂, P₊).
     observe : (P, 4, 2, M) ndarray
         Coupling motion of a pattern from the pairs (O).
     couple : (2, 4P, 2P) ndarray
         What the residual at the end adds to the motion of the patterns beyond what it adds to every drive (Q).
-    own_transfer : (2, 4, n/2), own_push : (2, n, 6), own_observe : (4, n), own_couple : (2, 4, 2) ndarray
-        The same for the individual part of every drive (a, p, o, q).
+    couple_now : (2, 4P, 2P) ndarray
+        What the residual now adds to the motion of the patterns at the end (O P̂).
+    own_transfer : (2, 4, n/2), own_push : (2, n, 2), own_shift : (2, n, 4) ndarray
+    own_observe : (4, n), own_couple, own_couple_now : (2, 4, 2) ndarray
+        The same for the individual part of every drive (a, g, p̂ and p₊, o, q, o p̂).
     patterns : (P, L) ndarray
         The patterns (W), orthonormal.
     own_forced : (2, n, 2) ndarray
@@ -54,12 +62,16 @@ class Arrays(NamedTuple):
     transfer: np.ndarray
     forced: np.ndarray
     push: np.ndarray
+    shift: np.ndarray
     observe: np.ndarray
     couple: np.ndarray
+    couple_now: np.ndarray
     own_transfer: np.ndarray
     own_push: np.ndarray
+    own_shift: np.ndarray
     own_observe: np.ndarray
     own_couple: np.ndarray
+    own_couple_now: np.ndarray
     patterns: np.ndarray
     own_forced: np.ndarray
     own_torque: np.ndarray
@@ -72,7 +84,7 @@ class Workspace(NamedTuple):
     Attributes
     ----------
     symmetric : (2, M), individual : (n, L) ndarray
-        States without the residual at the end (z*, y*).
+        States at the end (x₊, y₊).
     predicted_pattern, pattern_motion : (4P,) ndarray
         Coupling motion of the patterns without the residual at the end, and with it (D*, D).
     predicted, motion : (4, L) ndarray
@@ -103,9 +115,9 @@ class State(NamedTuple):
     Attributes
     ----------
     symmetric : (2, M) ndarray
-        Pairs of the symmetric parts (z).
+        Pairs of the symmetric parts, less the last two residuals (x).
     individual : (n, L) ndarray
-        States of the drives' individual parts (y).
+        States of the drives' individual parts, less the last two residuals (y).
     residual : (3, 2, L) ndarray
         Residual force of every coupling a step before, now and at the end (r).
     pattern_residual : (3, 2P) ndarray

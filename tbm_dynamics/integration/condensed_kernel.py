@@ -4,15 +4,22 @@ Let z be the pairs of the symmetric parts, yᵢ the states of drive i's individu
 force of the couplings: what their forces F are above the mean linear part. The patterns W (1, cos and sin of the
 drives' angles, orthonormal) split r into R = W r, which acts on z, and r° = r − Wᵀ R, which acts on y. Indices −, 0 and
 + mean a step before, now and at the end. A step takes r as the quadratic through r₋, r₀ and r₊, to which z and y answer
-exactly; the small letters a, p, o, q do for a drive what A, P, O, Q do for the patterns.
+exactly; the small letters a, p, o, q do for a drive what A, P, O, Q do for the patterns:
+
+    z₊ = A z + B u + P₋ R₋ + P₀ R₀ + P₊ R₊
+
+What is kept is not z but x, and likewise not y, less the last two residuals, so that one product in place of three
+remains of them (`_add_residuals` goes from one to the other):
+
+    x = z − P₊ R₀ − P̂ R₋,  P̂ = P₀ + A P₊   ⟹   x₊ = A x + B u + G R₋,  G = P₋ + A P̂
 
 Predict, all that does not depend on r₊:
 
-    z* = A z + B u + P₋ R₋ + P₀ R₀          `_transfer_symmetric`, `_push_known`
-    D* = O z*                               `_observe_symmetric`
-    y* = a y + p₋ r°₋ + p₀ r°₀              `_predict_individual`
-    y* += b s° u                            `_drive_individual`, only where the motors share unequally
-    d* = o y*                               `_observe_individual`
+    x₊ = A x + B u + G R₋                   `_transfer_symmetric`, `_push_symmetric`
+    D* = O x₊ + O P̂ R₀                      `_observe_symmetric`
+    y₊ = a y + g r°₋                        `_predict_individual`
+    y₊ += b s° u                            `_drive_individual`, only where the motors share unequally
+    d* = o y₊ + o p̂ r°₀                     `_observe_individual`
 
 Contact, from r₊ ≈ 2 r₀ − r₋ in two rounds, d being the deflections and rates of the couplings:
 
@@ -25,16 +32,14 @@ As every drive answers the whole of r with q, Q is what the patterns' answer exc
 the meshes, 1 on the drive flank, 0 open, −1 on the back flank (`_contact_state`). Where it changes, r jumps (by the
 damper) or turns (by the spring): the step is discarded and taken again in 32 substeps, u and the mesh inputs linear
 between its ends (`_substep_inputs`), r₋ moved along its line to a substep before (`_move_before`). After the substep
-that holds the jump the quadratic begins anew, r₋ = r₊.
+that holds the jump the quadratic begins anew, r₋ = r₀.
 
-Correct:
+Accept:
 
     R₊ = W r₊,  r°₊ = r₊ − Wᵀ R₊            `_into_patterns`, `_individual_residual`
-    z = z* + P₊ R₊                          `_push_end`
-    y = y* + p₊ r°₊                         `_correct_individual`
-    r₋, r₀ = r₀, r₊                         `_shift`
+    x, y = x₊, y₊;  r₋, r₀ = r₀, r₊         `_copy`, `_shift`
 
-Record: z, R, and of the drives asked for y and r° (`_record`).
+Record: x, R₋, R₀, and of the drives asked for y, r°₋ and r°₀ (`_record`).
 """
 
 from __future__ import annotations
@@ -76,35 +81,29 @@ def _transfer_symmetric(
 
 
 @njit(**_LOOPS)  # type: ignore[untyped-decorator]
-def _push_known(
+def _push_symmetric(
     numbers: tuple[int, ...], rows: np.ndarray, level: int, spans: np.ndarray, R: np.ndarray, out: np.ndarray
 ) -> None:
-    """Add P₋ R₋ + P₀ R₀ to out (2, M)."""
+    """Add G R₋ to out (2, M)."""
     for q in range(len(numbers)):
-        a, b, c, d = R[0, 2 * q], R[0, 2 * q + 1], R[1, 2 * q], R[1, 2 * q + 1]
+        a, b = R[0, 2 * q], R[0, 2 * q + 1]
         for half in range(2):
             for j in range(spans[q, 0], spans[q, 1]):
-                first = a * rows[level, q, 0, half, j] + b * rows[level, q, 1, half, j]
-                out[half, j] += first + (c * rows[level, q, 2, half, j] + d * rows[level, q, 3, half, j])
-
-
-@njit(**_LOOPS)  # type: ignore[untyped-decorator]
-def _push_end(
-    numbers: tuple[int, ...], rows: np.ndarray, level: int, spans: np.ndarray, R: np.ndarray, out: np.ndarray
-) -> None:
-    """Add P₊ R₊ to out (2, M)."""
-    for q in range(len(numbers)):
-        e, f = R[2, 2 * q], R[2, 2 * q + 1]
-        for half in range(2):
-            for j in range(spans[q, 0], spans[q, 1]):
-                out[half, j] += e * rows[level, q, 4, half, j] + f * rows[level, q, 5, half, j]
+                out[half, j] += a * rows[level, q, 0, half, j] + b * rows[level, q, 1, half, j]
 
 
 @njit(**_SUMS)  # type: ignore[untyped-decorator]
 def _observe_symmetric(
-    numbers: tuple[int, ...], matrix: np.ndarray, spans: np.ndarray, pairs: np.ndarray, out: np.ndarray
+    numbers: tuple[int, ...],
+    matrix: np.ndarray,
+    couple: np.ndarray,
+    level: int,
+    spans: np.ndarray,
+    pairs: np.ndarray,
+    R: np.ndarray,
+    out: np.ndarray,
 ) -> None:
-    """Write D* = O z*, (4P,)."""
+    """Write D* = O x₊ + O P̂ R₀, (4P,)."""
     for q in range(len(numbers)):
         w = x = y = z = 0.0
         for j in range(spans[q, 0], spans[q, 1]):
@@ -114,21 +113,23 @@ def _observe_symmetric(
             y += matrix[q, 2, 0, j] * first + matrix[q, 2, 1, j] * second
             z += matrix[q, 3, 0, j] * first + matrix[q, 3, 1, j] * second
         out[4 * q], out[4 * q + 1], out[4 * q + 2], out[4 * q + 3] = w, x, y, z
+    for i in range(4 * len(numbers)):
+        for j in range(2 * len(numbers)):
+            out[i] += couple[level, i, j] * R[1, j]
 
 
 @njit(**_LOOPS)  # type: ignore[untyped-decorator]
 def _predict_individual(
     action: np.ndarray, push: np.ndarray, level: int, own: np.ndarray, r: np.ndarray, out: np.ndarray
 ) -> None:
-    """Write y* = a y + p₋ r°₋ + p₀ r°₀, (n, L)."""
+    """Write y₊ = a y + g r°₋, (n, L)."""
     m = action.shape[2]
     for half in range(2):
         for j in range(m):
             first, second, row = action[level, 2 * half, j], action[level, 2 * half + 1, j], half * m + j
-            a, b, c, d = push[level, row, 0], push[level, row, 1], push[level, row, 2], push[level, row, 3]
+            a, b = push[level, row, 0], push[level, row, 1]
             for i in range(own.shape[1]):
-                pushed = (a * r[0, 0, i] + b * r[0, 1, i]) + (c * r[1, 0, i] + d * r[1, 1, i])
-                out[row, i] = (first * own[j, i] + second * own[m + j, i]) + pushed
+                out[row, i] = (first * own[j, i] + second * own[m + j, i]) + (a * r[0, 0, i] + b * r[0, 1, i])
 
 
 @njit(**_LOOPS)  # type: ignore[untyped-decorator]
@@ -146,10 +147,14 @@ def _drive_individual(
 
 
 @njit(**_LOOPS)  # type: ignore[untyped-decorator]
-def _observe_individual(weights: np.ndarray, rows: np.ndarray, out: np.ndarray) -> None:
-    """Write d* = o y*, (4, L); n even."""
-    for i in range(rows.shape[1]):
-        out[0, i] = out[1, i] = out[2, i] = out[3, i] = 0.0
+def _observe_individual(
+    weights: np.ndarray, couple: np.ndarray, level: int, rows: np.ndarray, r: np.ndarray, out: np.ndarray
+) -> None:
+    """Write d* = o y₊ + o p̂ r°₀, (4, L); n even."""
+    for k in range(4):
+        a, b = couple[level, k, 0], couple[level, k, 1]
+        for i in range(rows.shape[1]):
+            out[k, i] = a * r[1, 0, i] + b * r[1, 1, i]
     for k in range(0, weights.shape[1], 2):
         a, b, c, d = weights[0, k], weights[1, k], weights[2, k], weights[3, k]
         e, f, g, h = weights[0, k + 1], weights[1, k + 1], weights[2, k + 1], weights[3, k + 1]
@@ -261,12 +266,11 @@ def _individual_residual(
 
 
 @njit(**_LOOPS)  # type: ignore[untyped-decorator]
-def _correct_individual(push: np.ndarray, level: int, r: np.ndarray, predicted: np.ndarray, out: np.ndarray) -> None:
-    """Write y = y* + p₊ r°₊, (n, L)."""
-    for row in range(push.shape[1]):
-        e, f = push[level, row, 4], push[level, row, 5]
-        for i in range(r.shape[2]):
-            out[row, i] = predicted[row, i] + (e * r[2, 0, i] + f * r[2, 1, i])
+def _copy(values: np.ndarray, out: np.ndarray) -> None:
+    """Write values (n, m) to out."""
+    for i in range(values.shape[0]):
+        for j in range(values.shape[1]):
+            out[i, j] = values[i, j]
 
 
 @njit(**_LOOPS)  # type: ignore[untyped-decorator]
@@ -304,6 +308,32 @@ def _begin_anew(
 
 
 @njit(**_LOOPS)  # type: ignore[untyped-decorator]
+def _add_residuals(
+    shift: np.ndarray,
+    own_shift: np.ndarray,
+    level: int,
+    sign: float,
+    R: np.ndarray,
+    r_own: np.ndarray,
+    x: np.ndarray,
+    y: np.ndarray,
+) -> None:
+    """Add sign · (P̂ R₋ + P₊ R₀) to x (2, M), and the same of every drive to y (n, L)."""
+    for q in range(shift.shape[1]):
+        for t in range(2):
+            for kind in range(2):
+                force = sign * R[t, 2 * q + kind]
+                for half in range(2):
+                    for j in range(x.shape[1]):
+                        x[half, j] += force * shift[level, q, 2 * t + kind, half, j]
+    for row in range(own_shift.shape[1]):
+        for t in range(2):
+            for kind in range(2):
+                for i in range(y.shape[1]):
+                    y[row, i] += sign * own_shift[level, row, 2 * t + kind] * r_own[t, kind, i]
+
+
+@njit(**_LOOPS)  # type: ignore[untyped-decorator]
 def _move_before(r: np.ndarray, factor: float) -> None:
     """Move r₋ along the line through it and r₀: to a substep before, or back to a step before."""
     for i in range(len(r[0])):
@@ -313,7 +343,7 @@ def _move_before(r: np.ndarray, factor: float) -> None:
 @njit(**_LOOPS)  # type: ignore[untyped-decorator]
 def _record(
     numbers: tuple[int, ...],
-    z: np.ndarray,
+    x: np.ndarray,
     R: np.ndarray,
     y: np.ndarray,
     r: np.ndarray,
@@ -321,18 +351,21 @@ def _record(
     k: int,
     record: np.ndarray,
 ) -> None:
-    """Write z, R₀ and of the drives asked for y and r°₀ to row k of the record."""
-    for j in range(z.shape[1]):
-        record[k, 2 * j], record[k, 2 * j + 1] = z[0, j], z[1, j]
-    place = 2 * z.shape[1]
-    for i in range(2 * len(numbers)):
-        record[k, place + i] = R[1, i]
-    place += 2 * len(numbers)
+    """Write x, R₋, R₀ and of the drives asked for y, r°₋ and r°₀ to row k of the record."""
+    for j in range(x.shape[1]):
+        record[k, 2 * j], record[k, 2 * j + 1] = x[0, j], x[1, j]
+    place = 2 * x.shape[1]
+    for t in range(2):
+        for i in range(2 * len(numbers)):
+            record[k, place + i] = R[t, i]
+        place += 2 * len(numbers)
     for i in drives:
         for j in range(len(y)):
             record[k, place + j] = y[j, i]
-        record[k, place + len(y)], record[k, place + len(y) + 1] = r[1, 0, i], r[1, 1, i]
-        place += len(y) + 2
+        place += len(y)
+        for t in range(2):
+            record[k, place], record[k, place + 1] = r[t, 0, i], r[t, 1, i]
+            place += 2
 
 
 @njit(cache=True, error_model="numpy")  # type: ignore[untyped-decorator]
@@ -345,13 +378,14 @@ def advance(  # noqa: PLR0912, PLR0915 - one loop: a call for each phase would c
     one has the contact state 0), and what its damper exceeds that of the linear part by. `drives` are those whose
     individual parts are recorded.
     """
-    spans, transfer, B, push, observe, couple, own_transfer, own_push, own_observe, own_couple, W, b, s, numbers = (
-        arrays
-    )
+    (
+        spans, transfer, B, push, shift, observe, couple, couple_now, own_transfer, own_push, own_shift, own_observe,
+        own_couple, own_couple_now, W, b, s, numbers,
+    ) = arrays  # fmt: skip
     mesh_inputs, inputs, forced, record, force = steps
-    z, y, r, R, r_own, contact, mesh_now, workspace = state
-    z_end, y_end, D_predicted, D, d_predicted, d, force_end, contact_end, mesh_end, forced_substep = workspace
-    lanes, pairs = W.shape[1], transfer.shape[2]
+    x, y, r, R, r_own, contact, mesh_now, workspace = state
+    x_end, y_end, D_predicted, D, d_predicted, d, force_end, contact_end, mesh_end, forced_substep = workspace
+    lanes = W.shape[1]
     residuals = (r.reshape(3, 2 * lanes), R, r_own.reshape(3, 2 * lanes))
     motion, r_end = d.reshape(2, 2 * lanes), r[2].reshape(2 * lanes)
     first = np.arange(1)[0]  # no literal: the functions would be compiled anew for it
@@ -362,18 +396,18 @@ def advance(  # noqa: PLR0912, PLR0915 - one loop: a call for each phase would c
         level = 1 if substep else 0
         if substep:
             _substep_inputs(substep, inputs, k, B, mesh_now, mesh_inputs, forced_substep, mesh_end)
-            _transfer_symmetric(transfer, level, z, forced_substep, first, z_end)
+            _transfer_symmetric(transfer, level, x, forced_substep, first, x_end)
         else:
             for q in range(3):
                 for i in range(2 * lanes):
                     mesh_end[0, q, i] = mesh_inputs[k, q, i]
-            _transfer_symmetric(transfer, level, z, forced, k, z_end)
-        _push_known(numbers, push, level, spans, R, z_end)
-        _observe_symmetric(numbers, observe, spans, z_end, D_predicted)
+            _transfer_symmetric(transfer, level, x, forced, k, x_end)
+        _push_symmetric(numbers, push, level, spans, R, x_end)
+        _observe_symmetric(numbers, observe, couple_now, level, spans, x_end, R, D_predicted)
         _predict_individual(own_transfer, own_push, level, y, r_own, y_end)
         if unequal:
             _drive_individual(b, level, s, inputs, k, substep, y_end)
-        _observe_individual(own_observe, y_end, d_predicted)
+        _observe_individual(own_observe, own_couple_now, level, y_end, r_own, d_predicted)
         # Contact.
         for kind in range(2):
             for i in range(lanes):
@@ -389,37 +423,40 @@ def advance(  # noqa: PLR0912, PLR0915 - one loop: a call for each phase would c
         changed = _contact_state(motion, mesh_end, own, contact, contact_end)
         if changed and substep == 0:
             substep = 1
+            _add_residuals(shift, own_shift, 0, 1.0, R, r_own, x, y)
             for values in residuals:
                 _move_before(values, 1.0 / SUBSTEPS)
+            _add_residuals(shift, own_shift, 1, -1.0, R, r_own, x, y)
             continue
-        # Correct.
+        # Accept.
         _into_patterns(numbers, W, r, R)
         _individual_residual(numbers, W, r, R, r_own)
-        _push_end(numbers, push, level, spans, R, z_end)
-        _correct_individual(own_push, level, r_own, y_end, y)
-        for j in range(pairs):
-            z[0, j], z[1, j] = z_end[0, j], z_end[1, j]
+        _copy(x_end, x)
+        _copy(y_end, y)
         for values in residuals:
             _shift(values)
         if substep:
-            if changed:
-                _begin_anew(numbers, W, contact, contact_end, r, R, r_own)
+            substep = (substep + 1) % (SUBSTEPS + 1)
+            if changed or not substep:
+                _add_residuals(shift, own_shift, 1, 1.0, R, r_own, x, y)
+                if changed:
+                    _begin_anew(numbers, W, contact, contact_end, r, R, r_own)
+                if not substep:
+                    for values in residuals:
+                        _move_before(values, float(SUBSTEPS))
+                _add_residuals(shift, own_shift, 1 if substep else 0, -1.0, R, r_own, x, y)
             for i in range(2 * lanes):
                 contact[i] = contact_end[i]
-            substep += 1
-            if substep <= SUBSTEPS:
+            if substep:
                 continue
-            substep = 0
-            for values in residuals:
-                _move_before(values, float(SUBSTEPS))
         for q in range(3):
             for i in range(2 * lanes):
                 mesh_now[q, i] = mesh_inputs[k, q, i]
         # Record.
-        _record(numbers, z, R, y, r_own, drives, k, record)
+        _record(numbers, x, R, y, r_own, drives, k, record)
         for i in range(2 * lanes):
             force[k, i] = force_end[i]
-        if not math.isfinite(force_end[0]) or not math.isfinite(z[0, 0]):
+        if not math.isfinite(force_end[0]) or not math.isfinite(x[0, 0]):
             return k
         k += 1
     return len(record)
