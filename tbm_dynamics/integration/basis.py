@@ -285,10 +285,11 @@ def _resonant_modes(C: np.ndarray, K: np.ndarray) -> np.ndarray:
 
 def _responses(C: np.ndarray, K: np.ndarray, coupled: np.ndarray, pushed: np.ndarray) -> np.ndarray:
     """Accelerations (d, r) under harmonic forces of couplings and inputs, of each force the largest of length 1."""
-    omega = 2.0 * np.pi * np.array(_GEARED_HZ)[:, None, None]
-    stiffness = np.empty((len(omega), *K.shape), dtype=complex)
-    stiffness.real, stiffness.imag = K - omega**2 * np.eye(len(K)), omega * C
-    answer = omega**2 * np.linalg.solve(stiffness, np.hstack([coupled, pushed])[None])
+    forces, unit = np.hstack([coupled, pushed]), np.eye(len(K))
+    # One by one: matrices of one frequency stay in the cache.
+    answer = np.array(
+        [w**2 * np.linalg.solve(K - w**2 * unit + 1j * w * C, forces) for w in 2.0 * np.pi * np.array(_GEARED_HZ)]
+    )
     found = []
     for answers in (answer[:, :, : coupled.shape[1]], answer[: len(_LOADED_HZ), :, coupled.shape[1] :]):
         parts = np.concatenate([answers.real, answers.imag])
