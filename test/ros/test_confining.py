@@ -13,7 +13,7 @@ pytestmark = pytest.mark.ros
 
 # Texts that are no path of a file that a node makes: names, choices, addresses, and files that are only read.
 NOT_WRITTEN = {"machine", "mapping", "schedule", "bag", "baseline", "loads", "host", "compression"}
-NOT_WRITTEN |= {"alarm", "watch.baseline"}
+NOT_WRITTEN |= {"alarm", "watch.baseline", "gsa.inputs"}
 WRITTEN = [(AnalysisNode, "/tbm/analysis_node", "gsa.folder"), (AnalysisNode, "/tbm/analysis_node", "history")]
 WRITTEN += [(AnalysisNode, "/tbm/analysis_node", "snapshot.folder")]
 WRITTEN += [(BagRecorder, "/tbm/bag_recorder", "output")]
