@@ -33,7 +33,7 @@ def test_independent_parts_join_at_the_same_level(story):
 def test_its_parts_are_another_rock_and_then_a_changed_machine(story, tmp_path):
     first, second = story.PARTS
     assert {name.split(".")[0] for name in first} == {"loads"}
-    assert second.keys() - first.keys() == {"x22"}
+    assert second.keys() - first.keys() == {"x25"}
     assert first.items() <= second.items()
     machine = load_machine("dz101")
     values = story.accelerations(machine, 0.6)
