@@ -17,7 +17,7 @@ from sensor_msgs.msg import JointState, PointCloud2  # noqa: E402
 from tbm_gsa.app.nodes import gsa_process, level_watch  # noqa: E402
 from tbm_gsa.app.nodes.analysis_node import AnalysisNode  # noqa: E402
 from tbm_gsa.explanation.live_observation import LiveObservation  # noqa: E402
-from tbm_gsa.history import EventSelection, History  # noqa: E402
+from tbm_gsa.history import EventSelection, HistoryReader  # noqa: E402
 from tbm_gsa.history.summary import iso_time  # noqa: E402
 from tbm_msgs_py import ACCELERATION, OperatingPoint  # noqa: E402
 from tbm_msgs_py.nodes import messages, qos  # noqa: E402
@@ -72,6 +72,13 @@ def processes(module, *_):
     return ["sh", "-c", "echo sensor: so it is >&2" if module.endswith("alarm_explanation") else "cat"]
 
 
+def sensor_event(folder):
+    """The one event of a sensor in the history of a folder."""
+    with HistoryReader(folder / "h.sqlite") as history:
+        (event,) = history.events(EventSelection(kind="sensor"))
+    return event
+
+
 def test_rock_machine_and_alarm_are_published(host_node, peer, tmp_path, monkeypatch):
     monkeypatch.setattr(level_watch, "kept_curves", lambda _, reading: curves(reading))
     monkeypatch.setattr(gsa_process, "child_command", processes)
@@ -110,10 +117,9 @@ def test_rock_machine_and_alarm_are_published(host_node, peer, tmp_path, monkeyp
     assert peer.value("tbm: machine", "since") == since
     assert abs(int(np.datetime64(since[:-1], "ns")) - START - (LEARNT + 2) * MINUTE) <= 2 * MINUTE
     assert not again.says("sensor: gain")  # it was raised before
-    again.report()
-    with History(tmp_path / "h.sqlite") as history:
-        (event,) = history.events(EventSelection(kind="sensor"))
-    assert (event.event.point, event.event.verdict, event.event.end_ns) == ("shield", "sensor", None)
+    again.wait_for(lambda: sensor_event(tmp_path).event.end_ns is None)  # that of a replay has ended with the node
+    event = sensor_event(tmp_path)
+    assert (event.event.point, event.event.verdict) == ("shield", "sensor")
     assert (iso_time(event.event.begin_ns), event.source.kind) == (since, "replay")
     boring(5, shield=3.0, points=["shield"])
     again.wait_for(lambda: peer.text("tbm: rock").endswith("; not measured in the last minute: girder"))
