@@ -47,7 +47,7 @@ def test_the_head_angle_stays_within_a_turn(machine):
     assert angles == pytest.approx(machine.operating_point.speed * 100.0 * np.arange(5) % (2.0 * np.pi))
 
 
-BAD = {3: {"tooth": {"fault": "crack", "share": 0.4}}, 7: {"torque_share": 1.2}, 8: {"off": True}}
+BAD = {3: {"tooth": {"fault": "crack", "share": 0.4}}, 7: {"torque_share": 1.2}, 8: {"torque_share": 0.2}}
 
 
 @pytest.mark.parametrize("drives", [{}, BAD])
