@@ -147,7 +147,7 @@ def _split_basis(system: System, tolerance: float) -> SplitBasis:
     coupled = rows[:, usual, own] @ turn.T
     individual = _Problem(M, C, K, inputs, coupled, np.array([True, False]), turn @ rotors[own][:, [usual]])
     return SplitBasis(
-        tuple(symmetric), _reduced(individual, scipy.sparse.eye_array(len(own)), tolerance), shared, own_torque
+        tuple(symmetric), _reduced(individual, scipy.sparse.csr_array(np.eye(len(own))), tolerance), shared, own_torque
     )
 
 
