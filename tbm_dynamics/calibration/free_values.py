@@ -64,7 +64,7 @@ FREE_VALUES: tuple[FreeValue, ...] = (
     FreeValue((*_HEAD, "shafts", 2, "inner_diameter"), 0.004, 0.25, wall_of=3.9),
     FreeValue((*_CARRIER, "shafts", 0, "inner_diameter"), 0.004, 0.4, wall_of=4.4),
     FreeValue((*_CARRIER, "shafts", 1, "inner_diameter"), 0.01, 0.2, wall_of=1.8),
-    FreeValue((*_FX, "regions", 0, "rms"), 1e5, 3.6e5, logarithmic=True),
+    FreeValue((*_FX, "regions", 0, "rms"), 1e5, 1.3e6, logarithmic=True),
     FreeValue((*_FX, "regions", 1, "rms"), 2e5, 2e6, logarithmic=True),
     FreeValue((*_FX, "lines", 1, "amplitude"), 2e5, 2e6, logarithmic=True),
 )

@@ -12,8 +12,8 @@ from itertools import pairwise
 
 import numpy as np
 
-from tbm_dynamics.machine.description import Shaft, Subsystem
 from tbm_dynamics.machine.machine import Machine
+from tbm_dynamics.machine.parts import Shaft, Subsystem
 from tbm_dynamics.structure.assembly import node_positions
 from tbm_dynamics.structure.beam import Section, along_direction, beam_stiffness, circular_section
 from tbm_dynamics.structure.system import System

@@ -14,13 +14,9 @@ from tbm_dynamics.loads.cutters.description import CutterDescription
 from tbm_dynamics.loads.cutters.layout import TYPES
 from tbm_dynamics.loads.description import LoadFactors
 from tbm_dynamics.machine.description import (
-    Body,
-    Connection,
     MachineDescription,
     OperatingLimits,
-    Shaft,
     SiteOperatingPoint,
-    Subsystem,
 )
 from tbm_dynamics.machine.drive import (
     DriveBody,
@@ -35,6 +31,7 @@ from tbm_dynamics.machine.drive import (
 )
 from tbm_dynamics.machine.machine import Machine
 from tbm_dynamics.machine.modes import ModeSummary, lowest_modes
+from tbm_dynamics.machine.parts import Body, Connection, Shaft, Subsystem
 from tbm_dynamics.machine.sensor_place import SensorPlace
 from tbm_dynamics.machine.stress import shaft_stresses
 from tbm_dynamics.mesh.planetary import PlanetaryStage, stage_law

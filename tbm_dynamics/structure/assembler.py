@@ -14,7 +14,8 @@ from tbm_dynamics.structure.connection import rigid_arm, spring_rows, spring_sti
 from tbm_msgs_py.base.errors import MachineError
 
 if TYPE_CHECKING:
-    from tbm_dynamics.machine.description import Connection, MachineDescription
+    from tbm_dynamics.machine.description import MachineDescription
+    from tbm_dynamics.machine.parts import Connection
     from tbm_dynamics.machine.springs import ConnectionType, Springs
     from tbm_dynamics.mesh.geometry import GearPair
 
@@ -111,9 +112,8 @@ class Assembler:
         """Make the damper about x of a connection with a turning inertia one of a true ratio."""
         if connection.turning_inertia is not None:
             about_x = self.index[connection.between[0]] + 3
-            self.C[about_x, about_x] += self.turning_damping(connection)
-            if not connection.damps:
-                self.C[about_x, about_x] -= self.damping(connection.type) * connection.stiffness_rows[3, 3]
+            proportional = self.damping(connection.type) * connection.stiffness_rows[3, 3]
+            self.C[about_x, about_x] += self.turning_damping(connection) - proportional
 
     def turning_damping(self, connection: Connection) -> float:
         """Return c = 2ζ√(kJ) about x (N·m·s/rad) of a connection with a turning inertia J, ζ its type's; else 0."""

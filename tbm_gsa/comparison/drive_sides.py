@@ -26,7 +26,7 @@ if TYPE_CHECKING:  # the live comparison needs no simulator
 USABLE: Final = 0.9
 """Share of the samples that hold a number from which on a drive is compared."""
 SETTLED_S, SETTLED_PERIODS = 1.0, 2.0
-"""Begin of a run that is left out: that long, and so many periods of the highest frequency, half the run at most."""
+"""Begin of a run that the filters need: that long, or so many periods of the highest frequency, half of it at most."""
 ANTI_ALIAS_ORDER, ANTI_ALIAS_SHARE = 8, 0.45
 
 

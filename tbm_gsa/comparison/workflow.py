@@ -7,33 +7,25 @@ from pathlib import Path
 
 from tbm_dynamics import Machine, MachineError, load_machine
 from tbm_gsa.comparison.bands import bands_of_levels, machine_bands
-from tbm_gsa.comparison.change_times import change_times
 from tbm_gsa.comparison.drives import DriveComparison
 from tbm_gsa.comparison.expected import lines_of_levels
 from tbm_gsa.comparison.field_side import FieldSide, reduce_field
+from tbm_gsa.comparison.gathering import gathered
 from tbm_gsa.comparison.levels import NeverDrivenError, OperatingHistory, machine_history, recorded_history
 from tbm_gsa.comparison.model_run import run_model
 from tbm_gsa.comparison.offline import PointComparison, compare_signals, highest_hz
 from tbm_gsa.comparison.results import (
     ComparisonResult,
-    DwellResult,
     ExpectedLine,
-    LevelResult,
-    RecordedPoint,
-    RecordingResult,
 )
-from tbm_gsa.comparison.units import operating_doubts, unit_doubt
-from tbm_gsa.provenance import machine_file, package_versions
 from tbm_gsa.signals.conditioning import LOW_PASS_SHARE
-from tbm_gsa.signals.intervals import CONFIDENCE
 from tbm_gsa.signals.reduction import ReducedSignal, Series, SignalReducer, one_level
 from tbm_gsa.signals.settings import Settings
-from tbm_msgs_py.bags.metadata import is_synthetic
 from tbm_msgs_py.base.errors import InputError, RecordingError
 from tbm_msgs_py.base.fields import Vector3
 from tbm_msgs_py.base.progress import Progress
 from tbm_msgs_py.base.texts import listed
-from tbm_msgs_py.recordings.mapping import SensorMapping, TopicMapping
+from tbm_msgs_py.recordings.mapping import TopicMapping
 from tbm_msgs_py.recordings.recording import RecordingReader, open_recording
 from tbm_msgs_py.recordings.recording_health import PointHealth
 
@@ -122,11 +114,11 @@ def compare_recording(
     predicted = _model_side(machines, field.signals, drives, chosen, (model_duration, seed), started, progress)
     _check_stretch(span, field, predicted, chosen.window_s)
     points, failed = _compare_each(reader, field, predicted, chosen)
-    if not points and drives.result is None:
+    if not points and (drives.result is None or (shared and chosen.high_hz is not None)):
         reasons = [*(f"test point {point}: {reason}" for point, reason in failed.items()), *drives.problems]
         raise RecordingError(f"{reader.path}: {listed(reasons, separator='; ')}")
     run = model_duration, seed, *started
-    result = _result(reader, described, placed, field, history, points, failed, drives, chosen, lines, run)
+    result = gathered(reader, described, placed, field, history, points, failed, drives, chosen, lines, run)
     return RecordingComparison(
         result,
         {name: point.excerpts for name, point in points.items()},
@@ -159,88 +151,6 @@ def _check_stretch(
         raise InputError(
             f"stretch from {span[0]:g} to {span[1]:g} s: no window of {window_s:g} s lies in it at a level of "
             "operation, allowed: a longer stretch, or shorter windows (one begins where the one before it ends)"
-        )
-
-
-def _result(
-    reader: RecordingReader,
-    described: Machine,
-    placed: Machine,
-    field: FieldSide,
-    history: OperatingHistory,
-    points: Mapping[str, PointComparison],
-    failed: Mapping[str, str],
-    drives: DriveComparison,
-    settings: Settings,
-    lines: tuple[ExpectedLine, ...],
-    run: tuple[float, int, float, float],
-) -> ComparisonResult:
-    """Gather what was read, compared and left out, and what it depends on.
-
-    `run`: duration, seed, time step and settling of the model's.
-    """
-    places, changed = placed.description.sensor_places, change_times(points)
-    return ComparisonResult(
-        window_s=settings.window_s,
-        confidence=CONFIDENCE,
-        points={name: dict(point.axes) for name, point in points.items()},
-        spectra={name: dict(point.spectra) for name, point in points.items()},
-        nodes={name: places[name].node for name in points},
-        offsets={name: places[name].offset for name in points if any(places[name].offset)},
-        bands={name: point.band for name, point in points.items()},
-        skipped={**_unknown_points(reader, described), **failed},
-        left_out=tuple(reader.left_out),
-        recording=_recording(reader, field),
-        expected_lines=lines,
-        machine=described.name,
-        machine_file=machine_file(described),
-        sources=reader.sources,
-        doubts=(
-            *reader.doubts,
-            *_operating_doubts(history, described),
-            *_unit_doubts(points),
-            *_changed(changed),
-            *drives.problems,
-        ),
-        operating_point=history.levels[0],
-        levels=_levels(history, points),
-        dwells=_dwells(history, field.begin_ns),
-        changes=changed,
-        model_duration=run[0],
-        seed=run[1],
-        time_step=run[2],
-        settling=run[3],
-        versions=package_versions(),
-        synthetic=is_synthetic(reader.path),
-        drives=drives.result,
-    )
-
-
-def _unknown_points(reader: RecordingReader, machine: Machine) -> dict[str, str]:
-    """Name the recorded points that the machine does not have, with that as the reason."""
-    missing = [point for point in reader.sensors if point not in machine.description.test_points]
-    return dict.fromkeys(missing, f"machine {machine.name} has no such test point")
-
-
-def _operating_doubts(history: OperatingHistory, machine: Machine) -> Iterator[str]:
-    level, own = history.levels[0], machine.description.operating_point
-    names = {"torque (kN·m)": "torque_kn_m", "thrust (kN)": "thrust_kn"}
-    return operating_doubts(*({name: getattr(one, key) for name, key in names.items()} for one in (level, own)))
-
-
-def _unit_doubts(points: Mapping[str, PointComparison]) -> Iterator[str]:
-    for name, point in points.items():
-        both = [(axis.field_rms or 0.0, axis.model_rms or 0.0) for axis in point.axes.values()]
-        if doubt := unit_doubt(*zip(*both, strict=True)):
-            yield f"test point {name}: {doubt}"
-
-
-def _changed(times: Sequence[float]) -> Iterator[str]:
-    if times:
-        when = ", ".join(f"{time:.0f}" for time in times)
-        yield (
-            f"the vibration changes at {when} s while the machine is driven alike, and what is said is of all of it "
-            "together; --begin and --end compare a stretch"
         )
 
 
@@ -379,43 +289,3 @@ def _came(health: PointHealth | None) -> Iterator[str]:
     if health is not None and health.duration > 0.0:
         mean = (health.samples - 1) / health.duration
         yield f"{health.samples} samples in {health.duration:.4g} s, {mean:.4g} Hz on average"
-
-
-def _levels(history: OperatingHistory, points: Mapping[str, PointComparison]) -> tuple[LevelResult, ...]:
-    return tuple(
-        LevelResult(**dict(level), points={name: dict(point.levels.get(number, {})) for name, point in points.items()})
-        for number, level in enumerate(history.levels)
-    )
-
-
-def _dwells(history: OperatingHistory, origin_ns: int) -> tuple[DwellResult, ...]:
-    return tuple(
-        DwellResult(
-            begin=(segment.begin_ns - origin_ns) * 1e-9,
-            end=(segment.end_ns - origin_ns) * 1e-9,
-            kind=segment.kind,
-            level=segment.level,
-        )
-        for segment in history.segments
-    )
-
-
-def _recording(reader: RecordingReader, field: FieldSide) -> RecordingResult:
-    return RecordingResult(
-        path=str(reader.path),
-        messages=reader.messages,
-        lost=reader.lost,
-        truncated=reader.truncated,
-        damaged=reader.damaged,
-        sha256=reader.sha256,
-        duration=(field.end_ns - field.begin_ns) * 1e-9,
-        points={name: _recorded(health, reader.sensors[name]) for name, health in field.health.items()},
-    )
-
-
-def _recorded(health: PointHealth, sensor: SensorMapping) -> RecordedPoint:
-    counts = {**health.counts(), "gaps": tuple(health.gaps), "stuck": tuple(health.stuck)}
-    counts["noise_power"] = sensor.noise_power_density(health.rate_hz) if health.rate_hz > 0.0 else None
-    counts["band_hz"] = sensor.band_hz
-    names = RecordedPoint.model_fields.keys() - counts.keys()
-    return RecordedPoint.model_validate({**{name: getattr(health, name) for name in names}, **counts})

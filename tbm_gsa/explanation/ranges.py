@@ -9,7 +9,8 @@ from tbm_dynamics import Machine
 from tbm_dynamics.loads.description import LoadFactors
 from tbm_dynamics.machine.inputs import input_values, multiplied_part
 from tbm_gsa.sensitivity.study.distributions import LogUniform, Uniform
-from tbm_gsa.sensitivity.study.inputs import Input, InputSet, default_inputs
+from tbm_gsa.sensitivity.study.inputs import Input, InputSet
+from tbm_gsa.sensitivity.study.machine_inputs import default_inputs
 from tbm_msgs_py.base.errors import InputError
 
 OPERATING: Final = ("x1", "x2", "x3")

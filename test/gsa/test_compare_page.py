@@ -189,6 +189,7 @@ def test_windows_and_bands_of_the_command(bag):
         (["nowhere.mcap"], RecordingError, "nowhere.mcap: no such file or folder"),
         (["{bag}", "--machine", "dz999"], MachineError, "dz999"),
         (["{bag}", "--bands", "5-1200"], InputError, "band '5-1200', allowed: LOW-HIGH in Hz from 0.5 to 1000"),
+        (["{bag}", "--high-hz", "801"], RecordingError, "band up to 801 Hz, allowed: up to 800, 0.4 of the sampling"),
         (["{bag}", "--high-hz", "4001"], InputError, "band 4001 Hz, allowed: 10 to 4000, 0.4 of the model's"),
         (["{bag}", "--mapping", "no.yaml"], RecordingError, "no.yaml"),
         (["{bag}", "--window", "0"], ValueError, "window 0 s"),

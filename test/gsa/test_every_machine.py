@@ -17,7 +17,7 @@ from machine_files import RIG
 from tbm_dynamics import load_machine, simulate
 from tbm_dynamics.indicators import INDICATORS
 from tbm_dynamics.integration import settling
-from tbm_gsa.sensitivity.study.inputs import default_inputs
+from tbm_gsa.sensitivity.study.machine_inputs import default_inputs
 from tbm_gsa.sensitivity.study.store import Store
 from tbm_gsa.signals import conditioning
 

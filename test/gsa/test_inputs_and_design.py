@@ -15,7 +15,8 @@ from tbm_gsa.sensitivity.study.definition import read_definition
 from tbm_gsa.sensitivity.study.design import KINDS, add_points, make_design
 from tbm_gsa.sensitivity.study.distributions import LogUniform, Normal, Triangular, Uniform
 from tbm_gsa.sensitivity.study.errors import StudyError
-from tbm_gsa.sensitivity.study.inputs import PAPER_INPUTS, Input, InputSet, default_inputs, known_input, unvaried_inputs
+from tbm_gsa.sensitivity.study.inputs import PAPER_INPUTS, Input, InputSet, known_input
+from tbm_gsa.sensitivity.study.machine_inputs import default_inputs, unvaried_inputs
 
 HYPERCUBES = [kind for kind in KINDS if kind != "sobol"]
 

@@ -14,7 +14,8 @@ from tbm_gsa.app.cli.output import OUTPUTS_HELP, notes, split_names
 from tbm_gsa.sensitivity.study.definition import study_definition
 from tbm_gsa.sensitivity.study.design import KINDS
 from tbm_gsa.sensitivity.study.evaluate import MachineEvaluation
-from tbm_gsa.sensitivity.study.inputs import InputSet, unvaried_inputs
+from tbm_gsa.sensitivity.study.inputs import InputSet
+from tbm_gsa.sensitivity.study.machine_inputs import unvaried_inputs
 from tbm_gsa.sensitivity.study.problem import StudyProblem
 from tbm_msgs_py.base.errors import InputError
 

@@ -8,8 +8,8 @@ from collections.abc import Iterable, Sequence
 from rich.table import Table
 
 from tbm_dynamics.loads.description import LOAD_GROUPS
-from tbm_dynamics.machine.description import Connection
 from tbm_dynamics.machine.drive import DriveBody, DriveConnection, DriveShaft, Gear
+from tbm_dynamics.machine.parts import Connection
 from tbm_dynamics.machine.springs import Springs
 from tbm_dynamics.machine.summary import (
     BETWEEN,

@@ -326,7 +326,7 @@ class AnalysisNode(ManagedNode[AnalysisSettings]):
         ]
 
     def _drive_statuses(self) -> list[DiagnosticStatus]:
-        """Say what the drives do, once somebody publishes them."""
+        """Status of the drives; none before the first message of a recorded one."""
         window = self._drives_window
         if not self._drives.seen:
             return []

@@ -41,7 +41,7 @@ class Finding:
 
     @property
     def key(self) -> Key:
-        """By which it is the same as at the look before."""
+        """By which it is the same as at the check before."""
         return self.kind, self.point, self.level
 
 
@@ -77,15 +77,15 @@ class EventKeeper:
         self._adopted = False
 
     def update(self, found: Iterable[Finding], covers: Callable[[Key], bool], at_ns: int, kind: SourceKind) -> None:
-        """Take what a look found; of the keys that it covers, all others are away.
+        """Begin or continue the events of what a check found; what it covers and did not find may end.
 
         Parameters
         ----------
         found : iterable of Finding
         covers : callable
-            Whether the look would have found what has a key.
+            Whether the check would have found what has a key.
         at_ns : int
-            Time of the look, ns.
+            Time of the check, ns.
         kind : {"live", "replay"}
         """
         self._adopt()
@@ -111,7 +111,7 @@ class EventKeeper:
         return tuple(map(ListedEvent.of, newest))
 
     def drop_snapshot(self, path: str) -> None:
-        """Take back the path of a recording that came to nothing."""
+        """Remove the path of a recording that could not be written from its event."""
         for one in list(self._recent.values()):
             if one.event.snapshot == path:
                 self._change(replace(one, event=replace(one.event, snapshot="")))
@@ -134,7 +134,7 @@ class EventKeeper:
         self._tell(ListedEvent.of(self._standing[one.key]))
 
     def _miss(self, key: Key, at_ns: int) -> None:
-        """Take note that what stands was not found; it ends when that has lasted, in the time of its looks."""
+        """Take note that what stands was not found; it ends when that has lasted, in the time of its checks."""
         since_ns = self._absent.setdefault(key, at_ns)
         if at_ns < since_ns:  # the clock has jumped back
             self._absent[key] = at_ns

@@ -16,7 +16,8 @@ from matplotlib.patches import Circle, FancyArrowPatch, Patch
 from matplotlib.patheffects import AbstractPathEffect, withStroke
 
 from tbm_dynamics import Machine
-from tbm_dynamics.machine.description import MachineDescription, Subsystem
+from tbm_dynamics.machine.description import MachineDescription
+from tbm_dynamics.machine.parts import Subsystem
 from tbm_dynamics.machine.summary import STRUCTURES, SUBSYSTEMS
 from tbm_dynamics.structure.drive import drive_nodes, drive_positions, gear_pair
 from tbm_gsa.app.report.gsa_figures import PALETTE

@@ -16,7 +16,8 @@ from tbm_gsa.sensitivity.study.curves import Curve, response_curve
 from tbm_gsa.sensitivity.study.errors import StudyError
 from tbm_gsa.sensitivity.study.evaluate import MachineEvaluation
 from tbm_gsa.sensitivity.study.failures import checked_failures
-from tbm_gsa.sensitivity.study.inputs import PAPER_INPUTS, check_ends
+from tbm_gsa.sensitivity.study.inputs import PAPER_INPUTS
+from tbm_gsa.sensitivity.study.machine_inputs import check_ends
 from tbm_gsa.sensitivity.study.problem import StudyProblem
 from tbm_gsa.sensitivity.study.run import FinishedStudy, StudyOptions, run_study
 from tbm_gsa.sensitivity.study.store import STORE_NAME, Store

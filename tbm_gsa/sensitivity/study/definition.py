@@ -10,14 +10,8 @@ from tbm_dynamics import Machine
 from tbm_dynamics.indicators import INDICATORS
 from tbm_gsa.sensitivity.study.distributions import distribution_from, number
 from tbm_gsa.sensitivity.study.errors import StudyError
-from tbm_gsa.sensitivity.study.inputs import (
-    Input,
-    InputSet,
-    check_ends,
-    default_inputs,
-    known_input,
-    machine_input,
-)
+from tbm_gsa.sensitivity.study.inputs import Input, InputSet, known_input
+from tbm_gsa.sensitivity.study.machine_inputs import check_ends, default_inputs, machine_input
 from tbm_gsa.sensitivity.study.outputs import checked_outputs
 from tbm_msgs_py.base.strict_yaml import read_yaml
 from tbm_msgs_py.base.texts import LONGEST_NAME, quoted

@@ -12,7 +12,7 @@ from tbm_dynamics.machine.description import MachineDescription
 from tbm_dynamics.machine.sensor_place import SensorPlace
 from tbm_gsa.provenance import machine_sha256
 from tbm_gsa.sensitivity.study.errors import StudyError
-from tbm_gsa.sensitivity.study.inputs import check_ends
+from tbm_gsa.sensitivity.study.machine_inputs import check_ends
 from tbm_gsa.sensitivity.study.outputs import Vibration, checked_outputs, parse_outputs
 from tbm_msgs_py.base.texts import quoted
 

@@ -138,7 +138,7 @@ class DriveHealth(Part):
         )
 
     def line(self) -> str:
-        """Say it."""
+        """Return the health in one line: samples, rate, and the drives whose values are not all numbers."""
         parts = [f"{self.samples} samples", f"{self.rate_hz:.4g} Hz"]
         for what, shares in (("torque", self.torque), ("speed", self.speed)):
             lacking = [f"{name} {share:.0%}" for name, share in shares.items() if share < 1.0]
