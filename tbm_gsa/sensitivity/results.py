@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Final, TypeAlias
 
@@ -23,7 +24,8 @@ from tbm_msgs_py.base.files import write_json
 
 if TYPE_CHECKING:
     from tbm_gsa.sensitivity.sobol.indices import SobolIndices
-    from tbm_gsa.sensitivity.study.analysis import Analysed, OutputAnalysis
+    from tbm_gsa.sensitivity.study.analysis import Analysed, OutputFit
+    from tbm_gsa.sensitivity.study.other_methods import OtherMethods
     from tbm_gsa.sensitivity.study.store import Store
 
 RESULT_NAME: Final = "result.json"
@@ -150,7 +152,8 @@ class OutputResult(MethodIndices, SurrogateScores):
     """Everything found about one output: the chosen surrogate, its indices, and what other methods find.
 
     `second` holds the largest interactions, largest first; `groups` is empty where the study has no groups, `paths`
-    null where there is no Kriging surrogate; `scores` holds the quality of every surrogate.
+    null where there is no Kriging surrogate; `scores` holds the quality of every surrogate. Of a quick study `second`,
+    `by_surrogate` and `convergence` are empty, `paths`, `fast` and `morris` null.
     """
 
     surrogate: str
@@ -164,8 +167,8 @@ class OutputResult(MethodIndices, SurrogateScores):
     paths: PathTable | None
     by_surrogate: dict[str, MethodIndices]
     convergence: tuple[ConvergenceIndices, ...]
-    fast: IndexTable
-    morris: MorrisTable
+    fast: IndexTable | None
+    morris: MorrisTable | None
     scores: dict[str, SurrogateScores]
 
     def strongest(self) -> list[str]:
@@ -215,13 +218,19 @@ class StudyResult(ResultPart):
 
     @classmethod
     def of(
-        cls, store: Store, analysed: Analysed[OutputAnalysis], *, seconds: float, campaign_seconds: float
+        cls,
+        store: Store,
+        analysed: Analysed,
+        others: Mapping[str, OtherMethods],
+        *,
+        seconds: float,
+        campaign_seconds: float,
     ) -> StudyResult:
-        """Gather the result of a finished store and its analyses; times as in the class."""
+        """Gather the result of a finished store and what was found about it; times as in the class."""
         problem, counts = store.problem, store.counts()
         codes, groups = problem.inputs.codes, tuple(problem.inputs.groups)
         return StudyResult(
-            outputs={name: _output(analysis, codes, groups) for name, analysis in analysed.outputs.items()},
+            outputs={name: _output(fit, others.get(name), codes, groups) for name, fit in analysed.outputs.items()},
             seconds=seconds,
             campaign_seconds=campaign_seconds,
             simulation_seconds=store.simulation_seconds(),
@@ -270,21 +279,20 @@ class StudyResult(ResultPart):
         return read_document(path, cls, "the result of a study", StudyError)
 
 
-def _output(analysis: OutputAnalysis, codes: Codes, groups: Codes) -> OutputResult:
+def _output(fit: OutputFit, other: OtherMethods | None, codes: Codes, groups: Codes) -> OutputResult:
     """Gather the result of one output."""
-    indices, comparison = analysis.indices, analysis.comparison
-    followed = tuple(codes[k] for k in comparison.places)
+    followed = tuple(codes[k] for k in other.places) if other else ()
     return OutputResult(
-        **dict(MethodIndices.model_validate(indices, context=codes)),
-        **dict(SurrogateScores.model_validate(analysis.best)),
-        surrogate=analysis.chosen,
-        r2_nested=analysis.nested_r2,
-        second=_interactions(indices, codes),
-        groups=analysis.groups and IndexTable.model_validate(analysis.groups, context=groups),
-        paths=analysis.paths and PathTable.model_validate(analysis.paths, context=codes),
+        **dict(MethodIndices.model_validate(fit.indices, context=codes)),
+        **dict(SurrogateScores.model_validate(fit.best)),
+        surrogate=fit.chosen,
+        r2_nested=fit.nested_r2,
+        second=_interactions(other.pairs, codes) if other else (),
+        groups=fit.groups and IndexTable.model_validate(fit.groups, context=groups),
+        paths=other and other.paths and PathTable.model_validate(other.paths, context=codes),
         by_surrogate={
             method: MethodIndices.model_validate(found, context=codes)
-            for method, found in comparison.surrogates.items()
+            for method, found in (other.surrogates if other else {}).items()
         },
         convergence=tuple(
             ConvergenceIndices(
@@ -292,11 +300,11 @@ def _output(analysis: OutputAnalysis, codes: Codes, groups: Codes) -> OutputResu
                 samples=step.samples,
                 **dict(IndexTable.model_validate(step.indices, context=followed)),
             )
-            for step in comparison.convergence
+            for step in (other.convergence if other else ())
         ),
-        fast=IndexTable.model_validate(comparison.fast, context=codes),
-        morris=MorrisTable.model_validate(comparison.morris, context=codes),
-        scores={method: SurrogateScores.model_validate(found) for method, found in analysis.candidates.items()},
+        fast=other and IndexTable.model_validate(other.fast, context=codes),
+        morris=other and MorrisTable.model_validate(other.morris, context=codes),
+        scores={method: SurrogateScores.model_validate(found) for method, found in fit.candidates.items()},
     )
 
 

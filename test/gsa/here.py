@@ -7,7 +7,7 @@ from functools import partial
 import pytest
 from matplotlib.layout_engine import ConstrainedLayoutEngine
 
-from tbm_gsa.sensitivity.study import analysis, campaign, candidates
+from tbm_gsa.sensitivity.study import analysis, campaign, candidates, other_methods
 from tbm_gsa.sensitivity.study.workers import WorkerPool
 
 
@@ -36,8 +36,9 @@ def small_samplings():
     """Let an analysis in this process take few folds, and a hundredth of the points of Sobol indices."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(candidates, "FOLDS", 4)
-        for name, samples in (("sobol_of_surrogate", 2**7), ("sobol_convergence", (200, 400))):
-            patch.setattr(analysis, name, partial(getattr(analysis, name), samples=samples))
+        for module in (analysis, other_methods):
+            patch.setattr(module, "sobol_of_surrogate", partial(module.sobol_of_surrogate, samples=2**7))
+        patch.setattr(other_methods, "sobol_convergence", partial(other_methods.sobol_convergence, samples=(200, 400)))
         yield
 
 

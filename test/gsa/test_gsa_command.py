@@ -18,7 +18,7 @@ from tbm_dynamics.indicators import INDICATORS
 from tbm_dynamics.machine.loading import machine_text
 from tbm_gsa.app.cli.output import progress_bar
 from tbm_gsa.app.cli.workers import shown_progress
-from tbm_gsa.sensitivity.study import analysis
+from tbm_gsa.sensitivity.study import workers
 from tbm_gsa.sensitivity.study.evaluate import MachineEvaluation
 from tbm_gsa.sensitivity.study.inputs import PAPER_INPUTS, InputSet
 from tbm_gsa.sensitivity.study.problem import StudyProblem
@@ -46,7 +46,7 @@ def definition(tmp_path):
 @pytest.fixture
 def small(monkeypatch):
     """Work in this process, with small samplings."""
-    monkeypatch.setattr(analysis, "local_processes", pytest.fail)  # one worker is this process
+    monkeypatch.setattr(workers, "local_processes", pytest.fail)  # one worker is this process
     with simulations_here(), small_samplings(), pictures_without_layout():
         yield
 

@@ -18,11 +18,11 @@ from evaluations import OUTPUTS, analytic, doubtful, fails_above
 from here import pictures_without_layout, simulations_here, small_samplings
 
 from tbm_gsa import fit_surrogate, sobol_closed_form
-from tbm_gsa.app.cli.gsa import show
+from tbm_gsa.app.cli.gsa import show_indices
 from tbm_gsa.app.report.gsa_page import write_study_report
 from tbm_gsa.app.report.page import render_page
 from tbm_gsa.sensitivity.results import StudyResult
-from tbm_gsa.sensitivity.study import analysis
+from tbm_gsa.sensitivity.study import run, workers
 from tbm_gsa.sensitivity.study.errors import StudyCancelled, StudyError
 from tbm_gsa.sensitivity.study.inputs import PAPER_INPUTS, InputSet
 from tbm_gsa.sensitivity.study.problem import StudyProblem
@@ -32,7 +32,11 @@ from tbm_gsa.sensitivity.study.store import Store
 THREE = InputSet(tuple(PAPER_INPUTS[code] for code in ("x2", "x4", "x16")))
 PROBLEM = StudyProblem(THREE, OUTPUTS, train=40, test=8, seed=0, settings={"machine": "<b>analytic & quick</b>"})
 METHODS = ("svr", "krg", "prs")
-ANALYSED = [f"analysis {done} of {len(OUTPUTS)} outputs" for done in range(len(OUTPUTS) + 1)]
+ANALYSED = [
+    f"{phase} {done} of {len(OUTPUTS)} outputs"
+    for phase in ("analysis", "other methods")
+    for done in range(len(OUTPUTS) + 1)
+]
 
 
 @pytest.fixture(scope="module")
@@ -43,7 +47,7 @@ def study(tmp_path_factory):
         METHODS, workers=1, progress=lambda message, _: reports.append(message), report=write_study_report
     )
     with simulations_here(), pictures_without_layout(), pytest.MonkeyPatch.context() as patch:
-        patch.setattr(analysis, "local_processes", pytest.fail)
+        patch.setattr(workers, "local_processes", pytest.fail)
         finished = run_study(PROBLEM, analytic, tmp_path_factory.mktemp("study"), options)
     assert reports[-len(ANALYSED) :] == ANALYSED
     return finished
@@ -91,7 +95,7 @@ def test_a_file_that_is_no_result_is_one_line(tmp_path, text):
 
 
 def test_curves_follow_the_function(study):
-    curve = study.analyses["peak"].curves[0]
+    curve = study.fits["peak"].curves[0]
     assert curve.code == "x2"
     np.testing.assert_allclose(curve.response, (curve.values / 1000.0) ** 2, atol=0.1)
 
@@ -128,7 +132,7 @@ def test_a_page_with_a_gap_is_an_error():
 def test_a_cancelled_study_resumes_to_the_same_numbers(study, tmp_path, monkeypatch):
     """In two processes, which share the analysis too."""
     seen, started, reports = [], [], []
-    local_processes = analysis.local_processes
+    local_processes = workers.local_processes
 
     def start(count):
         started.append(count)
@@ -140,11 +144,11 @@ def test_a_cancelled_study_resumes_to_the_same_numbers(study, tmp_path, monkeypa
     with pytest.raises(StudyCancelled):
         run_study(PROBLEM, analytic, tmp_path, options)
     assert not (tmp_path / "result.json").exists()
-    monkeypatch.setattr(analysis, "local_processes", start)
+    monkeypatch.setattr(workers, "local_processes", start)
     options = StudyOptions(METHODS, workers=2, progress=lambda message, _: reports.append(message))
     resumed = resume_study(tmp_path, lambda _: analytic, options)
     assert resumed.result.outputs == study.result.outputs
-    assert started == [2]
+    assert started == [2, 2]
     assert reports[-len(ANALYSED) :] == ANALYSED
 
 
@@ -166,7 +170,7 @@ def test_failures_stand_above_the_indices(doubted, capsys):
     # Six of 40 at an end, either one, of three inputs.
     assert region.probability == pytest.approx(3 * 2 / scipy.special.comb(40, 6))
     line = "warning: 6 of 40 simulations failed (15%); 6 of them in the upper half of x2, where 6 of 20 failed (from 2"
-    show(doubted, json=False)
+    show_indices(doubted.result)
     shown = " ".join(capsys.readouterr().out.split())
     page = (doubted.folder / "report.html").read_text(encoding="utf-8")
     assert shown.startswith(line)
@@ -180,7 +184,7 @@ def test_indices_of_a_poor_surrogate_are_not_determined(doubted, capsys):
     assert [document[name]["determined"] for name in ("force", "noise")] == [True, False]
     assert document["noise"]["r2_cv"] < 0.5
     assert document["noise"]["total"].keys() == {"x2", "x4", "x16"}
-    show(doubted, json=False)
+    show_indices(doubted.result)
     row = next(line for line in capsys.readouterr().out.splitlines() if line.startswith("noise "))
     assert row.rstrip().endswith("not determined")
     page = (doubted.folder / "report.html").read_text(encoding="utf-8")
@@ -195,6 +199,23 @@ def test_a_constant_output_is_named_and_left_out(doubted):
     assert list(doubted.result.outputs) == ["force", "noise"]
     assert doubted.result.skipped == {"still": "the output is constant (3), allowed: one with a variance to explain"}
     assert "output still is left out: the output is constant (3)" in (doubted.folder / "report.html").read_text()
+
+
+def test_a_quick_study_asks_no_other_methods(doubted, tmp_path):
+    (tmp_path / "store.sqlite").write_bytes((doubted.folder / "store.sqlite").read_bytes())
+    previews = []
+    options = StudyOptions(("prs",), workers=1, quick=True, preview=previews.append, report=write_study_report)
+    with small_samplings(), pytest.MonkeyPatch.context() as patch:
+        patch.setattr(run, "ask_other_methods", pytest.fail)
+        quick = report_study(tmp_path, options).result
+    assert [preview.outputs for preview in previews] == [quick.outputs]
+    kept = {"second": (), "by_surrogate": {}, "convergence": (), "paths": None, "fast": None, "morris": None}
+    assert quick.outputs["force"] == doubted.result.outputs["force"].model_copy(update=kept)
+    page = (tmp_path / "report.html").read_text(encoding="utf-8")
+    assert "Strongest parameters" in page
+    assert "How far the indices can be trusted" not in page
+    assert (tmp_path / "tables/morris.csv").read_text().count("\n") == 1
+    assert StudyResult.read(tmp_path / "result.json") == quick
 
 
 def test_many_failures_are_refused_unless_allowed(tmp_path):

@@ -60,6 +60,12 @@ AllowFailures = Annotated[
         "--allow-failures", help=f"Analyse what is left where more than {REFUSED:.0%} of the simulations failed."
     ),
 ]
+Quick = Annotated[
+    bool,
+    typer.Option(
+        "--quick", help="Indices of the best surrogates only: no second order, convergence, paths, Morris, FAST."
+    ),
+]
 
 
 @app.command()
@@ -75,6 +81,7 @@ def run(
     high_hz: HighHz = None,
     method: Methods = None,
     allow_failures: AllowFailures = False,
+    quick: Quick = False,
     workers: Workers = 2,
     scheduler: Scheduler = None,
     seed: Annotated[int, SEED_OPTION] = 0,
@@ -86,7 +93,7 @@ def run(
 
     sizes = samples, test
     problem, evaluate = planned_study(machine, duration, inputs, outputs, high_hz, design, sizes, seed, time_step)
-    with _running(out, method, allow_failures, workers, scheduler) as options:
+    with _running(out, method, allow_failures, quick, json, workers, scheduler) as options:
         study = run_study(problem, evaluate, out, options)
     show(study, json)
 
@@ -96,6 +103,7 @@ def resume(
     out: Folder = Path("gsa"),
     method: Methods = None,
     allow_failures: AllowFailures = False,
+    quick: Quick = False,
     workers: Workers = 2,
     scheduler: Scheduler = None,
     json: Annotated[bool, JSON_OPTION] = False,
@@ -103,7 +111,7 @@ def resume(
     """Go on with a study that was interrupted; nothing is simulated twice."""
     from tbm_gsa.sensitivity.study.run import resume_study  # noqa: PLC0415
 
-    with _running(out, method, allow_failures, workers, scheduler) as options:
+    with _running(out, method, allow_failures, quick, json, workers, scheduler) as options:
         study = resume_study(out, _evaluation, options)
     show(study, json)
 
@@ -114,6 +122,7 @@ def extend(
     out: Folder = Path("gsa"),
     method: Methods = None,
     allow_failures: AllowFailures = False,
+    quick: Quick = False,
     workers: Workers = 2,
     scheduler: Scheduler = None,
     json: Annotated[bool, JSON_OPTION] = False,
@@ -121,7 +130,7 @@ def extend(
     """Add training points to a study; its simulations are kept, the new points fill the gaps between them."""
     from tbm_gsa.sensitivity.study.run import resume_study  # noqa: PLC0415
 
-    with _running(out, method, allow_failures, workers, scheduler) as options:
+    with _running(out, method, allow_failures, quick, json, workers, scheduler) as options:
         study = resume_study(out, _evaluation, options, added=samples)
     show(study, json)
 
@@ -131,13 +140,14 @@ def report(
     out: Folder = Path("gsa"),
     method: Methods = None,
     allow_failures: AllowFailures = False,
+    quick: Quick = False,
     workers: Workers = 2,
     json: Annotated[bool, JSON_OPTION] = False,
 ) -> None:
     """Analyse a finished store again and write its report anew."""
     from tbm_gsa.sensitivity.study.run import report_study  # noqa: PLC0415
 
-    with _running(out, method, allow_failures, workers) as options:
+    with _running(out, method, allow_failures, quick, json, workers) as options:
         study = report_study(out, options)
     show(study, json)
 
@@ -153,13 +163,25 @@ def _evaluation(problem: StudyProblem) -> MachineEvaluation:
 
 @contextmanager
 def _running(
-    out: Path, method: list[str] | None, allow_failures: bool, workers: int, scheduler: str | None = None
+    out: Path,
+    method: list[str] | None,
+    allow_failures: bool,
+    quick: bool,
+    json: bool,
+    workers: int,
+    scheduler: str | None = None,
 ) -> Iterator[StudyOptions]:
     """Options of a study under way, with its progress, of all surrogates if none is named; after Ctrl-C, a hint."""
     from tbm_gsa.app.report.gsa_page import write_study_report  # noqa: PLC0415
     from tbm_gsa.sensitivity.study.run import StudyOptions  # noqa: PLC0415
 
     methods = tuple(method) if method else StudyOptions.methods
+
+    def preview(result: StudyResult) -> None:
+        bar.stop()  # its picture, or the table would be printed into it
+        show_indices(result)
+        bar.start()
+
     try:
         with progress_bar() as bar, anonymous_main():
             yield StudyOptions(
@@ -168,6 +190,8 @@ def _running(
                 scheduler,
                 progress=shown_progress(bar),
                 allow_failures=allow_failures,
+                quick=quick,
+                preview=(lambda _: None) if json else preview,
                 report=write_study_report,
             )
     except KeyboardInterrupt:
@@ -176,15 +200,19 @@ def _running(
 
 
 def show(study: FinishedStudy, json: bool) -> None:
-    """Print a study as JSON or as a table, what is in doubt above it."""
+    """Print a study as JSON, or where its report is: its table is on the terminal already."""
     if json:
         print_json(study.result)
         return
-    for doubt in study.result.doubts():
-        print_sentence(doubt)
-    results.print(strongest_table(study.result))
     results.print(f"{study.result.seconds:.1f} s")
     notes.print(f"report: {study.folder / REPORT_NAME}", highlight=False)
+
+
+def show_indices(result: StudyResult) -> None:
+    """Print the strongest inputs, what is in doubt above them."""
+    for doubt in result.doubts():
+        print_sentence(doubt)
+    results.print(strongest_table(result))
 
 
 def strongest_table(result: StudyResult, count: int = STRONGEST) -> Table:

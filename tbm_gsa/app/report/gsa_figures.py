@@ -162,7 +162,8 @@ def method_comparison(outputs: Results) -> Figure:
         }
         if output.paths is not None and "krg" in series:
             series["krg paths"] = (output.paths.first.mean, output.paths.first.interval)
-        series["FAST"] = (output.fast.first, output.fast.first_interval)
+        if output.fast is not None:
+            series["FAST"] = (output.fast.first, output.fast.first_interval)
         width = 0.8 / len(series)
         for rank, ((name, (values, intervals)), colour) in enumerate(zip(series.items(), PALETTE, strict=False)):
             place = np.arange(len(codes), dtype=float) + (rank - 0.5 * (len(series) - 1)) * width
@@ -179,6 +180,8 @@ def morris_scatter(outputs: Results) -> Figure:
     """Mean absolute elementary effect against its deviation; the strongest inputs are named."""
     figure, panels = _determined_panels(outputs, columns=4, height=2.8)
     for panel, output in panels:
+        if output.morris is None:
+            continue
         mean, deviation = output.morris.mean_absolute, output.morris.deviation
         panel.scatter(list(mean.values()), list(deviation.values()), s=14, color=PALETTE[0])
         for code in sorted(mean, key=mean.__getitem__, reverse=True)[:5]:

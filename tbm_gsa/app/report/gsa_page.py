@@ -8,7 +8,7 @@ from tbm_gsa.app.report.gsa_tables import gsa_tables
 from tbm_gsa.app.report.page import embed_figure, render_page
 from tbm_gsa.provenance import versions_text
 from tbm_gsa.sensitivity.results import NOT_DETERMINED, REPORT_NAME, TABLES_NAME, OutputResult, StudyResult
-from tbm_gsa.sensitivity.study.analysis import OutputAnalysis
+from tbm_gsa.sensitivity.study.analysis import OutputFit
 from tbm_gsa.sensitivity.study.inputs import Input, InputSet
 from tbm_gsa.sensitivity.study.run import FinishedStudy
 from tbm_msgs_py.base.files import write_whole
@@ -19,20 +19,20 @@ POOR_R2: Final = 0.7
 
 def write_study_report(study: FinishedStudy) -> None:
     """Write ``report.html`` and ``tables/*.csv`` of a finished study."""
-    write_whole(study.folder / REPORT_NAME, gsa_page(study.result, study.analyses).encode())
+    write_whole(study.folder / REPORT_NAME, gsa_page(study.result, study.fits).encode())
     tables = study.folder / TABLES_NAME
     tables.mkdir(exist_ok=True)
     for name, text in gsa_tables(study.result).items():
         write_whole(tables / name, text.encode())
 
 
-def gsa_page(result: StudyResult, analyses: Mapping[str, OutputAnalysis]) -> str:
+def gsa_page(result: StudyResult, fits: Mapping[str, OutputFit]) -> str:
     """Render a study.
 
     Parameters
     ----------
     result : StudyResult
-    analyses : mapping of str to OutputAnalysis
+    fits : mapping of str to OutputFit
         Curves and samples, which the figures draw beside the result.
 
     Returns
@@ -54,7 +54,7 @@ def gsa_page(result: StudyResult, analyses: Mapping[str, OutputAnalysis]) -> str
         "inputs": {item.code: item for item in inputs.inputs},
         "distances": {name: _distances(output) for name, output in result.outputs.items()},
         "provenance": _provenance(result),
-        **_figures(result.outputs, analyses, inputs),
+        **_figures(result.outputs, fits, inputs),
     }
     return render_page("gsa.html", context)
 
@@ -70,23 +70,24 @@ def _distances(output: OutputResult) -> list[tuple[float, float]]:
     ]
 
 
-def _figures(
-    outputs: Mapping[str, OutputResult], analyses: Mapping[str, OutputAnalysis], inputs: InputSet
-) -> dict[str, str]:
+def _figures(outputs: Mapping[str, OutputResult], by_name: Mapping[str, OutputFit], inputs: InputSet) -> dict[str, str]:
     """Draw the figures as image elements."""
-    fits = list(analyses.values())
+    fits = list(by_name.values())
     drawn = {
         "bars": (figures.index_bars(fits, inputs), "Bars of the Sobol indices of every output"),
         "curves": (figures.response_curves(fits, inputs), "Response along the strongest inputs"),
         "scores": (figures.score_bars(fits), "Bars of R² by output and surrogate"),
         "designs": (figures.design_points(fits, inputs), "Training and test points"),
-        "interactions": (figures.interaction_bars(outputs), "Bars of second-order indices"),
-        "convergence": (figures.convergence(outputs), "First-order indices over the base size"),
-        "split": (figures.uncertainty_split(outputs), "Bars of metamodel and sampling error"),
-        "methods": (figures.method_comparison(outputs), "First-order indices by other methods"),
-        "morris": (figures.morris_scatter(outputs), "Elementary effects, mean and deviation"),
         "predictions": (figures.prediction_scatter(fits), "Simulated against predicted values"),
     }
+    if all(output.fast is not None for output in outputs.values()):
+        drawn |= {
+            "interactions": (figures.interaction_bars(outputs), "Bars of second-order indices"),
+            "convergence": (figures.convergence(outputs), "First-order indices over the base size"),
+            "split": (figures.uncertainty_split(outputs), "Bars of metamodel and sampling error"),
+            "methods": (figures.method_comparison(outputs), "First-order indices by other methods"),
+            "morris": (figures.morris_scatter(outputs), "Elementary effects, mean and deviation"),
+        }
     return {name: embed_figure(figure, description) for name, (figure, description) in drawn.items()}
 
 

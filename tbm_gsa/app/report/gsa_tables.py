@@ -49,7 +49,9 @@ def _shown(numbers: Cells, determined: bool) -> Cells:
 
 
 def _indices(output: OutputResult) -> Iterator[Cells]:
-    tables: dict[str, IndexTable] = {"chosen": output, **output.by_surrogate, "fast": output.fast}
+    tables: dict[str, IndexTable] = {"chosen": output, **output.by_surrogate}
+    if output.fast is not None:
+        tables["fast"] = output.fast
     if output.groups is not None:
         tables["groups"] = output.groups
     for method, table in tables.items():
@@ -86,6 +88,8 @@ def _convergence(output: OutputResult) -> Iterator[Cells]:
 
 def _morris(output: OutputResult) -> Iterator[Cells]:
     found = output.morris
+    if found is None:
+        return
     for code, mean in found.mean.items():
         numbers = (mean, found.mean_absolute[code], *found.mean_absolute_interval[code], found.deviation[code])
         yield code, *_shown(numbers, output.determined)

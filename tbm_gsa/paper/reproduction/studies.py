@@ -10,7 +10,7 @@ import numpy as np
 from tbm_dynamics.indicators import INDICATORS
 from tbm_gsa.paper.published import MEASURED_POINTS, METHODS, SHOWN_WITHOUT_STATEMENT, TRENDS
 from tbm_gsa.paper.reproduction.readings import Reading
-from tbm_gsa.sensitivity.study.analysis import Analysed, OutputAnalysis, OutputFit, fit_outputs
+from tbm_gsa.sensitivity.study.analysis import Analysed, OutputFit, fit_outputs
 from tbm_gsa.sensitivity.study.campaign import run_campaign
 from tbm_gsa.sensitivity.study.curves import Curve, response_curve
 from tbm_gsa.sensitivity.study.errors import StudyError
@@ -113,9 +113,8 @@ def whole_study(
     """Run or go on with a study, with its own result.json and report."""
     options = StudyOptions(methods=METHODS, workers=workers, progress=progress, report=report)
     found = run_study(campaign.problem, campaign.evaluation, folder, options)
-    _complete(Analysed(found.analyses, found.result.skipped))
-    failed = found.result.samples.failed
-    return Study(campaign, found.analyses, failed, _sampling_gap(found.analyses))
+    fits = _complete(Analysed(found.fits, found.result.skipped))
+    return Study(campaign, fits, found.result.samples.failed, _sampling_gap(found))
 
 
 def fitted_study(campaign: Campaign, folder: Path, workers: int, progress: Progress) -> Study:
@@ -127,17 +126,16 @@ def fitted_study(campaign: Campaign, folder: Path, workers: int, progress: Progr
         return Study(campaign, _complete(found), store.counts().failed, None)
 
 
-def _complete(found: Analysed[OutputFit]) -> Mapping[str, OutputFit]:
+def _complete(found: Analysed) -> Mapping[str, OutputFit]:
     """All outputs: the paper has a figure of each."""
     for name, reason in found.skipped.items():
         raise StudyError(f"output {name}: {reason}")
     return found.outputs
 
 
-def _sampling_gap(analyses: Mapping[str, OutputAnalysis]) -> float:
+def _sampling_gap(study: FinishedStudy) -> float:
     gaps = []
-    for analysis in analyses.values():
-        places = list(analysis.comparison.places)
-        largest = analysis.comparison.convergence[-1].indices
-        gaps.append(float(np.abs(largest.first - analysis.indices.first[places]).max()))
+    for name, other in study.others.items():
+        largest, found = other.convergence[-1].indices, study.fits[name].indices
+        gaps.append(float(np.abs(largest.first - found.first[list(other.places)]).max()))
     return max(gaps)

@@ -6,9 +6,10 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from tbm_gsa.sensitivity.results import RESULT_NAME, StudyResult
-from tbm_gsa.sensitivity.study.analysis import OutputAnalysis, analyse, check_methods
+from tbm_gsa.sensitivity.study.analysis import OutputFit, check_methods, fit_outputs
 from tbm_gsa.sensitivity.study.campaign import run_campaign
 from tbm_gsa.sensitivity.study.failures import checked_failures
+from tbm_gsa.sensitivity.study.other_methods import OtherMethods, ask_other_methods
 from tbm_gsa.sensitivity.study.problem import StudyProblem
 from tbm_gsa.sensitivity.study.store import STORE_NAME, Store
 from tbm_gsa.sensitivity.study.workers import Evaluate
@@ -26,12 +27,15 @@ class FinishedStudy:
         Holds ``store.sqlite`` and ``result.json``, and what the report adds: ``report.html`` and ``tables/*.csv``.
     result : StudyResult
         What ``result.json`` holds.
-    analyses : mapping of str to OutputAnalysis
+    fits : mapping of str to OutputFit
+    others : mapping of str to OtherMethods
+        Empty where they were not asked for.
     """
 
     folder: Path
     result: StudyResult
-    analyses: Mapping[str, OutputAnalysis]
+    fits: Mapping[str, OutputFit]
+    others: Mapping[str, OtherMethods]
 
 
 @dataclass(frozen=True)
@@ -52,6 +56,10 @@ class StudyOptions:
         Called during the campaign; see `run_campaign`.
     allow_failures : bool
         Analyse what is left where more simulations failed than `checked_failures` takes.
+    quick : bool
+        Ask no other methods.
+    preview : callable
+        Called with the result as soon as the surrogates have answered, before the other methods are asked.
     report : callable
         Called with the finished study, to write pages and tables into its folder.
     """
@@ -62,6 +70,8 @@ class StudyOptions:
     progress: Progress | None = None
     cancelled: Callable[[], bool] = lambda: False
     allow_failures: bool = False
+    quick: bool = False
+    preview: Callable[[StudyResult], None] = lambda _: None
     report: Callable[[FinishedStudy], None] = lambda _: None
 
     def __post_init__(self) -> None:
@@ -138,10 +148,18 @@ def _finish(store: Store, evaluate: Evaluate | None, options: StudyOptions | Non
         campaign_seconds = time.perf_counter() - start
     seed = store.problem.seed
     checked_failures(store, chosen.allow_failures, remedy=", or --allow-failures")
-    analysed = analyse(store, chosen.methods, seed=seed, workers=chosen.workers, progress=chosen.progress)
-    seconds = time.perf_counter() - start
-    result = StudyResult.of(store, analysed, seconds=seconds, campaign_seconds=campaign_seconds)
-    study = FinishedStudy(store.path.parent, result, analysed.outputs)
+    analysed = fit_outputs(store, chosen.methods, seed=seed, workers=chosen.workers, progress=chosen.progress)
+    others: Mapping[str, OtherMethods] = {}
+
+    def result_so_far() -> StudyResult:
+        seconds = time.perf_counter() - start
+        return StudyResult.of(store, analysed, others, seconds=seconds, campaign_seconds=campaign_seconds)
+
+    chosen.preview(result_so_far())
+    if not chosen.quick:
+        others = ask_other_methods(analysed.outputs, seed=seed, workers=chosen.workers, progress=chosen.progress)
+    result = result_so_far()
+    study = FinishedStudy(store.path.parent, result, analysed.outputs, others)
     result.write(study.folder / RESULT_NAME)
     chosen.report(study)
     return study

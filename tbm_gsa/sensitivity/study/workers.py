@@ -9,8 +9,9 @@ import os
 import signal
 import threading
 import time
+from collections import deque
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from concurrent.futures import Executor, Future, ProcessPoolExecutor
+from concurrent.futures import FIRST_COMPLETED, Executor, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -130,6 +131,29 @@ def mapped(pool: WorkerPool, function: Callable[[Item], Result], items: Sequence
 
 def _each(function: Callable[[Item], Result], items: Sequence[Item]) -> list[Result]:
     return [function(item) for item in items]
+
+
+def as_ended(work: Callable[[Item], Result], tasks: Sequence[Item], workers: int) -> Iterator[Result]:
+    """Results of tasks as they end, here or in processes; of several that fail the first is raised."""
+    if workers < 2:
+        yield from map(work, tasks)
+        return
+    waiting = deque(enumerate(tasks))
+    running: dict[Future[Result], int] = {}
+    failed: dict[int, BaseException] = {}
+    with local_processes(workers) as processes:
+        while running or (waiting and not failed):
+            while waiting and not failed and len(running) < processes.slots:
+                place, task = waiting.popleft()
+                running[processes.executor.submit(work, task)] = place
+            for future in wait(running, return_when=FIRST_COMPLETED).done:
+                place, error = running.pop(future), future.exception()
+                if error is not None:
+                    failed[place] = error
+                else:
+                    yield future.result()
+        if failed:
+            raise failed[min(failed)]
 
 
 class _Processes(Executor):
