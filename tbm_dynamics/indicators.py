@@ -1,6 +1,8 @@
-"""The eight indicators of the paper's Table 3."""
+"""The eight indicators of the paper's Table 3, and the peaks among them as their expectation."""
 
 from __future__ import annotations
+
+import math
 
 import numpy as np
 
@@ -16,6 +18,11 @@ UNITS = {
 }
 """Unit of each, in the order of the table."""
 INDICATORS = tuple(UNITS)
+
+EXPECTED_PEAKS = tuple(f"expected_{name}" for name in ("PAcc_A", "PAcc_L", "PAcc_R"))
+"""The expectation, under other loads of the same spectrum, of the peaks among them; in the same units."""
+PARTS = 10
+"""Into which a run is cut for it: each long enough to hold many swings, so that their peaks are independent draws."""
 
 # axial, lateral, rotational among (x, y, z, rx, ry, rz)
 _AXES = (0, 1, 3)
@@ -48,3 +55,31 @@ def indicators(
     deviation = np.sqrt(np.mean((mesh_force - static_mesh_force) ** 2, axis=0)).mean()
     values = (*rms, *peak, mesh_force.max(), deviation)
     return dict(zip(INDICATORS, map(float, values), strict=True))
+
+
+def expected_peaks(pinion_acceleration: np.ndarray) -> dict[str, float]:
+    """Return the peaks that a run of this length has on average.
+
+    A single peak is one draw of an extreme. The largest values of equal parts of the run are taken for draws of a
+    Gumbel distribution, fitted by its moments; the expected largest of all parts follows from it [1]_.
+
+    Parameters
+    ----------
+    pinion_acceleration : (n, 6) ndarray
+        Acceleration of the first pinion's mesh node (m/s², rad/s²), n at least `PARTS`.
+
+    Returns
+    -------
+    dict
+        By `EXPECTED_PEAKS`, m/s², m/s², rad/s².
+
+    References
+    ----------
+    .. [1] E. J. Gumbel, "Statistics of extremes", Columbia University Press, 1958: mean μ + γβ, variance π²β²/6, and
+       the largest of n has μ + β ln n for its μ.
+    """
+    parts = np.array_split(np.abs(pinion_acceleration[:, _AXES]), PARTS)
+    peaks = np.array([part.max(axis=0) for part in parts])
+    scale = peaks.std(axis=0, ddof=1) * math.sqrt(6.0) / math.pi
+    expected = peaks.mean(axis=0) + scale * math.log(PARTS)
+    return dict(zip(EXPECTED_PEAKS, map(float, expected), strict=True))

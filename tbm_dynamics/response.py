@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from tbm_dynamics.indicators import indicators
+from tbm_dynamics.indicators import expected_peaks, indicators
 from tbm_dynamics.machine.sensor_place import SensorPlace, place_of
 from tbm_msgs_py.base.errors import MachineError
 
@@ -119,3 +119,7 @@ class Response:
             self.mesh_force,
             self.static_mesh_force,
         )
+
+    def expected_peaks(self) -> dict[str, float]:
+        """Return the peaks among the indicators as their expectation under other loads of the same spectrum."""
+        return expected_peaks(self.acceleration(self.pinion_node))

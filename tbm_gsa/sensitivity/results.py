@@ -148,16 +148,26 @@ def is_determined(r2_cv: float) -> bool:
     return r2_cv >= LOWEST_R2
 
 
+class SeedShare(ResultPart):
+    """Share of chance in an output: indices of the loads' realisation, S1 with its interval, ST at most."""
+
+    first: Maybe
+    first_interval: IndexInterval
+    total: Maybe
+
+
 class OutputResult(MethodIndices, SurrogateScores):
     """Everything found about one output: the chosen surrogate, its indices, and what other methods find.
 
     `second` holds the largest interactions, largest first; `groups` is empty where the study has no groups, `paths`
-    null where there is no Kriging surrogate; `scores` holds the quality of every surrogate. Of a quick study `second`,
+    null where there is no Kriging surrogate; `seed` is the share of chance, null where all simulations share one
+    realisation of the loads; `scores` holds the quality of every surrogate. Of a quick study `second`,
     `by_surrogate` and `convergence` are empty, `paths`, `fast` and `morris` null.
     """
 
     surrogate: str
     r2_nested: Maybe
+    seed: SeedShare | None = None
     second: tuple[Interaction, ...]
     groups: Annotated[
         IndexTable | None,
@@ -196,7 +206,8 @@ class StudyResult(ResultPart):
     """A finished study: the outputs by name, and where their numbers come from.
 
     `failure_summary` says how many simulations failed, where and why, null without one; `skipped` why an output that
-    was asked for is not among the outputs. Times in s: `seconds` of this run, `campaign_seconds` of it for the
+    was asked for is not among the outputs; `realisations` how many of the loads the simulations shared out, 0 where one
+    was common to all. Times in s: `seconds` of this run, `campaign_seconds` of it for the
     campaign, `simulation_seconds` of processor time in all simulations.
     """
 
@@ -212,6 +223,7 @@ class StudyResult(ResultPart):
     skipped: dict[str, str] = Field(default_factory=dict)
     design: str
     seed: int
+    realisations: int = 0
     settings: dict[str, str | int | float]
     indices: str
     versions: dict[str, str]
@@ -244,6 +256,7 @@ class StudyResult(ResultPart):
             skipped=dict(analysed.skipped),
             design=problem.design,
             seed=problem.seed,
+            realisations=problem.realisations,
             settings=dict(problem.settings),
             indices=INDICES,
             versions=package_versions(),
@@ -287,6 +300,7 @@ def _output(fit: OutputFit, other: OtherMethods | None, codes: Codes, groups: Co
         **dict(SurrogateScores.model_validate(fit.best)),
         surrogate=fit.chosen,
         r2_nested=fit.nested_r2,
+        seed=fit.chance and SeedShare.model_validate(fit.chance),
         second=_interactions(other.pairs, codes) if other else (),
         groups=fit.groups and IndexTable.model_validate(fit.groups, context=groups),
         paths=other and other.paths and PathTable.model_validate(other.paths, context=codes),

@@ -8,9 +8,11 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from scipy.integrate import trapezoid
+from scipy.stats import norm
 
 from tbm_dynamics import load_machine, simulate
-from tbm_dynamics.indicators import INDICATORS, UNITS, indicators
+from tbm_dynamics.indicators import INDICATORS, UNITS, expected_peaks, indicators
 
 TIME = np.arange(1000) / 1000.0
 
@@ -74,3 +76,18 @@ def test_units_change_with_the_units_of_the_motion():
     factors = {"m": length, "rad": 1.0, "m/s²": length / time**2, "rad/s²": time**-2, "N": force}
     for name in INDICATORS:
         assert other[name] == pytest.approx(factors[UNITS[name]] * one[name])
+
+
+def test_expected_peaks_are_those_of_the_exact_distribution():
+    """Of white noise: the largest of n absolute normal values has the mean of ∫ 1 − (2Φ(x) − 1)ⁿ dx."""
+    count, runs, generator = 2000, 300, np.random.default_rng(0)
+    levels = np.linspace(0.0, 8.0, 4001)
+    exact = trapezoid(1.0 - (2.0 * norm.cdf(levels) - 1.0) ** count, levels)
+    motion = np.zeros((count, 6))
+    found = []
+    for _ in range(runs):
+        motion[:, 0] = generator.standard_normal(count)
+        found.append(expected_peaks(motion)["expected_PAcc_A"])
+    assert np.mean(found) == pytest.approx(exact, rel=0.02)
+    single = np.abs(generator.standard_normal((runs, count))).max(axis=1)
+    assert np.std(found) < np.std(single), "one draw scatters more than the expectation of ten"

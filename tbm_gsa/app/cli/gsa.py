@@ -13,6 +13,7 @@ from rich.table import Table
 from tbm_gsa.app.cli.explain import explain
 from tbm_gsa.app.cli.gsa_planning import (
     MOST_SAMPLES,
+    CommonLoads,
     Design,
     Duration,
     HighHz,
@@ -86,13 +87,16 @@ def run(
     scheduler: Scheduler = None,
     seed: Annotated[int, SEED_OPTION] = 0,
     time_step: TimeStep = None,
+    common_loads: CommonLoads = False,
     json: Annotated[bool, JSON_OPTION] = False,
 ) -> None:
     """Simulate a design, fit surrogates, print Sobol indices; an unfinished study of the folder goes on."""
     from tbm_gsa.sensitivity.study.run import run_study  # noqa: PLC0415 - what analyses and draws takes a second to import
 
     sizes = samples, test
-    problem, evaluate = planned_study(machine, duration, inputs, outputs, high_hz, design, sizes, seed, time_step)
+    problem, evaluate = planned_study(
+        machine, duration, inputs, outputs, high_hz, design, sizes, seed, time_step, common_loads
+    )
     with _running(out, method, allow_failures, quick, json, workers, scheduler) as options:
         study = run_study(problem, evaluate, out, options)
     show(study, json)
@@ -213,6 +217,10 @@ def show_indices(result: StudyResult) -> None:
     for doubt in result.doubts():
         print_sentence(doubt)
     results.print(strongest_table(result))
+    if chance := {name: output.seed.total for name, output in result.outputs.items() if output.seed is not None}:
+        largest = sorted(chance, key=chance.__getitem__, reverse=True)[:STRONGEST]
+        shares = ", ".join(f"{name} {chance[name]:.2f}" for name in largest)
+        print_sentence(f"share of chance ({result.realisations} realisations of the loads), ST at most: {shares}")
 
 
 def strongest_table(result: StudyResult, count: int = STRONGEST) -> Table:

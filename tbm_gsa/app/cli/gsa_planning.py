@@ -9,18 +9,21 @@ from typing import Annotated, Final
 import typer
 
 from tbm_dynamics import Machine, load_machine
-from tbm_dynamics.indicators import INDICATORS
 from tbm_gsa.app.cli.output import OUTPUTS_HELP, notes, split_names
 from tbm_gsa.sensitivity.study.definition import study_definition
 from tbm_gsa.sensitivity.study.design import KINDS
 from tbm_gsa.sensitivity.study.evaluate import MachineEvaluation
 from tbm_gsa.sensitivity.study.inputs import InputSet
 from tbm_gsa.sensitivity.study.machine_inputs import unvaried_inputs
+from tbm_gsa.sensitivity.study.outputs import OF_THE_DRIVE
 from tbm_gsa.sensitivity.study.problem import StudyProblem
 from tbm_msgs_py.base.errors import InputError
 
 _STIFFER: Final = re.compile(r"x9|x10|drive_[0-9]+\.tooth_stiffness")
 """Inputs that make a mesh stiffer."""
+SAMPLES_OF_ONE: Final = 10
+"""Training simulations that share a realisation of the loads: few, for many of them, yet enough to know its effect."""
+FEWEST_REALISATIONS: Final = 2
 MOST_SAMPLES: Final = 1_000_000
 Samples = Annotated[int, typer.Option("--samples", min=10, max=MOST_SAMPLES, help="Training simulations.")]
 TestSamples = Annotated[int, typer.Option("--test", min=2, max=MOST_SAMPLES, help="Test simulations.")]
@@ -36,6 +39,10 @@ Inputs = Annotated[
 ]
 Outputs = Annotated[
     str | None, typer.Option("--outputs", help=f"{OUTPUTS_HELP}those of --inputs, else the eight indicators.")
+]
+CommonLoads = Annotated[
+    bool,
+    typer.Option("--common-loads", help="One realisation of the loads for all simulations, as in the paper."),
 ]
 HighHz = Annotated[
     float | None,
@@ -53,6 +60,7 @@ def planned_study(
     sizes: tuple[int, int],
     seed: int,
     time_step: float | None,
+    common_loads: bool,
 ) -> tuple[StudyProblem, MachineEvaluation]:
     """Plan a study of `sizes` training and test simulations; all about it is checked, before a folder is made."""
     described = load_machine(machine)
@@ -63,9 +71,18 @@ def planned_study(
     step = _time_step(described, definition.inputs, time_step)
     settling = described.settling()
     evaluate = MachineEvaluation.of(machine, duration, seed, definition.outputs, high_hz, step, settling)
-    if high_hz is not None and set(definition.outputs) <= set(INDICATORS):
+    if high_hz is not None and set(definition.outputs) <= set(OF_THE_DRIVE):
         raise InputError(f"--high-hz {high_hz:g}: no output is of an acceleration, allowed: with one")
-    return StudyProblem(definition.inputs, definition.outputs, *sizes, seed, evaluate.settings, design), evaluate
+    problem = StudyProblem(
+        definition.inputs,
+        definition.outputs,
+        *sizes,
+        seed,
+        evaluate.settings,
+        design,
+        realisations=0 if common_loads else max(FEWEST_REALISATIONS, round(sizes[0] / SAMPLES_OF_ONE)),
+    )
+    return problem, evaluate
 
 
 def _time_step(machine: Machine, inputs: InputSet, wanted: float | None) -> float:

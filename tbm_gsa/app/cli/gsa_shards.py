@@ -8,7 +8,17 @@ from typing import Annotated
 
 import typer
 
-from tbm_gsa.app.cli.gsa_planning import Design, Duration, HighHz, Inputs, Outputs, Samples, TestSamples, planned_study
+from tbm_gsa.app.cli.gsa_planning import (
+    CommonLoads,
+    Design,
+    Duration,
+    HighHz,
+    Inputs,
+    Outputs,
+    Samples,
+    TestSamples,
+    planned_study,
+)
 from tbm_gsa.app.cli.output import (
     DEFAULT_MACHINE,
     JSON_OPTION,
@@ -54,12 +64,15 @@ def shard(
     workers: Workers = 2,
     seed: Annotated[int, SEED_OPTION] = 0,
     time_step: TimeStep = None,
+    common_loads: CommonLoads = False,
     json: Annotated[bool, JSON_OPTION] = False,
 ) -> None:
     """Run one of N independent parts of a study, with the options of `gsa run`; again: it goes on."""
     chosen, start = Shard.parse(part), time.perf_counter()
     sizes = samples, test
-    problem, evaluate = planned_study(machine, duration, inputs, outputs, high_hz, design, sizes, seed, time_step)
+    problem, evaluate = planned_study(
+        machine, duration, inputs, outputs, high_hz, design, sizes, seed, time_step, common_loads
+    )
     with Store.create_or_open(out / STORE_NAME, problem) as store:
         try:
             with progress_bar() as bar, anonymous_main():

@@ -76,6 +76,7 @@ def _print(result: ReproductionResult) -> None:
     results.print()
     counts = ", ".join(f"{count} {name}" for name, count in result.verdicts.items())
     results.print(f"{counts}; {result.seconds['total']:.0f} s", highlight=False)
+    results.print(f"loads of a campaign: {result.loads}", highlight=False)
 
 
 def _text(value: Value) -> str:

@@ -96,6 +96,7 @@ def _provenance(result: StudyResult) -> dict[str, object]:
     return {
         **result.settings,
         "design": f"{result.design}, seed {result.seed}",
+        "loads": f"{result.realisations} realisations" if result.realisations else "one realisation, common to all",
         "indices": result.indices,
         "time": f"{result.seconds:.1f} s in all, {result.campaign_seconds:.1f} s of it campaign; "
         f"{result.simulation_seconds:.1f} s of processor time in simulations",

@@ -168,6 +168,7 @@ def _provenance(result: ReproductionResult) -> dict[str, object]:
         "campaigns": f"{sizes.train} + {sizes.test} simulations of {sizes.simulation_s:g} s, "
         f"{sizes.other_train} + {sizes.test} under the other reading",
         "runs": f"{sizes.run_s:g} s; {sizes.model_s:g} s beside the recording; loads {sizes.loads_s:g} s",
+        "loads of a campaign": result.loads,
         "seed": result.seed,
         "time": ", ".join(f"{name} {value:.1f} s" for name, value in result.seconds.items()),
         "versions": versions_text(result.versions),

@@ -16,6 +16,8 @@ Value = int | float | str | None
 SOURCES: Final = (*(f"Table {k}" for k in range(1, 7)), *(f"Figure {k}" for k in range(2, 16)))
 """Tables and figures of the paper that are reproduced, in order."""
 
+COMMON_LOADS: Final = "one realisation, common to all simulations, as in the paper"
+
 
 @dataclass(frozen=True)
 class Row:
@@ -128,6 +130,8 @@ class ReproductionResult(Part):
         The machine's own first.
     machine, machine_file, recording, seed, sizes
         What was reproduced, with what.
+    loads : str
+        How the simulations of a campaign come by their loads.
     versions : dict of str to str
     seconds : dict of str to float
         By stage, and ``total``.
@@ -142,6 +146,7 @@ class ReproductionResult(Part):
     recording: ReproducedRecording
     seed: Seed
     sizes: Sizes
+    loads: TextLine = COMMON_LOADS
     versions: dict[Name, TextLine]
     seconds: dict[Name, float]
 

@@ -15,6 +15,7 @@ from tbm_gsa.sensitivity.study.inputs import InputSet
 from tbm_gsa.sensitivity.study.store import Store
 from tbm_gsa.sensitivity.study.workers import as_ended
 from tbm_gsa.sensitivity.surrogates import SURROGATES
+from tbm_gsa.sensitivity.surrogates.realisations import ChanceShare
 from tbm_msgs_py.base.errors import InputError
 from tbm_msgs_py.base.progress import Progress
 
@@ -52,6 +53,15 @@ class OutputFit:
     def determined(self) -> bool:
         """Whether the chosen surrogate follows the output, so that its indices say something of it."""
         return is_determined(self.best.r2_cv)
+
+    @property
+    def chance(self) -> ChanceShare | None:
+        """Share of chance in the output; None where all simulations share one realisation of the loads."""
+        samples, held_out = self.best.model.samples, self.best.validation
+        if samples.effects is None:
+            return None
+        missed = samples.transformed_of(held_out.actual) - samples.transformed_of(held_out.predicted)
+        return samples.effects.share(float(np.var(samples.transformed)), float(np.mean(missed**2)))
 
     @property
     def best(self) -> Candidate:
@@ -129,8 +139,9 @@ def fit_outputs(
     inputs, names = store.problem.inputs, store.problem.outputs
     (X, Y), (X_test, Y_test) = store.results("train"), store.results("test")
     unit, test_unit = inputs.to_unit(X), inputs.to_unit(X_test)
+    labels = store.realisations("train"), store.realisations("test")
     tasks = [
-        _Task(name, Data(unit, Y[:, column], test_unit, Y_test[:, column]), inputs, tuple(methods), seed)
+        _Task(name, Data(unit, Y[:, column], test_unit, Y_test[:, column], *labels), inputs, tuple(methods), seed)
         for column, name in enumerate(names)
     ]
     done: dict[str, OutputFit | _Skipped] = {}

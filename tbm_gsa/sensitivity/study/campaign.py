@@ -3,10 +3,12 @@
 from collections import deque
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, CancelledError, Future, wait
+from functools import partial
 from typing import Final
 
 from tbm_gsa.sensitivity.study.cluster import cluster
 from tbm_gsa.sensitivity.study.errors import StudyCancelled, StudyError
+from tbm_gsa.sensitivity.study.problem import StudyProblem
 from tbm_gsa.sensitivity.study.shards import WHOLE, Shard
 from tbm_gsa.sensitivity.study.store import Store
 from tbm_gsa.sensitivity.study.workers import Evaluate, Outcome, WorkerPool, local_processes, simulate_sample
@@ -37,8 +39,9 @@ def run_campaign(
     ----------
     store : Store
     evaluate : callable
-        Maps the inputs of one sample to the outputs of the store's problem. Sent to the workers, so it must pickle:
-        a module-level function or an instance of a module-level class.
+        Maps the inputs of one sample to the outputs of the store's problem, of one with `realisations` with the number
+        of its realisation of the loads as keyword `realisation`. Sent to the workers, so it must pickle: a module-level
+        function or an instance of a module-level class.
     workers : int
         Processes on this computer, each limited to one thread.
     scheduler : str, optional
@@ -60,7 +63,7 @@ def run_campaign(
     _report(store, shard, progress)
     if waiting := store.pending(shard):
         with local_processes(min(workers, len(waiting))) if scheduler is None else cluster(scheduler) as pool:
-            for outcome in _outcomes(pool, waiting, store.problem.outputs, evaluate, cancelled):
+            for outcome in _outcomes(pool, waiting, store.problem, evaluate, cancelled):
                 store.record(outcome)
                 _report(store, shard, progress)
     if store.pending(shard):
@@ -71,11 +74,12 @@ def run_campaign(
 def _outcomes(
     pool: WorkerPool,
     samples: Sequence[tuple[int, dict[str, float]]],
-    names: tuple[str, ...],
+    problem: StudyProblem,
     evaluate: Evaluate,
     cancelled: Callable[[], bool],
 ) -> Iterator[Outcome]:
     """Outcomes as simulations end, with a bounded number of simulations handed out."""
+    names, labels = problem.outputs, problem.realisations_of_rows() if problem.realisations else None
     waiting = deque((row, sample, 0) for row, sample in samples)
     running: dict[Future[Outcome], tuple[int, dict[str, float], int]] = {}
     ended: list[Outcome] = []
@@ -84,7 +88,9 @@ def _outcomes(
     while True:
         while waiting and len(running) < pool.slots and not cancelled():
             row, sample, deaths = waiting.popleft()
-            running[pool.executor.submit(simulate_sample, evaluate, row, sample, names)] = row, sample, deaths
+            # Rows of a store are numbered from 1.
+            one = evaluate if labels is None else partial(evaluate, realisation=int(labels[row - 1]))
+            running[pool.executor.submit(simulate_sample, one, row, sample, names)] = row, sample, deaths
         yield from ended  # after the next are on their way: no worker idles while a result is stored
         ended = []
         if not running:

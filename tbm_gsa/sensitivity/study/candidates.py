@@ -9,7 +9,7 @@ from sklearn.metrics import r2_score
 
 from tbm_gsa.sensitivity.surrogates import CrossValidation, Surrogate, fit_surrogate
 from tbm_gsa.sensitivity.surrogates.samples import Transform
-from tbm_msgs_py.base.arrays import Array
+from tbm_msgs_py.base.arrays import Array, Integers
 
 FOLDS: Final = 10
 # What the logarithm of an output must add to R². The indices of a surrogate of the logarithm have no closed form, so
@@ -28,12 +28,16 @@ class Data:
     values : ndarray, shape (n,)
     test_unit : ndarray, shape (m, d)
     test_values : ndarray, shape (m,)
+    realisations, test_realisations : ndarray of int, shapes (n,) and (m,), or None
+        Of the loads, where the simulations share out several.
     """
 
     unit: Array
     values: Array
     test_unit: Array
     test_values: Array
+    realisations: Integers | None = None
+    test_realisations: Integers | None = None
 
     @property
     def bounds(self) -> Array:
@@ -65,9 +69,18 @@ class Candidate:
     @classmethod
     def fit(cls, method: str, transform: Transform, data: Data, seed: int) -> "Candidate":
         """Fit one method, judge it by cross validation and on test points."""
-        model = fit_surrogate(method, data.unit, data.values, bounds=data.bounds, seed=seed, transform=transform)
+        model = fit_surrogate(
+            method,
+            data.unit,
+            data.values,
+            bounds=data.bounds,
+            seed=seed,
+            transform=transform,
+            realisations=data.realisations,
+        )
         validation = model.cross_validate(min(FOLDS, len(data.values)))
-        return cls(model, validation, data.test_unit, data.test_values, model.predict(data.test_unit))
+        actual = model.samples.without_effects(data.test_values, data.test_realisations)
+        return cls(model, validation, data.test_unit, actual, model.predict(data.test_unit))
 
     @property
     def transform(self) -> Transform:
@@ -135,7 +148,7 @@ def nested_r2(candidates: Sequence[Candidate]) -> float:
     The largest of several R² flatters, since it was looked for; this one was not.
     """
     actual = candidates[0].validation.actual
-    errors = np.stack([(actual - candidate.validation.predicted) ** 2 for candidate in candidates])
+    errors = np.stack([(candidate.validation.actual - candidate.validation.predicted) ** 2 for candidate in candidates])
     squares = np.empty(len(actual))
     for part in candidates[0].validation.parts:
         others = np.setdiff1d(np.arange(len(actual)), part)

@@ -1,12 +1,14 @@
-"""The simulation of one sample: the machine with its inputs changed, run on the loads all samples share."""
+"""The simulation of one sample: the machine with its inputs changed, run under a realisation of the loads."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
 from typing import Self
 
+import numpy as np
+
 from tbm_dynamics import Machine, load_machine, simulate
-from tbm_dynamics.indicators import INDICATORS
+from tbm_dynamics.indicators import EXPECTED_PEAKS, INDICATORS
 from tbm_dynamics.integration import DEFAULT_STEP
 from tbm_dynamics.machine.description import MachineDescription
 from tbm_dynamics.machine.sensor_place import SensorPlace
@@ -35,8 +37,7 @@ class MachineEvaluation:
     duration : float
         Simulated time, s.
     seed : int
-        Seed of the loads. It is the same for every sample (common random numbers): with other loads for each, no
-        surrogate could follow the peaks.
+        Of the loads: of the one realisation that all samples share, or of those that they share out.
     outputs : tuple of str
         See `parse_outputs`.
     high_hz : float or None
@@ -78,17 +79,19 @@ class MachineEvaluation:
         text = loaded.description.model_dump_json()
         return cls(loaded.origin, text, duration, seed, outputs, high_hz, time_step, settling)
 
-    def __call__(self, sample: dict[str, float]) -> Mapping[str, float]:
-        """Simulate one sample."""
+    def __call__(self, sample: dict[str, float], realisation: int | None = None) -> Mapping[str, float]:
+        """Simulate one sample, under the common realisation of the loads or one that is numbered."""
         response = simulate(
             self._machine.with_inputs(**sample),
             duration=self.duration,
-            seed=self.seed,
+            seed=self.seed if realisation is None else _seed_of(self.seed, realisation),
             time_step=self.time_step,
             settling=self.settling,
             outputs=self._motion,
         )
         found = response.indicators()
+        if not set(self.outputs).isdisjoint(EXPECTED_PEAKS):
+            found |= response.expected_peaks()
         if self._vibrations:
             # Its filters take longer to load than a run takes: only workers that need them do.
             from tbm_gsa.sensitivity.study.vibration import vibration_statistics  # noqa: PLC0415
@@ -171,6 +174,11 @@ class MachineEvaluation:
     @property
     def _machine(self) -> Machine:
         return _machine(self.description, self.machine)
+
+
+def _seed_of(seed: int, realisation: int) -> int:
+    """Seed of a numbered realisation; those of studies with neighbouring seeds have nothing in common."""
+    return int(np.random.SeedSequence([seed, realisation]).generate_state(1)[0] >> 1)
 
 
 @lru_cache(maxsize=4)

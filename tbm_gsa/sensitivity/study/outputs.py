@@ -5,11 +5,12 @@ from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 from typing import Final
 
-from tbm_dynamics.indicators import INDICATORS
+from tbm_dynamics.indicators import EXPECTED_PEAKS, INDICATORS
 from tbm_gsa.sensitivity.study.errors import StudyError
 from tbm_gsa.signals.conditioning import HIGH_PASS_HZ, LOW_PASS_LIMIT_HZ, SHORTEST_S
 from tbm_gsa.signals.windows import SEGMENT_S
 
+OF_THE_DRIVE: Final = (*INDICATORS, *EXPECTED_PEAKS)
 AXES: Final = ("x", "y", "z", "yz")
 RESOLUTION_HZ: Final = 1.0 / SEGMENT_S
 _NAME: Final = re.compile(
@@ -45,7 +46,7 @@ def parse_outputs(names: Sequence[str], points: Collection[str]) -> tuple[Vibrat
     Parameters
     ----------
     names : sequence of str
-        Indicators, and ``rms_POINT_AXIS``, ``peak_POINT_AXIS``, ``kurtosis_POINT_AXIS`` or, in a band,
+        Indicators, expected peaks, and ``rms_POINT_AXIS``, ``peak_POINT_AXIS``, ``kurtosis_POINT_AXIS`` or, in a band,
         ``rms_LOW-HIGH_hz_POINT_AXIS``.
     points : collection of str
         Test points of the machine.
@@ -55,7 +56,7 @@ def parse_outputs(names: Sequence[str], points: Collection[str]) -> tuple[Vibrat
     StudyError
         A name that is neither.
     """
-    return tuple(_vibration(name, points) for name in names if name not in INDICATORS)
+    return tuple(_vibration(name, points) for name in names if name not in OF_THE_DRIVE)
 
 
 def checked_outputs(
@@ -106,7 +107,7 @@ def _vibration(name: str, points: Collection[str]) -> Vibration:
     found = _NAME.fullmatch(name)
     if found is None or found["point"] not in points or found["axis"] not in AXES:
         raise StudyError(
-            f"unknown output {name!r}, allowed: {', '.join(INDICATORS)}, and rms_POINT_AXIS, peak_POINT_AXIS, "
+            f"unknown output {name!r}, allowed: {', '.join(OF_THE_DRIVE)}, and rms_POINT_AXIS, peak_POINT_AXIS, "
             f"kurtosis_POINT_AXIS, rms_LOW-HIGH_hz_POINT_AXIS with POINT one of {', '.join(points)} and AXIS one of "
             f"{', '.join(AXES)}"
         )

@@ -5,6 +5,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import Annotated, ClassVar, Final
 
+import numpy as np
 from pydantic import ConfigDict, Field, TypeAdapter
 
 from tbm_gsa.reading import Name, Seed, TextLine, validated
@@ -12,6 +13,7 @@ from tbm_gsa.sensitivity.study.design import check_kind
 from tbm_gsa.sensitivity.study.errors import StudyError
 from tbm_gsa.sensitivity.study.inputs import InputSet
 from tbm_gsa.sensitivity.study.outputs import check_distinct
+from tbm_msgs_py.base.arrays import Integers
 from tbm_msgs_py.base.texts import shortened
 
 Setting = TextLine | float | int
@@ -39,6 +41,9 @@ class StudyProblem:
         Kind of the first design, see `make_design`.
     added : tuple of int
         Numbers of training points added since, one after the other, see `add_points`.
+    realisations : int
+        Realisations of the loads that the simulations of the first design share out; 0 where all share one, or there
+        are no loads. Points added later come with further ones, in proportion.
     """
 
     __pydantic_config__: ClassVar = ConfigDict(strict=True)  # of what is read from a store
@@ -50,12 +55,28 @@ class StudyProblem:
     settings: Mapping[Name, Setting] = field(default_factory=dict)
     design: str = "lhs"
     added: tuple[Simulations, ...] = ()
+    realisations: Simulations = 0
 
     def __post_init__(self) -> None:
         check_kind(self.design)
         if not self.outputs:
             raise StudyError("outputs: none, allowed: at least one")
         check_distinct(self.outputs)
+
+    def realisations_of_rows(self) -> Integers:
+        """Realisation of the loads of every simulation (n,), in the order of the store, numbered from 0.
+
+        Those of the first design are dealt out in equal parts and at random: a regular deal would follow the order of
+        a low-discrepancy sequence. The test points share the same ones.
+        """
+        generator = np.random.default_rng([self.seed, *b"loads"])
+        dealt, known = [], 0
+        for count in (self.train, *self.added):
+            number = max(1, round(self.realisations * count / max(1, self.train)))
+            dealt.append(known + generator.permutation(np.arange(count) % number))
+            known += number
+        dealt.insert(1, np.arange(self.test) % max(1, self.realisations))
+        return np.concatenate(dealt)
 
     def to_json(self) -> dict[str, str]:
         """Every part as one JSON text."""
@@ -91,6 +112,10 @@ def difference(stored: StudyProblem, wanted: StudyProblem) -> str | None:
     return next(_differences(stored, wanted), None)
 
 
+def _loads(problem: StudyProblem) -> str:
+    return f"{problem.realisations} realisations" if problem.realisations else "common to all"
+
+
 def _differences(stored: StudyProblem, wanted: StudyProblem) -> Iterator[str]:
     digests = [problem.settings.get(DIGEST) for problem in (stored, wanted)]
     of_machine = OF_MACHINE if digests[0] is not None and digests[0] == digests[1] else ()
@@ -102,6 +127,8 @@ def _differences(stored: StudyProblem, wanted: StudyProblem) -> Iterator[str]:
         old, new = getattr(stored, key), getattr(wanted, key)
         if old != new:
             yield f"{key} is {old} there and {new} here"
+    if stored.realisations != wanted.realisations:
+        yield f"its loads are {_loads(stored)}, here {_loads(wanted)}"
     if stored.outputs != wanted.outputs:
         yield f"its outputs are {', '.join(stored.outputs)}, here {', '.join(wanted.outputs)}"
     for old_input, new_input in zip(stored.inputs.inputs, wanted.inputs.inputs, strict=False):

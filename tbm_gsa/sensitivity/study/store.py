@@ -21,7 +21,7 @@ from tbm_gsa.sensitivity.study.errors import StudyError
 from tbm_gsa.sensitivity.study.problem import StudyProblem, difference
 from tbm_gsa.sensitivity.study.shards import WHOLE, Shard
 from tbm_gsa.sensitivity.study.workers import Outcome
-from tbm_msgs_py.base.arrays import Array
+from tbm_msgs_py.base.arrays import Array, Integers
 from tbm_msgs_py.base.files import unfinished
 from tbm_msgs_py.base.texts import shortened
 
@@ -238,6 +238,16 @@ class Store:
         X = np.array([self._numbers(inputs, d) for inputs, _ in rows]).reshape(len(rows), d)
         Y = np.array([self._numbers(outputs, q) for _, outputs in rows]).reshape(len(rows), q)
         return X, Y
+
+    def realisations(self, part: DesignPart) -> Integers | None:
+        """Realisation of the loads of each row of `results` (n,); None where all simulations share one."""
+        if not self.problem.realisations:
+            return None
+        rows = self._connection.execute(
+            "SELECT row FROM planned WHERE part = ? AND status = 'ok' ORDER BY row", (part,)
+        ).fetchall()
+        places = np.array(rows, dtype=np.int64).reshape(-1) - 1
+        return self.problem.realisations_of_rows()[places]
 
     def ended(self) -> tuple[Array, NDArray[np.bool_]]:
         """Read the inputs (n, d) of all simulations that ended, in order, and which of them failed (n,)."""

@@ -22,7 +22,7 @@ from threadpoolctl import threadpool_limits
 
 from tbm_gsa.sensitivity.study.errors import StudyError
 
-Evaluate: TypeAlias = Callable[[dict[str, float]], Mapping[str, float]]
+Evaluate: TypeAlias = Callable[..., Mapping[str, float]]
 Result = TypeVar("Result")
 Item = TypeVar("Item")
 Arguments = ParamSpec("Arguments")

@@ -2,6 +2,7 @@
 
 from pathlib import Path
 
+import numpy as np
 from numpy.typing import ArrayLike
 
 from tbm_gsa.sensitivity.surrogates.base import CrossValidation, Surrogate
@@ -29,7 +30,14 @@ SURROGATES: dict[str, type[Surrogate]] = {
 
 
 def fit_surrogate(
-    method: str, X: ArrayLike, y: ArrayLike, *, bounds: ArrayLike, seed: int = 0, transform: Transform = "none"
+    method: str,
+    X: ArrayLike,
+    y: ArrayLike,
+    *,
+    bounds: ArrayLike,
+    seed: int = 0,
+    transform: Transform = "none",
+    realisations: ArrayLike | None = None,
 ) -> Surrogate:
     """Fit a surrogate to samples.
 
@@ -47,6 +55,9 @@ def fit_surrogate(
         Makes fit and cross validation reproducible.
     transform : {"none", "log"}
         What the output goes through before the fit. Only an untransformed surrogate has Sobol indices in closed form.
+    realisations : array_like of int, shape (n,), optional
+        Which realisation of the loads each sample was simulated under, numbered from 0: what samples of one
+        realisation have in common is taken off (`RealisationEffects`), and the surrogate is of the mean response.
 
     Raises
     ------
@@ -62,7 +73,10 @@ def fit_surrogate(
     """
     if method not in SURROGATES:
         raise InputError(f"unknown surrogate {method!r}, allowed: {', '.join(SURROGATES)}")
-    return SURROGATES[method].fit(checked_samples(X, y, bounds).under(transform), seed=seed)
+    samples = checked_samples(X, y, bounds, realisations).under(transform)
+    if realisations is not None and len(np.unique(realisations)) > 1:
+        samples = samples.sharing(np.asarray(realisations))
+    return SURROGATES[method].fit(samples, seed=seed)
 
 
 def load_surrogate(path: str | Path) -> Surrogate:

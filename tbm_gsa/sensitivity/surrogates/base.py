@@ -101,15 +101,17 @@ class Surrogate(ABC):
         if not 2 <= folds <= count:
             raise InputError(f"{folds} folds, allowed: 2 to the number of samples, {count}")
         shuffled = np.random.default_rng(self.seed).permutation(count)
-        predicted = np.empty(count)
+        actual, predicted = np.empty(count), np.empty(count)
         models = []
         parts = np.array_split(shuffled, folds)
         for held_out in parts:
             kept = np.setdiff1d(shuffled, held_out)
             model = type(self).fit(self.samples.subset(kept), seed=self.seed)
+            labels = None if self.samples.effects is None else self.samples.effects.labels[held_out]
+            actual[held_out] = model.samples.without_effects(self.samples.y[held_out], labels)
             predicted[held_out] = model.predict(self.samples.X[held_out])
             models.append(model)
-        return CrossValidation(self.samples.y, predicted, tuple(parts), tuple(models))
+        return CrossValidation(actual, predicted, tuple(parts), tuple(models))
 
 
 @dataclass(frozen=True, eq=False)
@@ -119,7 +121,8 @@ class CrossValidation:
     Parameters
     ----------
     actual, predicted : ndarray, shape (n,)
-        Every sample once, in the order of the training set.
+        Every sample once, in the order of the training set; without the effect of its realisation of the loads, as the
+        samples of the other folds show it.
     parts : tuple of ndarray of int
         Rows that each fold held out.
     models : tuple of Surrogate

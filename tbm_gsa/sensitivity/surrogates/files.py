@@ -43,7 +43,7 @@ _DAMAGED: Final = (
 
 
 def save_surrogate(model: Surrogate, path: str | Path) -> None:
-    """Write a surrogate with its samples; a file that is there is replaced."""
+    """Write a surrogate with its samples, without the effects of realisations; a file that is there is replaced."""
     header = {
         "format": FORMAT,
         "method": model.method,
@@ -53,7 +53,14 @@ def save_surrogate(model: Surrogate, path: str | Path) -> None:
         "form": "kernel" if isinstance(model.expansion, KernelExpansion) else "polynomial",
     }
     samples = model.samples
-    arrays: dict[str, ArrayLike] = {**vars(model.expansion), "X": samples.X, "y": samples.y, "bounds": samples.bounds}
+    arrays: dict[str, ArrayLike] = {
+        **vars(model.expansion),
+        "X": samples.X,
+        "y": samples.adjusted,
+        "bounds": samples.bounds,
+    }
+    if samples.effects is not None:
+        arrays["realisations"] = samples.effects.labels  # without them repeated points would contradict each other
     content = BytesIO()
     np.savez_compressed(content, allow_pickle=False, header=np.array(json.dumps(header)), **arrays)
     write_whole(Path(path), content.getvalue())
@@ -79,7 +86,8 @@ def read_surrogate(path: str | Path, methods: Mapping[str, type[Surrogate]]) -> 
         header = json.loads(str(parts.pop("header")))
         if header["format"] != FORMAT:
             raise InputError(f"its format is {header['format']!r}")
-        samples = checked_samples(*(parts.pop(name) for name in ("X", "y", "bounds"))).under(header["transform"])
+        X, y, bounds = (parts.pop(name) for name in ("X", "y", "bounds"))
+        samples = checked_samples(X, y, bounds, parts.pop("realisations", None)).under(header["transform"])
         expansion = _expansion(header["form"], parts, samples.X.shape[1])
         settings = {str(name): float(value) for name, value in header["settings"].items()}
         return methods[header["method"]](samples, expansion, settings, int(header["seed"]))

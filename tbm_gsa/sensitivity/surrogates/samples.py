@@ -6,6 +6,7 @@ from typing import Final, Literal, TypeAlias
 import numpy as np
 from numpy.typing import ArrayLike
 
+from tbm_gsa.sensitivity.surrogates.realisations import RealisationEffects
 from tbm_msgs_py.base.arrays import Array, Integers
 from tbm_msgs_py.base.errors import InputError
 
@@ -33,12 +34,16 @@ class TrainingSet:
     transform : {"none", "log"}
         What the output goes through before anything is fitted to it: a positive output whose inputs act as factors,
         as peaks do, is a sum on its logarithm, and its largest values no longer rule the fit.
+    effects : RealisationEffects or None
+        Of the loads' realisations that samples share; they are taken off the transformed output. None where there is
+        one realisation, or none.
     """
 
     X: Array
     y: Array
     bounds: Array
     transform: Transform = "none"
+    effects: RealisationEffects | None = None
 
     @property
     def unit(self) -> Array:
@@ -47,8 +52,14 @@ class TrainingSet:
 
     @property
     def transformed(self) -> Array:
-        """Transformed output, (n,)."""
-        return np.log(self.y) if self.transform == "log" else self.y
+        """Transformed output without the effects of realisations, (n,)."""
+        values = self.transformed_of(self.y)
+        return values if self.effects is None else values - self.effects.on(self.effects.labels)
+
+    @property
+    def adjusted(self) -> Array:
+        """Output without the effects of realisations, in its own unit, (n,)."""
+        return self.y if self.effects is None else self._inverse(self.transformed)
 
     @property
     def mean(self) -> float:
@@ -68,7 +79,13 @@ class TrainingSet:
 
     def restore(self, standardised: Array) -> Array:
         """Values in the unit of the output from values on the scale of `standardised`, of any shape."""
-        values: Array = self.mean + self.spread * standardised
+        return self._inverse(self.mean + self.spread * standardised)
+
+    def transformed_of(self, values: Array) -> Array:
+        """Transform values of the output."""
+        return np.log(values) if self.transform == "log" else values
+
+    def _inverse(self, values: Array) -> Array:
         return np.exp(values) if self.transform == "log" else values
 
     def under(self, transform: Transform) -> "TrainingSet":
@@ -80,10 +97,23 @@ class TrainingSet:
             raise InputError(f"y[{row}] = {self.y[row]:g} has no logarithm, allowed: above 0, or transform='none'")
         return replace(self, transform=transform)
 
+    def sharing(self, realisations: Integers) -> "TrainingSet":
+        """Return the same samples with the effects of the loads' realisations (n,) that they share."""
+        return replace(self, effects=RealisationEffects.fit(self.unit, self.transformed_of(self.y), realisations))
+
+    def without_effects(self, values: Array, realisations: Integers | None) -> Array:
+        """Take the effects of realisations (m,), as these samples show them, off other outputs (m,)."""
+        if self.effects is None or realisations is None:
+            return values
+        return self._inverse(self.transformed_of(values) - self.effects.on(realisations))
+
     def subset(self, rows: Integers) -> "TrainingSet":
         """Keep the samples of the given rows; they may be fewer than `MINIMUM_SAMPLES`."""
         _refuse_constant(self.y[rows])
-        return replace(self, X=self.X[rows], y=self.y[rows])
+        part = replace(self, X=self.X[rows], y=self.y[rows])
+        if self.effects is None:
+            return part
+        return replace(part, effects=self.effects.subset(rows, part.unit, self.transformed_of(part.y)))
 
 
 def to_unit(X: Array, bounds: Array) -> Array:
@@ -121,7 +151,9 @@ def checked_points(X: ArrayLike, bounds: Array) -> Array:
     return points
 
 
-def checked_samples(X: ArrayLike, y: ArrayLike, bounds: ArrayLike) -> TrainingSet:
+def checked_samples(
+    X: ArrayLike, y: ArrayLike, bounds: ArrayLike, realisations: ArrayLike | None = None
+) -> TrainingSet:
     """Check a training set.
 
     Parameters
@@ -129,12 +161,14 @@ def checked_samples(X: ArrayLike, y: ArrayLike, bounds: ArrayLike) -> TrainingSe
     X : array_like, shape (n, d)
     y : array_like, shape (n,)
     bounds : array_like, shape (d, 2)
+    realisations : array_like of int, shape (n,), optional
+        Under which realisation of the loads each sample was simulated, numbered from 0.
 
     Raises
     ------
     InputError
         Wrong shapes, values that are not finite, points outside the bounds, fewer than `MINIMUM_SAMPLES` points, an
-        output that does not vary, or one point with two different values.
+        output that does not vary, or one point with two different values under one realisation.
     """
     box = checked_bounds(bounds)
     points = checked_points(X, box)
@@ -147,8 +181,19 @@ def checked_samples(X: ArrayLike, y: ArrayLike, bounds: ArrayLike) -> TrainingSe
     if len(points) < MINIMUM_SAMPLES:
         raise InputError(f"{len(points)} samples for a surrogate, allowed: at least {MINIMUM_SAMPLES}")
     _refuse_constant(values)
-    _refuse_contradictions(points, values)
+    labels = (
+        np.zeros(len(points), dtype=np.int64) if realisations is None else _checked_labels(realisations, len(points))
+    )
+    _refuse_contradictions(np.column_stack([points, labels]), values)
     return TrainingSet(points, values, box)
+
+
+def _checked_labels(realisations: ArrayLike, count: int) -> Integers:
+    """Return the realisations as an array, or an InputError that says what is wrong."""
+    labels = np.asarray(realisations)
+    if labels.shape != (count,) or labels.dtype.kind not in "iu" or labels.min() < 0:
+        raise InputError(f"realisations of shape {labels.shape}, allowed: {count} whole numbers from 0, one a row of X")
+    return labels.astype(np.int64)
 
 
 def _refuse_constant(values: Array) -> None:
