@@ -183,15 +183,17 @@ def show(study: FinishedStudy, json: bool) -> None:
     for doubt in study.result.doubts():
         print_sentence(doubt)
     results.print(strongest_table(study.result))
+    for name, spectrum in study.result.spectra.items():
+        print_sentence(f"{name}: {spectrum.text()}; left out: {'; '.join(spectrum.left_out)}")
     results.print(f"{study.result.seconds:.1f} s")
     notes.print(f"report: {study.folder / REPORT_NAME}", highlight=False)
 
 
 def strongest_table(result: StudyResult, count: int = STRONGEST) -> Table:
-    """Quality of the surrogate and the strongest inputs of every output."""
+    """Quality of the surrogate and the strongest inputs of every output, of spectra over all bands together."""
     headings = ("=output", "surrogate", ">R² test", ">R² cv", f"strongest {count}")
     table = narrow_table("Strongest inputs, first-order index S1", *headings)
-    for name, output in result.outputs.items():
+    for name, output in result.judged().items():
         ranked = sorted(output.first.items(), key=lambda item: item[1], reverse=True)[:count]
         shown = ranked_inputs(ranked) if output.determined else NOT_DETERMINED
         quality = ("–" if r2 is None else f"{r2:.3f}" for r2 in (output.r2_test, output.r2_cv))

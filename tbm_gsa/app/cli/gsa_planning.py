@@ -65,7 +65,7 @@ def planned_study(
     evaluate = MachineEvaluation.of(machine, duration, seed, definition.outputs, high_hz, step, settling)
     if high_hz is not None and set(definition.outputs) <= set(INDICATORS):
         raise InputError(f"--high-hz {high_hz:g}: no output is of an acceleration, allowed: with one")
-    return StudyProblem(definition.inputs, definition.outputs, *sizes, seed, evaluate.settings, design), evaluate
+    return StudyProblem(definition.inputs, evaluate.outputs, *sizes, seed, evaluate.settings, design), evaluate
 
 
 def _time_step(machine: Machine, inputs: InputSet, wanted: float | None) -> float:

@@ -3,14 +3,19 @@
 from collections.abc import Mapping
 from typing import Final
 
+from tbm_dynamics import load_machine
 from tbm_gsa.app.report import gsa_figures as figures
 from tbm_gsa.app.report.gsa_tables import gsa_tables
 from tbm_gsa.app.report.page import embed_figure, render_page
-from tbm_gsa.provenance import versions_text
+from tbm_gsa.app.report.spectrum_figure import spectrum_maps
+from tbm_gsa.comparison.expected import expected_lines
+from tbm_gsa.comparison.results import ExpectedLine
+from tbm_gsa.provenance import machine_sha256, versions_text
 from tbm_gsa.sensitivity.results import NOT_DETERMINED, REPORT_NAME, TABLES_NAME, OutputResult, StudyResult
 from tbm_gsa.sensitivity.study.analysis import OutputAnalysis
 from tbm_gsa.sensitivity.study.inputs import Input, InputSet
 from tbm_gsa.sensitivity.study.run import FinishedStudy
+from tbm_msgs_py.base.errors import InputError
 from tbm_msgs_py.base.files import write_whole
 
 # Below the lowest R² the paper accepts (its Table 6, PAcc_A) the page says so.
@@ -43,7 +48,7 @@ def gsa_page(result: StudyResult, analyses: Mapping[str, OutputAnalysis]) -> str
     inputs, samples = InputSet(tuple(map(Input.from_dict, result.inputs.values()))), result.samples
     context = {
         "title": "Global sensitivity of the driving system",
-        "subtitle": f"{len(inputs)} inputs, {len(result.outputs)} outputs, "
+        "subtitle": f"{len(inputs)} inputs, {len(result.outputs) + len(result.spectra)} outputs, "
         f"{samples.train} training and {samples.test} test points",
         "result": result,
         "poor": [name for name, output in result.outputs.items() if output.determined and output.r2_cv < POOR_R2],
@@ -54,7 +59,8 @@ def gsa_page(result: StudyResult, analyses: Mapping[str, OutputAnalysis]) -> str
         "inputs": {item.code: item for item in inputs.inputs},
         "distances": {name: _distances(output) for name, output in result.outputs.items()},
         "provenance": _provenance(result),
-        **_figures(result.outputs, analyses, inputs),
+        **(_figures(result.outputs, analyses, inputs) if result.outputs else {}),
+        **(_maps(result, inputs) if result.spectra else {}),
     }
     return render_page("gsa.html", context)
 
@@ -88,6 +94,21 @@ def _figures(
         "predictions": (figures.prediction_scatter(fits), "Simulated against predicted values"),
     }
     return {name: embed_figure(figure, description) for name, (figure, description) in drawn.items()}
+
+
+def _maps(result: StudyResult, inputs: InputSet) -> dict[str, str]:
+    """Draw the maps of the spectra as an image element."""
+    figure = spectrum_maps(result.spectra, inputs, _lines(result))
+    return {"maps": embed_figure(figure, "Maps of total indices by band and input")}
+
+
+def _lines(result: StudyResult) -> tuple[ExpectedLine, ...]:
+    """Lines to expect of the machine that was studied; none where its file is gone or says something else now."""
+    try:
+        machine = load_machine(str(result.settings.get("machine")))
+    except InputError:
+        return ()
+    return expected_lines(machine) if machine_sha256(machine) == result.settings.get("machine_sha256") else ()
 
 
 def _provenance(result: StudyResult) -> dict[str, object]:

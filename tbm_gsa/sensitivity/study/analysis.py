@@ -3,7 +3,7 @@
 from collections import deque
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, wait
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from typing import Generic, TypeVar
 
 import numpy as np
@@ -18,6 +18,8 @@ from tbm_gsa.sensitivity.study.candidates import Candidate, Data, best_by_method
 from tbm_gsa.sensitivity.study.curves import Curve, response_curve
 from tbm_gsa.sensitivity.study.errors import StudyError
 from tbm_gsa.sensitivity.study.inputs import InputSet
+from tbm_gsa.sensitivity.study.outputs import spectrum_bands
+from tbm_gsa.sensitivity.study.spectra import SpectrumAnalysis, analyse_spectra
 from tbm_gsa.sensitivity.study.store import Store
 from tbm_gsa.sensitivity.study.workers import local_processes
 from tbm_gsa.sensitivity.surrogates import SURROGATES
@@ -131,10 +133,20 @@ class Analysed(Generic[Found]):
         In the order of the store's outputs.
     skipped : mapping of str to str
         Why there is nothing to say of an output: it is constant, say.
+    spectra : mapping of str to SpectrumAnalysis
+        Of whole spectra, whose bands are not among the outputs.
     """
 
     outputs: Mapping[str, Found]
     skipped: Mapping[str, str]
+    spectra: Mapping[str, SpectrumAnalysis] = field(default_factory=dict)
+
+    def checked(self) -> "Analysed[Found]":
+        """Return it, or raise a StudyError that names the first output, where there is nothing to say of any."""
+        if self.skipped and not self.outputs and not self.spectra:
+            name, reason = next(iter(self.skipped.items()))
+            raise StudyError(f"output {name}: {reason}")
+        return self
 
 
 @dataclass(frozen=True)
@@ -176,7 +188,9 @@ def analyse(
     StudyError
         No output has a surrogate: too few simulations, or all are constant; the message names the first.
     """
-    return _by_output(_analyse_output, store, methods, seed, workers, progress)
+    analysed = _by_output(_analyse_output, store, methods, seed, workers, progress)
+    spectra, skipped = analyse_spectra(store, seed=seed, progress=progress)
+    return replace(analysed, spectra=spectra, skipped={**analysed.skipped, **skipped}).checked()
 
 
 def fit_outputs(
@@ -188,7 +202,7 @@ def fit_outputs(
     progress: Progress | None = None,
 ) -> Analysed[OutputFit]:
     """Do the first part of `analyse`, which takes a third of its time: the same numbers, and no other way of asking."""
-    return _by_output(_fit_output, store, methods, seed, workers, progress)
+    return _by_output(_fit_output, store, methods, seed, workers, progress).checked()
 
 
 def _by_output(
@@ -199,18 +213,21 @@ def _by_output(
     workers: int,
     progress: Progress | None,
 ) -> Analysed[Found]:
-    """Do what there is to do for every output of a store."""
+    """Do what there is to do for every output of a store but the bands of spectra."""
     check_methods(methods)
-    inputs, names = store.problem.inputs, store.problem.outputs
+    inputs, bands = store.problem.inputs, spectrum_bands(store.problem.outputs)
     (X, Y), (X_test, Y_test) = store.results("train"), store.results("test")
     unit, test_unit = inputs.to_unit(X), inputs.to_unit(X_test)
     tasks = [
         _Task(name, Data(unit, Y[:, column], test_unit, Y_test[:, column]), inputs, tuple(methods), seed)
-        for column, name in enumerate(names)
+        for column, name in enumerate(store.problem.outputs)
+        if not any(name in names for names in bands.values())
     ]
+    names = [task.name for task in tasks]
     done: dict[str, Found | _Skipped] = {}
     report = progress or (lambda *_: None)
-    report(f"analysis 0 of {len(names)} outputs", 0.0)
+    if names:
+        report(f"analysis 0 of {len(names)} outputs", 0.0)
     for one in _run(work, tasks, min(workers, len(tasks))):
         done[one.name] = one
         report(f"analysis {len(done)} of {len(names)} outputs", len(done) / len(names))
@@ -220,8 +237,6 @@ def _by_output(
             skipped[one.name] = one.reason
         else:
             found[one.name] = one
-    if not found:
-        raise StudyError(f"output {names[0]}: {skipped[names[0]]}")
     return Analysed(found, skipped)
 
 

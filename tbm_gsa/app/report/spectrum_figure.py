@@ -1,0 +1,106 @@
+"""Which input moves which part of a spectrum: a map of total indices, frequency by input."""
+
+from collections.abc import Mapping, Sequence
+from typing import Final
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.collections import QuadMesh
+from matplotlib.figure import Figure
+from matplotlib.patches import Rectangle
+
+from tbm_gsa.app.report.compare_figures import LINE_COLOURS, LINE_NAMES
+from tbm_gsa.comparison.results import ExpectedLine
+from tbm_gsa.sensitivity.results import SpectrumResult
+from tbm_gsa.sensitivity.study.inputs import InputSet
+
+SHOWN: Final = 12
+WRITTEN: Final = 0.05
+"""Index from which on it is written into its cell."""
+LEFT_OUT: Final = "#eef0f3"
+
+
+def spectrum_maps(spectra: Mapping[str, SpectrumResult], inputs: InputSet, lines: Sequence[ExpectedLine]) -> Figure:
+    """Total index of the strongest inputs by band, one panel a spectrum, and expected lines as ticks at its top.
+
+    Parameters
+    ----------
+    spectra : mapping of str to SpectrumResult
+        At least one.
+    inputs : InputSet
+    lines : sequence of ExpectedLine
+        Of the machine that is studied, where they are known.
+    """
+    shown = {name: _strongest(spectrum) for name, spectrum in spectra.items()}
+    heights = [1.4 + 0.26 * len(codes) for codes in shown.values()]
+    figure = Figure(figsize=(12.0, sum(heights)), layout="constrained")
+    panels: list[Axes] = list(figure.subplots(len(spectra), 1, squeeze=False, height_ratios=heights)[:, 0])
+    for panel, (name, codes) in zip(panels, shown.items(), strict=True):
+        panel.set_title(name, loc="left", pad=12.0)
+        panel.set_facecolor(LEFT_OUT)
+        panel.spines[:].set_visible(False)
+        figure.colorbar(_cells(panel, spectra[name], codes), ax=panel, label="ST", pad=0.01)
+        panel.set_yticks(range(len(codes)), [f"{code} {inputs[code].symbol}" for code in codes])
+        panel.set_ylim(len(codes) - 0.5, -0.5)
+        panel.tick_params(axis="y", length=0.0)
+        _frequencies(panel, spectra[name])
+        _mark_lines(panel, lines)
+    handles, labels = panels[0].get_legend_handles_labels()
+    if handles:
+        figure.legend(handles, labels, loc="outside upper right", ncols=len(labels), frameon=False, fontsize=8)
+    return figure
+
+
+def _strongest(spectrum: SpectrumResult) -> list[str]:
+    """Codes of the inputs with the largest total index in any band that is determined, largest first."""
+    bands = [band.total for band in spectrum.bands if band.determined] or [spectrum.total]
+    largest = {code: max(total[code] for total in bands) for code in spectrum.total}
+    return sorted(largest, key=largest.__getitem__, reverse=True)[:SHOWN]
+
+
+def _cells(panel: Axes, spectrum: SpectrumResult, codes: Sequence[str]) -> QuadMesh:
+    """Draw the indices; what lies between bands is left out, and what is not determined is hatched."""
+    edges = sorted({edge for band in spectrum.bands for edge in (band.low, band.high)})
+    values = np.full((len(codes), len(edges) - 1), np.nan)
+    for band in spectrum.bands:
+        width = band.high - band.low
+        if not band.determined:
+            hatched = Rectangle((band.low, -0.5), width, len(codes), fill=False, hatch="///", ec="#b4bcc6", lw=0.0)
+            panel.add_patch(hatched)
+            continue
+        values[:, edges.index(band.low)] = [band.total[code] for code in codes]
+        for row, code in enumerate(codes):
+            if band.total[code] >= WRITTEN:
+                colour = "white" if band.total[code] > 0.5 else "#1c2530"
+                middle = np.sqrt(band.low * band.high)
+                panel.text(middle, row, f"{band.total[code]:.2f}", ha="center", va="center", fontsize=7, color=colour)
+    rows = np.arange(len(codes) + 1) - 0.5
+    return panel.pcolormesh(edges, rows, values, cmap="Blues", vmin=0.0, vmax=1.0, edgecolors="white", linewidth=0.5)
+
+
+def _frequencies(panel: Axes, spectrum: SpectrumResult) -> None:
+    """Logarithmic axis with the midbands, to two digits."""
+    panel.set_xscale("log")
+    panel.set_xlim(spectrum.bands[0].low, spectrum.bands[-1].high)
+    middles = [np.sqrt(band.low * band.high) for band in spectrum.bands]
+    panel.set_xticks(middles, [f"{float(f'{middle:.2g}'):g}" for middle in middles], fontsize=8)
+    panel.minorticks_off()
+    panel.set_xlabel("third octave around (Hz)")
+
+
+def _mark_lines(panel: Axes, lines: Sequence[ExpectedLine]) -> None:
+    """Draw a tick above the map at every expected line."""
+    low, high = panel.get_xlim()
+    for kind, colour in LINE_COLOURS.items():
+        inside = [line.frequency_hz for line in lines if line.kind == kind and low <= line.frequency_hz <= high]
+        if inside:
+            panel.vlines(
+                inside,
+                1.01,
+                1.05,
+                transform=panel.get_xaxis_transform(),
+                color=colour,
+                linewidth=1.2,
+                clip_on=False,
+                label=LINE_NAMES[kind],
+            )
