@@ -7,7 +7,7 @@ import math
 import re
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass
-from itertools import count, pairwise, takewhile
+from itertools import pairwise, takewhile
 from typing import Final, TypeAlias
 
 from tbm_dynamics.indicators import INDICATORS
@@ -27,6 +27,7 @@ _NAME: Final = re.compile(
 )
 # Number k of the first midband 1000 · 10^(k/10) Hz whose third octave is as wide as a transform resolves.
 _FIRST: Final = math.ceil(10.0 * math.log10(RESOLUTION_HZ / 1000.0 / (10.0**0.05 - 10.0**-0.05)))
+_LAST: Final = 30  # 0.7 MHz, beyond the rate of any run
 
 
 @dataclass(frozen=True)
@@ -62,7 +63,7 @@ def third_octaves(high_hz: float = LOW_PASS_LIMIT_HZ) -> tuple[Band, ...]:
     ----------
     .. [1] IEC 61260-1:2014, Electroacoustics – Octave-band and fractional-octave-band filters, 5.2 to 5.6.
     """
-    limits = (float(f"{1000.0 * 10.0 ** ((2 * k - 1) / 20):.4g}") for k in count(_FIRST))
+    limits = (float(f"{1000.0 * 10.0 ** ((2 * k - 1) / 20):.4g}") for k in range(_FIRST, _LAST))
     return tuple(pairwise(takewhile(lambda limit: limit <= high_hz, limits)))
 
 
@@ -156,6 +157,9 @@ def checked_outputs(
         conditioned to (there is rounding noise only), or one that may lie between two frequencies of a transform.
     """
     check_distinct(names)
+    for name in names:
+        if name not in INDICATORS:
+            _read(name, points)  # as it was given, not one of its bands
     names = expanded_outputs(names, high_hz)
     check_distinct(names)
     vibrations = parse_outputs(names, points)
@@ -182,13 +186,7 @@ def check_distinct(names: Sequence[str]) -> None:
 
 
 def _vibration(name: str, points: Collection[str]) -> Vibration:
-    found = _NAME.fullmatch(name)
-    if found is None or found["point"] not in points or found["axis"] not in AXES:
-        raise StudyError(
-            f"unknown output {name!r}, allowed: {', '.join(INDICATORS)}, and rms_POINT_AXIS, peak_POINT_AXIS, "
-            f"kurtosis_POINT_AXIS, rms_LOW-HIGH_hz_POINT_AXIS, spectrum_POINT_AXIS with POINT one of "
-            f"{', '.join(points)} and AXIS one of {', '.join(AXES)}"
-        )
+    found = _read(name, points)
     band = None if found["low"] is None else (float(found["low"]), float(found["high"]))
     if found["statistic"] == SPECTRUM:
         if band is None or band not in third_octaves(band[1]):
@@ -196,3 +194,15 @@ def _vibration(name: str, points: Collection[str]) -> Vibration:
     elif band is not None and (found["statistic"] != "rms" or band[0] >= band[1]):
         raise StudyError(f"output {name!r}: its band, allowed: of rms only, the lower limit below the upper")
     return Vibration(name, found["statistic"], band, found["point"], found["axis"])
+
+
+def _read(name: str, points: Collection[str]) -> re.Match[str]:
+    """Take a name apart, or raise a StudyError of one that is unknown."""
+    found = _NAME.fullmatch(name)
+    if found is None or found["point"] not in points or found["axis"] not in AXES:
+        raise StudyError(
+            f"unknown output {name!r}, allowed: {', '.join(INDICATORS)}, and rms_POINT_AXIS, peak_POINT_AXIS, "
+            f"kurtosis_POINT_AXIS, rms_LOW-HIGH_hz_POINT_AXIS, spectrum_POINT_AXIS with POINT one of "
+            f"{', '.join(points)} and AXIS one of {', '.join(AXES)}"
+        )
+    return found
