@@ -1,15 +1,14 @@
 """What people read of a sensitivity study: the HTML page, and it with the tables in the study's folder."""
 
+from __future__ import annotations
+
 from collections.abc import Mapping
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 from tbm_dynamics import load_machine
 from tbm_gsa.app.report import gsa_figures as figures
 from tbm_gsa.app.report.gsa_tables import gsa_tables
 from tbm_gsa.app.report.page import embed_figure, render_page
-from tbm_gsa.app.report.spectrum_figure import spectrum_maps
-from tbm_gsa.comparison.expected import expected_lines
-from tbm_gsa.comparison.results import ExpectedLine
 from tbm_gsa.provenance import machine_sha256, versions_text
 from tbm_gsa.sensitivity.results import NOT_DETERMINED, REPORT_NAME, TABLES_NAME, OutputResult, StudyResult
 from tbm_gsa.sensitivity.study.analysis import OutputAnalysis
@@ -17,6 +16,9 @@ from tbm_gsa.sensitivity.study.inputs import Input, InputSet
 from tbm_gsa.sensitivity.study.run import FinishedStudy
 from tbm_msgs_py.base.errors import InputError
 from tbm_msgs_py.base.files import write_whole
+
+if TYPE_CHECKING:
+    from tbm_gsa.comparison.results import ExpectedLine
 
 # Below the lowest R² the paper accepts (its Table 6, PAcc_A) the page says so.
 POOR_R2: Final = 0.7
@@ -98,12 +100,16 @@ def _figures(
 
 def _maps(result: StudyResult, inputs: InputSet) -> dict[str, str]:
     """Draw the maps of the spectra as an image element."""
+    from tbm_gsa.app.report.spectrum_figure import spectrum_maps  # noqa: PLC0415 - loads what reads recordings
+
     figure = spectrum_maps(result.spectra, inputs, _lines(result))
     return {"maps": embed_figure(figure, "Maps of total indices by band and input")}
 
 
 def _lines(result: StudyResult) -> tuple[ExpectedLine, ...]:
     """Lines to expect of the machine that was studied; none where its file is gone or says something else now."""
+    from tbm_gsa.comparison.expected import expected_lines  # noqa: PLC0415 - as above
+
     try:
         machine = load_machine(str(result.settings.get("machine")))
     except InputError:
