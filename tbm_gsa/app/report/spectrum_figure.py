@@ -36,7 +36,7 @@ def spectrum_maps(spectra: Mapping[str, SpectrumResult], inputs: InputSet, lines
     figure = Figure(figsize=(12.0, sum(heights)), layout="constrained")
     panels: list[Axes] = list(figure.subplots(len(spectra), 1, squeeze=False, height_ratios=heights)[:, 0])
     for panel, (name, codes) in zip(panels, shown.items(), strict=True):
-        panel.set_title(name, loc="left", pad=12.0)
+        panel.set_title(name, loc="left", pad=14.0)
         panel.set_facecolor(LEFT_OUT)
         panel.spines[:].set_visible(False)
         figure.colorbar(_cells(panel, spectra[name], codes), ax=panel, label="ST", pad=0.01)
@@ -45,9 +45,10 @@ def spectrum_maps(spectra: Mapping[str, SpectrumResult], inputs: InputSet, lines
         panel.tick_params(axis="y", length=0.0)
         _frequencies(panel, spectra[name])
         _mark_lines(panel, lines)
-    handles, labels = panels[0].get_legend_handles_labels()
-    if handles:
-        figure.legend(handles, labels, loc="outside upper right", ncols=len(labels), frameon=False, fontsize=8)
+    named = {label: tick for panel in panels for tick, label in zip(*panel.get_legend_handles_labels(), strict=True)}
+    if named:
+        kinds = list(named)
+        figure.legend(named.values(), kinds, loc="outside upper right", ncols=len(kinds), frameon=False, fontsize=8)
     return figure
 
 

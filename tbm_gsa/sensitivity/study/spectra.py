@@ -197,8 +197,8 @@ def _kept(bands: Sequence[Band], rms: Array) -> tuple[NDArray[np.bool_], tuple[s
     moved = np.zeros(len(bands), dtype=np.bool_)
     moved[whole] = np.ptp(_decibels(rms[:, whole]), axis=0) > CONSTANT_DB
     reasons = {
-        f"{RANGE_DB:g} dB below the loudest, or masked by leakage from louder ones": ~heard,
-        "none of the inputs changes their level": heard & whole & ~moved,
+        f"quiet ({RANGE_DB:g} dB below the loudest, or masked by leakage)": ~heard,
+        "constant": heard & whole & ~moved,
         "no motion in some simulation": heard & ~whole,
     }
     left_out = [
@@ -207,8 +207,6 @@ def _kept(bands: Sequence[Band], rms: Array) -> tuple[NDArray[np.bool_], tuple[s
     kept = heard & whole & moved
     if not kept.any():
         raise InputError("; ".join(left_out))
-    never = (
-        f"below {bands[0][0]:g} and above {bands[-1][1]:g} Hz: no third octave of {1.0 / SEGMENT_S:g} Hz or more that "
-        "lies inside the conditioned band"
-    )
+    ends = bands[0][0], bands[-1][1]
+    never = "below {:g}, above {:g} Hz: no third octave of {:g} Hz or more".format(*ends, 1.0 / SEGMENT_S)
     return kept, (never, *left_out)
