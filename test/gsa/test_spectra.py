@@ -13,13 +13,21 @@ from SALib.test_functions import Ishigami
 from scipy.stats import qmc
 from sklearn.decomposition import PCA
 
+from tbm_gsa.app.report.spectrum_figure import spectrum_maps
+from tbm_gsa.comparison.results import ExpectedLine
 from tbm_gsa.sensitivity.results import SpectrumBand, SpectrumResult, StudyResult
 from tbm_gsa.sensitivity.sobol.closed_form import expansion_indices
 from tbm_gsa.sensitivity.study import spectra
 from tbm_gsa.sensitivity.study.candidates import Data
 from tbm_gsa.sensitivity.study.errors import StudyError
 from tbm_gsa.sensitivity.study.evaluate import MachineEvaluation
-from tbm_gsa.sensitivity.study.outputs import bands_text, expanded_outputs, spectrum_bands, third_octaves
+from tbm_gsa.sensitivity.study.inputs import PAPER_INPUTS
+from tbm_gsa.sensitivity.study.outputs import (
+    expanded_outputs,
+    gathered_outputs,
+    spectrum_bands,
+    third_octaves,
+)
 from tbm_gsa.sensitivity.study.spectra import analyse_spectrum
 from tbm_gsa.sensitivity.surrogates.vector import Components, VectorSurrogate
 from tbm_gsa.signals.band_weights import leakage
@@ -71,6 +79,7 @@ def test_a_spectrum_stands_for_its_bands():
     names = expanded_outputs(("MF_M", "spectrum_left_x_y", "rms_shield_x"))
     assert (names[0], names[1], names[-1]) == ("MF_M", "spectrum_4.467-5.623_hz_left_x_y", "rms_shield_x")
     assert expanded_outputs(names) == names
+    assert gathered_outputs(names) == ("MF_M", "spectrum_left_x_y", "rms_shield_x")
     assert spectrum_bands(names) == {"spectrum_left_x_y": dict(zip(names[1:-1], third_octaves(), strict=True))}
 
 
@@ -183,19 +192,24 @@ def test_bands_with_nothing_of_their_own_are_named():
         analyse_spectrum(BANDS, Data(unit[:9], rms[:9], unit[:0], rms[:0]), seed=0)
 
 
-def test_the_text_names_the_leading_input_of_each_region():
+def test_text_and_map_say_which_input_leads_where():
     def band(k, total, r2):
         low, high = third_octaves()[k]
         return SpectrumBand.model_construct(low=low, high=high, total=total, r2_cv=r2)
 
-    x2, x16 = {"x2": 0.9, "x16": 0.1}, {"x2": 0.2, "x16": 0.8}
+    x2, x16 = {"x2": 0.91, "x16": 0.001}, {"x2": 0.02, "x16": 0.85}
     bands = (band(0, x2, 0.9), band(1, x2, 0.8), band(2, x16, 0.7), band(3, x2, 0.1), band(5, x2, 0.9))
-    result = SpectrumResult.model_construct(bands=bands, components=(None,) * 2, held=0.9912)
+    result = SpectrumResult.model_construct(bands=bands, components=(None,) * 2, held=0.9912, total=x2)
     assert result.text() == (
         "x2 leads in 4.467–7.079, 14.13–17.78 Hz, x16 leads in 7.079–8.913 Hz, not determined in 8.913–11.22 Hz; "
         "2 components hold 99.1% of the variance"
     )
-    assert bands_text([]) == " Hz"
+    lines = [ExpectedLine(name=str(hz), frequency_hz=hz, kind="mesh") for hz in (3.0, 5.0, 18.0)]
+    (panel,) = spectrum_maps({"s": result}, PAPER_INPUTS, lines).axes
+    assert [text.get_text() for text in panel.texts] == ["0.91", "0.91", "0.85", "0.91"], "none where it is unknown"
+    assert [text.get_text() for text in panel.get_xticklabels()] == ["5", "6.3", "8", "10", "16"]
+    cells, ticks = panel.collections
+    assert (len(cells.get_paths()), len(ticks.get_segments())) == (5, 1)
 
 
 def _analytic(self, sample):

@@ -5,7 +5,8 @@ from typing import Final
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.collections import QuadMesh
+from matplotlib.collections import PatchCollection
+from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 
@@ -15,8 +16,11 @@ from tbm_gsa.sensitivity.results import SpectrumResult
 from tbm_gsa.sensitivity.study.inputs import InputSet
 
 SHOWN: Final = 12
+NOMINAL: Final = (1.0, 1.25, 1.6, 2.0, 2.5, 3.15, 4.0, 5.0, 6.3, 8.0)
+"""Midbands of a decade as people name them, IEC 61260-1."""
+DRAWN: Final = 0.005
 WRITTEN: Final = 0.05
-"""Index from which on it is written into its cell."""
+"""Index from which on it is drawn, and from which on it is written into its cell."""
 LEFT_OUT: Final = "#eef0f3"
 
 
@@ -39,7 +43,7 @@ def spectrum_maps(spectra: Mapping[str, SpectrumResult], inputs: InputSet, lines
         panel.set_title(name, loc="left", pad=14.0)
         panel.set_facecolor(LEFT_OUT)
         panel.spines[:].set_visible(False)
-        figure.colorbar(_cells(panel, spectra[name], codes), ax=panel, label="ST", pad=0.01)
+        _cells(panel, spectra[name], codes)
         panel.set_yticks(range(len(codes)), [f"{code} {inputs[code].symbol}" for code in codes])
         panel.set_ylim(len(codes) - 0.5, -0.5)
         panel.tick_params(axis="y", length=0.0)
@@ -59,32 +63,33 @@ def _strongest(spectrum: SpectrumResult) -> list[str]:
     return sorted(largest, key=largest.__getitem__, reverse=True)[:SHOWN]
 
 
-def _cells(panel: Axes, spectrum: SpectrumResult, codes: Sequence[str]) -> QuadMesh:
-    """Draw the indices; what lies between bands is left out, and what is not determined is hatched."""
-    edges = sorted({edge for band in spectrum.bands for edge in (band.low, band.high)})
-    values = np.full((len(codes), len(edges) - 1), np.nan)
+def _cells(panel: Axes, spectrum: SpectrumResult, codes: Sequence[str]) -> None:
+    """Draw the indices, from `WRITTEN` on as figures too; what is not determined is hatched."""
+    cells, values = [], []
     for band in spectrum.bands:
-        width = band.high - band.low
-        if not band.determined:
-            hatched = Rectangle((band.low, -0.5), width, len(codes), fill=False, hatch="///", ec="#b4bcc6", lw=0.0)
-            panel.add_patch(hatched)
-            continue
-        values[:, edges.index(band.low)] = [band.total[code] for code in codes]
-        for row, code in enumerate(codes):
-            if band.total[code] >= WRITTEN:
-                colour = "white" if band.total[code] > 0.5 else "#1c2530"
-                middle = np.sqrt(band.low * band.high)
-                panel.text(middle, row, f"{band.total[code]:.2f}", ha="center", va="center", fontsize=7, color=colour)
-    rows = np.arange(len(codes) + 1) - 0.5
-    return panel.pcolormesh(edges, rows, values, cmap="Blues", vmin=0.0, vmax=1.0, edgecolors="white", linewidth=0.5)
+        low, width, middle = band.low, band.high - band.low, np.sqrt(band.low * band.high)
+        whole = Rectangle((low, -0.5), width, len(codes), facecolor="white", edgecolor="#b4bcc6", linewidth=0.0)
+        whole.set_hatch("" if band.determined else "///")
+        panel.add_patch(whole)
+        shown = [(row, band.total[code]) for row, code in enumerate(codes) if band.total[code] >= DRAWN]
+        for row, index in shown if band.determined else []:
+            cells.append(Rectangle((low, row - 0.5), width, 1.0))
+            values.append(index)
+            if index >= WRITTEN:
+                colour = "white" if index > 0.5 else "#1c2530"
+                panel.text(middle, row, f"{index:.2f}", ha="center", va="center", fontsize=7, color=colour)
+    drawn = PatchCollection(cells, cmap="Blues", norm=Normalize(0.0, 1.0), edgecolor="white", linewidth=0.5)
+    drawn.set_array(values)
+    panel.add_collection(drawn)
 
 
 def _frequencies(panel: Axes, spectrum: SpectrumResult) -> None:
-    """Logarithmic axis with the midbands, to two digits."""
+    """Logarithmic axis with the nominal midbands."""
     panel.set_xscale("log")
     panel.set_xlim(spectrum.bands[0].low, spectrum.bands[-1].high)
     middles = [np.sqrt(band.low * band.high) for band in spectrum.bands]
-    panel.set_xticks(middles, [f"{float(f'{middle:.2g}'):g}" for middle in middles], fontsize=8)
+    decades = [divmod(round(10.0 * np.log10(middle)), len(NOMINAL)) for middle in middles]
+    panel.set_xticks(middles, [f"{NOMINAL[k] * 10**decade:g}" for decade, k in decades], fontsize=8)
     panel.minorticks_off()
     panel.set_xlabel("third octave around (Hz)")
 

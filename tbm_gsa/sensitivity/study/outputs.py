@@ -97,6 +97,12 @@ def expanded_outputs(names: Sequence[str], high_hz: float | None = None) -> tupl
     return tuple(expanded)
 
 
+def gathered_outputs(names: Sequence[str]) -> tuple[str, ...]:
+    """Put each spectrum in the place of its bands: the inverse of `expanded_outputs`, for people to read."""
+    wholes = {band: whole for whole, bands in spectrum_bands(names).items() for band in bands}
+    return tuple(dict.fromkeys(wholes.get(name, name) for name in names))
+
+
 def spectrum_bands(names: Sequence[str]) -> dict[str, dict[str, Band]]:
     """Return limits (Hz) of the bands of each spectrum among `expanded_outputs`, lowest first, by their names."""
     spectra: dict[str, dict[str, Band]] = {}
