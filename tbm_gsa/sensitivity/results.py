@@ -20,12 +20,14 @@ from tbm_gsa.provenance import package_versions
 from tbm_gsa.reading import Maybe, Part, read_document
 from tbm_gsa.sensitivity.study.errors import StudyError
 from tbm_gsa.sensitivity.study.failures import Failures
+from tbm_gsa.sensitivity.study.outputs import Band, bands_text
 from tbm_msgs_py.base.files import write_json
 
 if TYPE_CHECKING:
     from tbm_gsa.sensitivity.sobol.indices import SobolIndices
     from tbm_gsa.sensitivity.study.analysis import Analysed, OutputFit
     from tbm_gsa.sensitivity.study.other_methods import OtherMethods
+    from tbm_gsa.sensitivity.study.spectra import PartOfSpectrum, SpectrumAnalysis
     from tbm_gsa.sensitivity.study.store import Store
 
 RESULT_NAME: Final = "result.json"
@@ -186,6 +188,67 @@ class OutputResult(MethodIndices, SurrogateScores):
         return sorted(self.total, key=self.total.__getitem__, reverse=True)[:STRONGEST]
 
 
+class SpectrumPart(IndexTable):
+    """Indices of a part of a spectrum, and R² of the cross validation of its surrogate."""
+
+    r2_cv: Maybe
+
+    @computed_field  # type: ignore[prop-decorator]  # of pydantic
+    @property
+    def determined(self) -> bool:
+        """Whether the surrogate follows this part, so that its indices say something of it."""
+        return is_determined(self.r2_cv)
+
+
+class SpectrumBand(SpectrumPart):
+    """A band from `low` to `high` (Hz): mean and standard deviation of its level over the design, dB over 1 m/s²."""
+
+    low: float
+    high: float
+    mean: float
+    deviation: float
+
+
+class SpectrumComponent(SpectrumPart):
+    """A component of the levels: its share of their variance, and its shape over the bands, of unit length."""
+
+    share: float
+    shape: tuple[float, ...]
+
+
+class SpectrumResult(SpectrumPart):
+    """Everything found about a spectrum; its own indices are the generalised ones, of all bands together.
+
+    `held` is the share of the variance of the levels that the components hold, `left_out` says which bands are
+    missing, and why.
+    """
+
+    surrogate: str
+    r2_test: float | None
+    bands: tuple[SpectrumBand, ...]
+    components: tuple[SpectrumComponent, ...]
+    held: float
+    left_out: tuple[str, ...]
+
+    def leading(self) -> dict[str, list[Band]]:
+        """Bands by the input with the largest total index in them, under `NOT_DETERMINED` those of a poor surrogate."""
+        found: dict[str, list[Band]] = {}
+        for band in self.bands:
+            input_ = max(band.total, key=band.total.__getitem__) if band.determined else NOT_DETERMINED
+            found.setdefault(input_, []).append((band.low, band.high))
+        return found
+
+    def text(self) -> str:
+        """Which input leads where, and how well the surrogate knows."""
+        leading = self.leading()
+        unknown = leading.pop(NOT_DETERMINED, [])
+        parts = [f"{code} leads in {bands_text(bands)}" for code, bands in leading.items()]
+        parts += [f"{NOT_DETERMINED} in {bands_text(unknown)}"] if unknown else []
+        count = len(self.components)
+        components = "1 component holds" if count == 1 else f"{count} components hold"
+        return f"{', '.join(parts)}; {components} {self.held:.1%} of the variance"
+
+
 class SampleCounts(ResultPart):
     """Training and test simulations that were planned, how many of them failed, and how many have not ended."""
 
@@ -203,7 +266,7 @@ class Failure(ResultPart):
 
 
 class StudyResult(ResultPart):
-    """A finished study: the outputs by name, and where their numbers come from.
+    """A finished study: the outputs and whole spectra by name, and where their numbers come from.
 
     `failure_summary` says how many simulations failed, where and why, null without one; `skipped` why an output that
     was asked for is not among the outputs; `realisations` how many of the loads the simulations shared out, 0 where one
@@ -212,6 +275,7 @@ class StudyResult(ResultPart):
     """
 
     outputs: dict[str, OutputResult]
+    spectra: dict[str, SpectrumResult] = Field(default_factory=dict)
     seconds: float
     campaign_seconds: float
     simulation_seconds: float
@@ -243,6 +307,7 @@ class StudyResult(ResultPart):
         codes, groups = problem.inputs.codes, tuple(problem.inputs.groups)
         return StudyResult(
             outputs={name: _output(fit, others.get(name), codes, groups) for name, fit in analysed.outputs.items()},
+            spectra={name: _spectrum(analysis, codes) for name, analysis in analysed.spectra.items()},
             seconds=seconds,
             campaign_seconds=campaign_seconds,
             simulation_seconds=store.simulation_seconds(),
@@ -261,6 +326,10 @@ class StudyResult(ResultPart):
             indices=INDICES,
             versions=package_versions(),
         )
+
+    def judged(self) -> dict[str, OutputResult | SpectrumResult]:
+        """Return outputs and spectra by name: whatever has a surrogate."""
+        return {**self.outputs, **self.spectra}
 
     def doubts(self) -> list[str]:
         """Sentences that stand above the indices: what failed, what was left out, what is not determined."""
@@ -319,6 +388,33 @@ def _output(fit: OutputFit, other: OtherMethods | None, codes: Codes, groups: Co
         fast=other and IndexTable.model_validate(other.fast, context=codes),
         morris=other and MorrisTable.model_validate(other.morris, context=codes),
         scores={method: SurrogateScores.model_validate(found) for method, found in fit.candidates.items()},
+    )
+
+
+def _spectrum(analysis: SpectrumAnalysis, codes: Codes) -> SpectrumResult:
+    """Gather the result of a spectrum."""
+
+    def indices(part: PartOfSpectrum) -> dict[str, object]:
+        return {**dict(IndexTable.model_validate(part.indices, context=codes)), "r2_cv": part.r2_cv}
+
+    components = analysis.components
+    moments = analysis.level.mean(axis=0).tolist(), analysis.level.std(axis=0).tolist()
+    return SpectrumResult(
+        **indices(analysis.whole),
+        surrogate="prs",
+        r2_test=analysis.r2_test,
+        bands=tuple(
+            SpectrumBand(**indices(part), low=low, high=high, mean=mean, deviation=deviation)
+            for part, (low, high), mean, deviation in zip(analysis.by_band, analysis.bands, *moments, strict=True)
+        ),
+        components=tuple(
+            SpectrumComponent(**indices(part), share=share, shape=tuple(shape))
+            for part, share, shape in zip(
+                analysis.by_component, components.shares.tolist(), components.shapes.T.tolist(), strict=True
+            )
+        ),
+        held=float(components.shares.sum()),
+        left_out=analysis.left_out,
     )
 
 

@@ -17,7 +17,7 @@ from tbm_gsa.app.nodes.stream_health import Condition
 from tbm_gsa.comparison import WindowResult
 from tbm_gsa.comparison.drive_results import DriveResult, DriveSide, DrivesResult, SharingSide
 from tbm_gsa.comparison.live_drives import DriveWindow
-from tbm_gsa.sensitivity.results import OutputResult, StudyResult
+from tbm_gsa.sensitivity.results import OutputResult, SpectrumBand, SpectrumResult, StudyResult
 from tbm_gsa.sensitivity.study.failures import Failures
 
 
@@ -165,16 +165,20 @@ def test_values_of_the_latest_window():
 def test_a_study_in_doubt_says_so():
     numbers = {"surrogate": "krg", "r2_test": None, "first": {"x1": 0.9, "x2": 0.1}, "total": {"x1": 1.0, "x2": 0.2}}
     outputs = {name: OutputResult.model_construct(**numbers, r2_cv=r2) for name, r2 in (("a", 0.9), ("b", 0.03))}
-    sound = StudyResult.model_construct(outputs=outputs, skipped={"c": "the output is constant (3)"})
+    band = SpectrumBand.model_construct(low=5.0, high=10.0, r2_cv=0.9, total={"x1": 0.2, "x2": 0.9})
+    whole = SpectrumResult.model_construct(**numbers, r2_cv=0.8, bands=(band,), components=(None,), held=0.994)
+    skipped = {"c": "the output is constant (3)"}
+    sound = StudyResult.model_construct(outputs=outputs, spectra={"s": whole}, skipped=skipped)
     said = [(one.level, one.message) for one in gsa_result_statuses("of", "dz101", sound, GsaStatus("finished"))]
     assert said == [
         (DiagnosticStatus.OK, "x1, x2"),
         (DiagnosticStatus.WARN, "not determined: R² 0.03"),
+        (DiagnosticStatus.OK, "x2 leads in 5–10 Hz; 1 component holds 99.4% of the variance"),
         (DiagnosticStatus.ERROR, "the output is constant (3)"),
     ]
     failed = Failures(3, 20, 0.15, "ValueError: no", 3, ())
     many = sound.model_copy(update={"failure_summary": failed})
-    first, second, _ = gsa_result_statuses("of", "dz101", many, GsaStatus("finished"))
+    first, second, *_ = gsa_result_statuses("of", "dz101", many, GsaStatus("finished"))
     assert first.message.startswith("x1, x2; 3 of 20 simulations failed (15%); no half of an input's range stands out")
     values = {pair.key: pair.value for pair in second.values}
     assert (values["determined"], values["r2_test"], values["total_x1"]) == ("False", "nan", "1")

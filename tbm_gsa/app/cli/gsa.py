@@ -217,6 +217,8 @@ def show_indices(result: StudyResult) -> None:
     for doubt in result.doubts():
         print_sentence(doubt)
     results.print(strongest_table(result))
+    for name, spectrum in result.spectra.items():
+        print_sentence(f"{name}: {spectrum.text()}; left out: {'; '.join(spectrum.left_out)}")
     if chance := {name: output.seed.total for name, output in result.outputs.items() if output.seed is not None}:
         largest = sorted(chance, key=chance.__getitem__, reverse=True)[:STRONGEST]
         shares = ", ".join(f"{name} {chance[name]:.2f}" for name in largest)
@@ -224,10 +226,10 @@ def show_indices(result: StudyResult) -> None:
 
 
 def strongest_table(result: StudyResult, count: int = STRONGEST) -> Table:
-    """Quality of the surrogate and the strongest inputs of every output."""
+    """Quality of the surrogate and the strongest inputs of every output, of spectra over all bands together."""
     headings = ("=output", "surrogate", ">R² test", ">R² cv", f"strongest {count}")
     table = narrow_table("Strongest inputs, first-order index S1", *headings)
-    for name, output in result.outputs.items():
+    for name, output in result.judged().items():
         ranked = sorted(output.first.items(), key=lambda item: item[1], reverse=True)[:count]
         shown = ranked_inputs(ranked) if output.determined else NOT_DETERMINED
         quality = ("–" if r2 is None else f"{r2:.3f}" for r2 in (output.r2_test, output.r2_cv))

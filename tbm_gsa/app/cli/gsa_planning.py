@@ -65,7 +65,7 @@ def planned_study(
     """Plan a study of `sizes` training and test simulations; all about it is checked, before a folder is made."""
     described = load_machine(machine)
     given = split_names("--outputs", [] if outputs is None else [outputs])
-    definition = study_definition(described, inputs, given, duration)
+    definition = study_definition(described, inputs, given, duration, high_hz)
     if inputs is None and (still := unvaried_inputs(described)):
         notes.print(f"not varied, 0 in the machine file: {', '.join(still)}", highlight=False)
     step = _time_step(described, definition.inputs, time_step)
@@ -75,7 +75,7 @@ def planned_study(
         raise InputError(f"--high-hz {high_hz:g}: no output is of an acceleration, allowed: with one")
     problem = StudyProblem(
         definition.inputs,
-        definition.outputs,
+        evaluate.outputs,
         *sizes,
         seed,
         evaluate.settings,

@@ -83,7 +83,8 @@ LONGEST_S = 1e9
 LARGEST_MB = 1e9
 """Of an amount that an option may state, MB."""
 OUTPUTS_HELP = (
-    "Names, separated by commas: indicators, or rms_POINT_AXIS, peak_…, kurtosis_…, rms_LOW-HIGH_hz_…; default: "
+    "Names, separated by commas: indicators, or rms_POINT_AXIS, peak_…, kurtosis_…, rms_LOW-HIGH_hz_…, spectrum_…; "
+    "default: "
 )
 OUTPUTS_OPTION = typer.Option("--outputs", help=f"{OUTPUTS_HELP}the eight indicators.")
 

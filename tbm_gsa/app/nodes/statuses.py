@@ -16,7 +16,7 @@ from tbm_gsa.comparison.streams import Side
 from tbm_gsa.comparison.units import unit_doubt
 from tbm_gsa.history import Severity
 from tbm_gsa.history.event_list import ListedEvent
-from tbm_gsa.sensitivity.results import NOT_DETERMINED, STRONGEST, OutputResult, StudyResult
+from tbm_gsa.sensitivity.results import NOT_DETERMINED, STRONGEST, OutputResult, SpectrumResult, StudyResult
 from tbm_gsa.sensitivity.study.failures import WARNED
 from tbm_msgs_py.nodes import messages
 
@@ -126,10 +126,10 @@ def gsa_status(name: str, machine: str, status: GsaStatus, quality: Mapping[str,
 
 def surrogate_quality(study: StudyResult) -> dict[str, object]:
     """Kind, ten-fold and test R² of every output's surrogate, and whether its indices are determined."""
-    return {f"{key}_{name}": value for name, output in study.outputs.items() for key, value in _quality(output).items()}
+    return {f"{key}_{name}": value for name, one in study.judged().items() for key, value in _quality(one).items()}
 
 
-def _quality(output: OutputResult) -> dict[str, object]:
+def _quality(output: OutputResult | SpectrumResult) -> dict[str, object]:
     """Quality of the surrogate of an output; NaN where no test points say anything."""
     return {
         "surrogate": output.surrogate,
@@ -144,13 +144,14 @@ def gsa_result_statuses(prefix: str, machine: str, study: StudyResult, status: G
     statuses = []
     failures = study.failure_summary
     doubts = [failures.text()] if failures is not None and failures.warned else []
-    for name, output in study.outputs.items():
+    for name, output in study.judged().items():
         strongest = sorted(output.first, key=output.first.__getitem__, reverse=True)[:STRONGEST]
         values = _quality(output)
         values |= {f"first_{code}": output.first[code] for code in strongest}
         values |= {f"total_{code}": output.total[code] for code in strongest}
         values["report"] = status.report
-        found = ", ".join(strongest) if output.determined else f"{NOT_DETERMINED}: R² {output.r2_cv:.2f}"
+        ranked = output.text() if isinstance(output, SpectrumResult) else ", ".join(strongest)
+        found = ranked if output.determined else f"{NOT_DETERMINED}: R² {output.r2_cv:.2f}"
         level: messages.Level = "warn" if doubts or not output.determined else "ok"
         statuses.append(messages.status(f"{prefix} {name}", level, "; ".join([found, *doubts]), values, machine))
     statuses += [messages.status(f"{prefix} {name}", "error", why, {}, machine) for name, why in study.skipped.items()]

@@ -1,17 +1,24 @@
 """What people read of a sensitivity study: the HTML page, and it with the tables in the study's folder."""
 
-from collections.abc import Mapping
-from typing import Final
+from __future__ import annotations
 
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Final
+
+from tbm_dynamics import load_machine
 from tbm_gsa.app.report import gsa_figures as figures
 from tbm_gsa.app.report.gsa_tables import gsa_tables
 from tbm_gsa.app.report.page import embed_figure, render_page
-from tbm_gsa.provenance import versions_text
+from tbm_gsa.provenance import machine_sha256, versions_text
 from tbm_gsa.sensitivity.results import NOT_DETERMINED, REPORT_NAME, TABLES_NAME, OutputResult, StudyResult
 from tbm_gsa.sensitivity.study.analysis import OutputFit
 from tbm_gsa.sensitivity.study.inputs import Input, InputSet
 from tbm_gsa.sensitivity.study.run import FinishedStudy
+from tbm_msgs_py.base.errors import InputError
 from tbm_msgs_py.base.files import write_whole
+
+if TYPE_CHECKING:
+    from tbm_gsa.comparison.results import ExpectedLine
 
 # Below the lowest R² the paper accepts (its Table 6, PAcc_A) the page says so.
 POOR_R2: Final = 0.7
@@ -43,7 +50,7 @@ def gsa_page(result: StudyResult, fits: Mapping[str, OutputFit]) -> str:
     inputs, samples = InputSet(tuple(map(Input.from_dict, result.inputs.values()))), result.samples
     context = {
         "title": "Global sensitivity of the driving system",
-        "subtitle": f"{len(inputs)} inputs, {len(result.outputs)} outputs, "
+        "subtitle": f"{len(inputs)} inputs, {len(result.outputs) + len(result.spectra)} outputs, "
         f"{samples.train} training and {samples.test} test points",
         "result": result,
         "poor": [name for name, output in result.outputs.items() if output.determined and output.r2_cv < POOR_R2],
@@ -54,7 +61,8 @@ def gsa_page(result: StudyResult, fits: Mapping[str, OutputFit]) -> str:
         "inputs": {item.code: item for item in inputs.inputs},
         "distances": {name: _distances(output) for name, output in result.outputs.items()},
         "provenance": _provenance(result),
-        **_figures(result.outputs, fits, inputs),
+        **(_figures(result.outputs, fits, inputs) if result.outputs else {}),
+        **(_maps(result, inputs) if result.spectra else {}),
     }
     return render_page("gsa.html", context)
 
@@ -89,6 +97,25 @@ def _figures(outputs: Mapping[str, OutputResult], by_name: Mapping[str, OutputFi
             "morris": (figures.morris_scatter(outputs), "Elementary effects, mean and deviation"),
         }
     return {name: embed_figure(figure, description) for name, (figure, description) in drawn.items()}
+
+
+def _maps(result: StudyResult, inputs: InputSet) -> dict[str, str]:
+    """Draw the maps of the spectra as an image element."""
+    from tbm_gsa.app.report.spectrum_figure import spectrum_maps  # noqa: PLC0415 - loads what reads recordings
+
+    figure = spectrum_maps(result.spectra, inputs, _lines(result))
+    return {"maps": embed_figure(figure, "Maps of total indices by band and input")}
+
+
+def _lines(result: StudyResult) -> tuple[ExpectedLine, ...]:
+    """Lines to expect of the machine that was studied; none where its file is gone or says something else now."""
+    from tbm_gsa.comparison.expected import expected_lines  # noqa: PLC0415 - as above
+
+    try:
+        machine = load_machine(str(result.settings.get("machine")))
+    except InputError:
+        return ()
+    return expected_lines(machine) if machine_sha256(machine) == result.settings.get("machine_sha256") else ()
 
 
 def _provenance(result: StudyResult) -> dict[str, object]:

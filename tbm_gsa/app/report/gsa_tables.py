@@ -5,7 +5,15 @@ import io
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from typing import Final
 
-from tbm_gsa.sensitivity.results import NOT_DETERMINED, IndexTable, OutputResult, StudyResult, SurrogateScores
+from tbm_gsa.sensitivity.results import (
+    NOT_DETERMINED,
+    IndexTable,
+    OutputResult,
+    SpectrumPart,
+    SpectrumResult,
+    StudyResult,
+    SurrogateScores,
+)
 
 Cells = tuple[object, ...]
 
@@ -21,14 +29,18 @@ def gsa_tables(result: StudyResult) -> dict[str, str]:
     -------
     dict of str to str
         CSV by file name. An index stands beside its interval; a cell is empty where there is none, and says
-        "not determined" where the surrogate does not follow its output.
+        "not determined" where the surrogate does not follow its output. ``spectra.csv`` is there if spectra are.
     """
-    return {
+    tables = {
         f"{table}.csv": _csv(
             [("output", *heading), *((name, *row) for name, output in result.outputs.items() for row in rows(output))]
         )
         for table, (heading, rows) in TABLES.items()
     }
+    if result.spectra:
+        rows = ((name, *row) for name, spectrum in result.spectra.items() for row in _spectrum(spectrum))
+        tables["spectra.csv"] = _csv([SPECTRA, *rows])
+    return tables
 
 
 def _csv(rows: Iterable[Cells]) -> str:
@@ -95,7 +107,17 @@ def _morris(output: OutputResult) -> Iterator[Cells]:
         yield code, *_shown(numbers, output.determined)
 
 
+def _spectrum(spectrum: SpectrumResult) -> Iterator[Cells]:
+    """Rows of the whole, then of components, then of bands."""
+    parts: list[tuple[Cells, SpectrumPart]] = [(("whole", "", "", spectrum.held), spectrum)]
+    parts += [((f"component {k}", "", "", part.share), part) for k, part in enumerate(spectrum.components, start=1)]
+    parts += [(("band", part.low, part.high, ""), part) for part in spectrum.bands]
+    for cells, part in parts:
+        yield from ((*cells, part.r2_cv, code, *_shown(tuple(rest), part.determined)) for code, *rest in _ranges(part))
+
+
 _INTERVALS: Final = ("S1", "S1_low", "S1_high", "ST", "ST_low", "ST_high")
+SPECTRA: Final = ("spectrum", "part", "low_hz", "high_hz", "share", "r2_cv", "input", *_INTERVALS)
 TABLES: Final[Mapping[str, tuple[tuple[str, ...], Callable[[OutputResult], Iterator[Cells]]]]] = {
     "surrogates": (("surrogate", "chosen", *SurrogateScores.model_fields, "determined"), _scores),
     "indices": (("method", "input", *_INTERVALS), _indices),

@@ -1,7 +1,7 @@
 """From a finished store to surrogates, their quality and the Sobol indices of every output."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -12,6 +12,8 @@ from tbm_gsa.sensitivity.study.candidates import Candidate, Data, best_by_method
 from tbm_gsa.sensitivity.study.curves import Curve, response_curve
 from tbm_gsa.sensitivity.study.errors import StudyError
 from tbm_gsa.sensitivity.study.inputs import InputSet
+from tbm_gsa.sensitivity.study.outputs import spectrum_bands
+from tbm_gsa.sensitivity.study.spectra import SpectrumAnalysis, analyse_spectra
 from tbm_gsa.sensitivity.study.store import Store
 from tbm_gsa.sensitivity.study.workers import as_ended
 from tbm_gsa.sensitivity.surrogates import SURROGATES
@@ -90,10 +92,13 @@ class Analysed:
         In the order of the store's outputs.
     skipped : mapping of str to str
         Why there is nothing to say of an output: it is constant, say.
+    spectra : mapping of str to SpectrumAnalysis
+        Of whole spectra, whose bands are not among the outputs.
     """
 
     outputs: Mapping[str, OutputFit]
     skipped: Mapping[str, str]
+    spectra: Mapping[str, SpectrumAnalysis] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -113,6 +118,8 @@ def fit_outputs(
     progress: Progress | None = None,
 ) -> Analysed:
     """Fit surrogates to the simulations of a store that ended well, and find the indices of the best of them.
+
+    Whole spectra are analysed by themselves, see `tbm_gsa.sensitivity.study.spectra`.
 
     Parameters
     ----------
@@ -136,30 +143,30 @@ def fit_outputs(
         No output has a surrogate: too few simulations, or all are constant; the message names the first.
     """
     check_methods(methods)
-    inputs, names = store.problem.inputs, store.problem.outputs
+    inputs, bands = store.problem.inputs, spectrum_bands(store.problem.outputs)
     (X, Y), (X_test, Y_test) = store.results("train"), store.results("test")
     unit, test_unit = inputs.to_unit(X), inputs.to_unit(X_test)
     labels = store.realisations("train"), store.realisations("test")
     tasks = [
         _Task(name, Data(unit, Y[:, column], test_unit, Y_test[:, column], *labels), inputs, tuple(methods), seed)
-        for column, name in enumerate(names)
+        for column, name in enumerate(store.problem.outputs)
+        if not any(name in names for names in bands.values())
     ]
+    names = [task.name for task in tasks]
     done: dict[str, OutputFit | _Skipped] = {}
     report = progress or (lambda *_: None)
-    report(f"analysis 0 of {len(names)} outputs", 0.0)
+    if names:
+        report(f"analysis 0 of {len(names)} outputs", 0.0)
     for one in as_ended(_fit_output, tasks, min(workers, len(tasks))):
         done[one.name] = one
         report(f"analysis {len(done)} of {len(names)} outputs", len(done) / len(names))
-    found: dict[str, OutputFit] = {}
-    skipped: dict[str, str] = {}
-    for one in map(done.__getitem__, names):
-        if isinstance(one, _Skipped):
-            skipped[one.name] = one.reason
-        else:
-            found[one.name] = one
-    if not found:
-        raise StudyError(f"output {names[0]}: {skipped[names[0]]}")
-    return Analysed(found, skipped)
+    found = {name: one for name in names if isinstance(one := done[name], OutputFit)}
+    skipped = {name: one.reason for name in names if isinstance(one := done[name], _Skipped)}
+    spectra, lost = analyse_spectra(store, seed=seed, progress=progress)
+    if not found and not spectra:
+        name, reason = next(iter((skipped | lost).items()))
+        raise StudyError(f"output {name}: {reason}")
+    return Analysed(found, skipped | lost, spectra)
 
 
 def check_methods(methods: Sequence[str]) -> None:

@@ -34,7 +34,9 @@ class Definition:
     outputs: tuple[str, ...] = ()
 
 
-def study_definition(machine: Machine, path: str | Path | None, outputs: Sequence[str], duration: float) -> Definition:
+def study_definition(
+    machine: Machine, path: str | Path | None, outputs: Sequence[str], duration: float, high_hz: float | None = None
+) -> Definition:
     """Define a study of a machine by a file, or by its `default_inputs`, and check it as far as no run is needed.
 
     Parameters
@@ -45,6 +47,8 @@ def study_definition(machine: Machine, path: str | Path | None, outputs: Sequenc
         In place of the file's; the eight indicators where neither names any.
     duration : float
         Of a simulation, s.
+    high_hz : float or None
+        Upper limit of the band of accelerations, by default a comparison's.
 
     Raises
     ------
@@ -54,7 +58,7 @@ def study_definition(machine: Machine, path: str | Path | None, outputs: Sequenc
     found = Definition(default_inputs(machine)) if path is None else read_definition(path, machine)
     check_ends(machine, found.inputs.ends)
     names = tuple(outputs) or found.outputs or INDICATORS
-    checked_outputs(names, machine.description.test_points, duration)
+    checked_outputs(names, machine.description.test_points, duration, high_hz)
     return replace(found, outputs=names)
 
 

@@ -1,7 +1,7 @@
 """The simulation of one sample: the machine with its inputs changed, run under a realisation of the loads."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
 from typing import Self
 
@@ -15,7 +15,7 @@ from tbm_dynamics.machine.sensor_place import SensorPlace
 from tbm_gsa.provenance import machine_sha256
 from tbm_gsa.sensitivity.study.errors import StudyError
 from tbm_gsa.sensitivity.study.machine_inputs import check_ends
-from tbm_gsa.sensitivity.study.outputs import Vibration, checked_outputs, parse_outputs
+from tbm_gsa.sensitivity.study.outputs import Vibration, checked_outputs, expanded_outputs, parse_outputs
 from tbm_msgs_py.base.texts import quoted
 
 LOWEST_HIGH_HZ = 1.0
@@ -74,10 +74,11 @@ class MachineEvaluation:
         time_step: float = DEFAULT_STEP,
         settling: float = 0.0,
     ) -> Self:
-        """Load the machine; parameters as those of the class."""
+        """Load the machine; parameters as those of the class, whole spectra among the outputs by their bands."""
         loaded = load_machine(machine)
         text = loaded.description.model_dump_json()
-        return cls(loaded.origin, text, duration, seed, outputs, high_hz, time_step, settling)
+        checked = cls(loaded.origin, text, duration, seed, outputs, high_hz, time_step, settling)
+        return replace(checked, outputs=expanded_outputs(outputs, high_hz))
 
     def __call__(self, sample: dict[str, float], realisation: int | None = None) -> Mapping[str, float]:
         """Simulate one sample, under the common realisation of the loads or one that is numbered."""

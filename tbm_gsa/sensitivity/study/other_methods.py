@@ -57,6 +57,8 @@ def ask_other_methods(
     seed, workers, progress
         As of `fit_outputs`.
     """
+    if not fits:  # of whole spectra alone there is nothing to ask
+        return {}
     report = progress or (lambda *_: None)
     report(f"other methods 0 of {len(fits)} outputs", 0.0)
     found: dict[str, OtherMethods] = {}

@@ -12,7 +12,7 @@ from tbm_gsa.reading import Name, Seed, TextLine, validated
 from tbm_gsa.sensitivity.study.design import check_kind
 from tbm_gsa.sensitivity.study.errors import StudyError
 from tbm_gsa.sensitivity.study.inputs import InputSet
-from tbm_gsa.sensitivity.study.outputs import check_distinct
+from tbm_gsa.sensitivity.study.outputs import check_distinct, gathered_outputs
 from tbm_msgs_py.base.arrays import Integers
 from tbm_msgs_py.base.texts import shortened
 
@@ -130,7 +130,8 @@ def _differences(stored: StudyProblem, wanted: StudyProblem) -> Iterator[str]:
     if stored.realisations != wanted.realisations:
         yield f"its loads are {_loads(stored)}, here {_loads(wanted)}"
     if stored.outputs != wanted.outputs:
-        yield f"its outputs are {', '.join(stored.outputs)}, here {', '.join(wanted.outputs)}"
+        there, here = (", ".join(gathered_outputs(problem.outputs)) for problem in (stored, wanted))
+        yield f"its outputs are {there}, here {here}"
     for old_input, new_input in zip(stored.inputs.inputs, wanted.inputs.inputs, strict=False):
         if old_input != new_input:
             yield f"its input {old_input.code} is not the {new_input.code} of here (code, distribution, initial value)"
