@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import asdict, replace
-from datetime import UTC, datetime
 from typing import Final, cast
 
 from tbm_gsa.history.baseline import Baseline, ErrorStatistics
@@ -11,7 +10,7 @@ from tbm_gsa.history.context import ContextKey
 from tbm_gsa.history.entries import SourceKind, StatePart, StoredEntry, StoredState, WindowGroup
 from tbm_gsa.history.queries import Queries, Selection
 from tbm_gsa.reading import Maybe, Part
-from tbm_msgs_py.base.units import R_MIN
+from tbm_msgs_py.base.units import R_MIN, iso_time
 
 _BY_SOURCE: Final = ("point", "axis", "machine", "kind")
 
@@ -237,9 +236,3 @@ def why_nothing(history: Queries, selection: Selection) -> str:
         if span := history.span(wider):
             return f"{what} begin from {iso_time(span[0])} to {iso_time(span[1])}"
     return "the history holds no windows"
-
-
-def iso_time(stamp_ns: int) -> str:
-    """ISO 8601 in UTC, to the millisecond."""
-    moment = datetime.fromtimestamp(stamp_ns // 1_000_000 / 1000.0, UTC)
-    return moment.isoformat(timespec="milliseconds").replace("+00:00", "Z")

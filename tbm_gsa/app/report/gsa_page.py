@@ -5,7 +5,7 @@ from typing import Final
 
 from tbm_gsa.app.report import gsa_figures as figures
 from tbm_gsa.app.report.gsa_tables import gsa_tables
-from tbm_gsa.app.report.page import embed_figure, render_page
+from tbm_gsa.app.report.page import PageHead, PageMachine, embed_figure, render_page
 from tbm_gsa.provenance import versions_text
 from tbm_gsa.sensitivity.results import NOT_DETERMINED, REPORT_NAME, TABLES_NAME, OutputResult, StudyResult
 from tbm_gsa.sensitivity.study.analysis import OutputAnalysis
@@ -41,11 +41,17 @@ def gsa_page(result: StudyResult, analyses: Mapping[str, OutputAnalysis]) -> str
         A page that holds its figures and style.
     """
     inputs, samples = InputSet(tuple(map(Input.from_dict, result.inputs.values()))), result.samples
-    context = {
-        "title": "Global sensitivity of the driving system",
-        "subtitle": f"{len(inputs)} inputs, {len(result.outputs)} outputs, "
+    head = PageHead(
+        title="Global sensitivity of the driving system",
+        subtitle=f"{len(inputs)} inputs, {len(result.outputs)} outputs, "
         f"{samples.train} training and {samples.test} test points",
+        data=f"simulations of this study, design {result.design}, seed {result.seed}; no recording",
+        units="SI: accelerations in m/s², displacements in m, angles in rad, forces in N; inputs as their table says",
+        machines=_machines(result.settings),
+    )
+    context = {
         "result": result,
+        "unit": figures.output_unit,
         "poor": [name for name, output in result.outputs.items() if output.determined and output.r2_cv < POOR_R2],
         "doubts": result.doubts(),
         "not_determined": NOT_DETERMINED,
@@ -56,7 +62,13 @@ def gsa_page(result: StudyResult, analyses: Mapping[str, OutputAnalysis]) -> str
         "provenance": _provenance(result),
         **_figures(result.outputs, analyses, inputs),
     }
-    return render_page("gsa.html", context)
+    return render_page("gsa.html", head, context)
+
+
+def _machines(settings: Mapping[str, str | int | float]) -> tuple[PageMachine, ...]:
+    """Machine that was simulated; none where a study is one of functions."""
+    named = (settings.get("machine"), settings.get("machine_sha256"))
+    return (PageMachine(str(named[0]), str(named[0]), str(named[1])),) if all(named) else ()
 
 
 def _distances(output: OutputResult) -> list[tuple[float, float]]:

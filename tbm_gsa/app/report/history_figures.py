@@ -18,7 +18,6 @@ from tbm_gsa.history.baseline import ErrorStatistics
 from tbm_gsa.history.entries import StoredEntry
 from tbm_gsa.history.summary import BaselineSummary
 from tbm_msgs_py.base.arrays import Array
-from tbm_msgs_py.base.units import STANDARD_GRAVITY
 
 POINTS_SHOWN: Final = 2000  # of a trend; more become means of neighbours
 HIGHEST_PERCENT: Final = 300.0  # a dead sensor would hide everything else
@@ -49,7 +48,7 @@ def trends(name: str, windows: Sequence[StoredEntry], baseline: BaselineSummary 
     rows = figure.subplots(len(axes), 3 if shocks else 2, squeeze=False, sharex=True)
     for panels, axis in zip(rows, axes, strict=True):
         chosen = [window for window in windows if window.entry.axis == axis]
-        _draw_levels(panels[0], chosen, f"{name}, {AXIS_NAMES[axis]}: RMS, g")
+        _draw_levels(panels[0], chosen, f"{name}, {AXIS_NAMES[axis]}: RMS, m/s²")
         _draw_errors(panels[1], chosen, baseline.points.get(point, {}).get(axis) if baseline else None)
         if shocks:
             _draw_shocks(panels[2], chosen)
@@ -70,7 +69,7 @@ def trends(name: str, windows: Sequence[StoredEntry], baseline: BaselineSummary 
 def _draw_levels(panel: Axes, windows: Sequence[StoredEntry], title: str) -> None:
     for name, attribute, colour in (("measured", "field_rms", FIELD), ("model", "model_rms", MODEL)):
         time, values = _series(windows, attribute)
-        panel.plot(time, values / STANDARD_GRAVITY, ".-", color=colour, markersize=3, linewidth=0.6, label=name)
+        panel.plot(time, values, ".-", color=colour, markersize=3, linewidth=0.6, label=name)
     panel.set_title(plain_text(title), loc="left")
 
 

@@ -9,10 +9,11 @@ from matplotlib.figure import Figure
 from matplotlib.image import imsave
 
 from tbm_gsa.app.report.history_figures import by_trend, trends
-from tbm_gsa.app.report.page import embed_figure, render_page
+from tbm_gsa.app.report.page import PageHead, PageMachine, embed_figure, render_page
 from tbm_gsa.history.entries import StoredEntry
-from tbm_gsa.history.summary import BaselineSummary, HistorySummary, iso_time
+from tbm_gsa.history.summary import BaselineSummary, HistorySummary
 from tbm_gsa.provenance import package_versions, versions_text
+from tbm_msgs_py.base.units import iso_time
 
 
 def history_page(found: HistorySummary, windows: Sequence[StoredEntry]) -> str:
@@ -27,9 +28,17 @@ def history_page(found: HistorySummary, windows: Sequence[StoredEntry]) -> str:
     ]
     begin, end = iso_time(windows[0].entry.start_ns), iso_time(windows[-1].entry.start_ns)
     machines = {window.source.machine for window in windows}
+    sources = {window.source for window in windows}
+    head = PageHead(
+        title="History of the comparison",
+        subtitle=f"{len(windows)} entries",
+        data=f"windows that begin from {begin} to {end}",
+        units="accelerations in m/s²; errors in % of the measured RMS",
+        machines=tuple(
+            PageMachine(*named) for named in sorted({(s.machine, s.machine, s.machine_sha256) for s in sources})
+        ),
+    )
     context = {
-        "title": "History of the comparison",
-        "subtitle": f"{len(windows)} entries from {begin} to {end}",
         "figures": figures,
         "summary": found.summary,
         "by": found.by,
@@ -40,7 +49,7 @@ def history_page(found: HistorySummary, windows: Sequence[StoredEntry]) -> str:
             "versions": versions_text(package_versions()),
         },
     }
-    return render_page("history.html", context)
+    return render_page("history.html", head, context)
 
 
 def history_picture(found: HistorySummary, windows: Sequence[StoredEntry]) -> bytes:
