@@ -9,6 +9,7 @@ from tbm_gsa.history.baseline import Baseline, ErrorStatistics
 from tbm_gsa.history.context import ContextKey
 from tbm_gsa.history.entries import SourceKind, StatePart, StoredEntry, StoredState, WindowGroup
 from tbm_gsa.history.queries import Queries, Selection
+from tbm_gsa.history.spread import Spread
 from tbm_gsa.reading import Maybe, Part
 from tbm_msgs_py.base.units import R_MIN, iso_time
 
@@ -220,6 +221,20 @@ def history_summary(
         baselines=BaselineList.of(history).baselines,
         states=tuple(map(ListedState.of, history.states())),
         note="" if trends else why_nothing(history, selection),
+        by=by,
+    )
+
+
+def spread_summary(history: Queries, spread: Spread, by: ContextKey | None = None) -> HistorySummary:
+    """Summarise the windows of trends, of a long time those that were read; none of them is listed."""
+    return HistorySummary(
+        path=str(history.path),
+        total=spread.count,
+        summary=tuple(map(TrendSummary.of, spread.groups)),
+        windows=(),
+        baselines=BaselineList.of(history).baselines,
+        states=tuple(map(ListedState.of, history.states())),
+        note=spread.note,
         by=by,
     )
 

@@ -13,7 +13,7 @@ from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup
 from matplotlib.figure import Figure
 
-from tbm_dynamics import MachineError, load_machine
+from tbm_dynamics import Machine, MachineError, load_machine
 from tbm_gsa.app.report.machine_drawing import draw_machine
 from tbm_gsa.app.report.svg import inline_svg
 from tbm_gsa.provenance import machine_sha256
@@ -87,13 +87,20 @@ def _now() -> str:
 
 
 @lru_cache(maxsize=8)
-def _drawn_machine(named: PageMachine) -> Markup | None:
-    """Drawing of a machine, unless its file is gone or says something else by now."""
+def machine_of(named: PageMachine) -> Machine | None:
+    """Machine of a page, unless its file is gone or says something else by now."""
     try:
         machine = load_machine(named.origin)
     except MachineError:
         return None
-    if machine_sha256(machine) != named.sha256:
+    return machine if machine_sha256(machine) == named.sha256 else None
+
+
+@lru_cache(maxsize=8)
+def _drawn_machine(named: PageMachine) -> Markup | None:
+    """Drawing of a machine that is at hand."""
+    machine = machine_of(named)
+    if machine is None:
         return None
     return embed_figure(draw_machine(machine), f"Side view and drives of machine {named.name}, {named.sha256[:8]}")
 
