@@ -11,7 +11,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.dates import AutoDateLocator, ConciseDateFormatter
 from matplotlib.figure import Figure
-from matplotlib.ticker import NullFormatter
+from matplotlib.ticker import LogLocator, NullLocator
 from numpy.typing import NDArray
 
 from tbm_gsa.app.report.compare_figures import AXIS_NAMES, FIELD, MODEL, WIDTH, plain_text
@@ -28,6 +28,7 @@ FARTHEST: Final = 20.0  # factor from the limits; a dead sensor would hide every
 MOST_TICKS: Final = 6  # of the time below a panel; more run into each other
 SHARES: Final = (0.05, 0.5, 0.95)
 _RATIO: Final = "#333333"
+_TICKS: Final = (1.0, 1.5, 2.0, 3.0, 5.0, 7.0)
 _LIMIT: Final = "#d00000"
 _SHOCKS: Final = {"field_crest_factor": ("crest factor", "#009E73"), "field_kurtosis": ("kurtosis", "#CC79A7")}
 _SEVERITIES: Final = {"info": "#7f7f7f", "warning": "#E69F00", "error": "#d00000"}
@@ -134,9 +135,9 @@ def _draw_ratio(panel: Axes, group: TrendGroup, edges_ns: Array, usual: ErrorSta
     seen = np.concatenate([drawn[drawn > 0.0], limits])
     low, high = max(seen.min(), limits[0] / FARTHEST), min(seen.max(), limits[1] * FARTHEST)
     panel.set_ylim(low / 1.15, high * 1.15)
+    panel.yaxis.set_major_locator(LogLocator(subs=_TICKS))
+    panel.yaxis.set_minor_locator(NullLocator())
     panel.yaxis.set_major_formatter("{x:g}")
-    panel.yaxis.set_minor_formatter("{x:g}" if high / low < 10.0 else NullFormatter())
-    panel.tick_params(axis="y", which="minor", labelsize=7)
     panel.set_title("measured over model", loc="left", y=1.0, fontsize=10)
 
 
