@@ -35,6 +35,7 @@ REQUIRED = [
     "rich>=13.0",
     "jinja2>=3.1",
     "matplotlib>=3.8",
+    "pillow>=10.0",
 ]
 ROS_WHEELS = [f"ros-jazzy-{name}; {ON_WHEEL_PLATFORM}" for name in ("rclpy", "common-interfaces", "rmw-fastrtps-cpp")]
 NODES = runpy.run_path(str(HERE / "tbm_msgs_py" / "nodes" / "registry.py"))["NODES"]

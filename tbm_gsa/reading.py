@@ -85,10 +85,11 @@ class MachineFile(Part):
 
 
 class RecordingFile(Part):
-    """Recording that numbers come from."""
+    """Recording that numbers come from; `begin` as in `RecordingResult`, empty where an earlier version wrote none."""
 
     path: PathText
     sha256: Name
+    begin: Annotated[str, Field(max_length=40)] = ""
 
 
 Read = TypeVar("Read")

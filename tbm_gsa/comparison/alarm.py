@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from tbm_gsa.comparison.live import WindowResult
+from tbm_msgs_py.base.arrays import Array
 from tbm_msgs_py.base.errors import InputError
 
 SCATTERS = 3.0
@@ -50,6 +51,11 @@ class UsualRatio:
 def dead_axes(result: WindowResult) -> NDArray[np.bool_]:
     """Axes (3,) along which the sensor measures less than a hundredth of what the model computes."""
     return np.asarray(result.field_rms < DEAD_SHARE * result.model_rms)
+
+
+def log_reach(scatter: ArrayLike, threshold: float) -> Array:
+    """How far the logarithm of measured over computed RMS may be off before a window counts; NaN is no scatter."""
+    return np.asarray(np.fmax(np.log1p(threshold), SCATTERS * np.asarray(scatter, dtype=np.float64)))
 
 
 _NONE: Final = UsualRatio(np.full(3, np.nan), np.full(3, np.nan))
@@ -103,7 +109,6 @@ class AlarmRule:
     def _exceeds(self, result: WindowResult) -> NDArray[np.bool_]:
         """Which axes are over their threshold, (3,)."""
         ratio, usual = result.log_ratio, self._baseline.get(result.point, _NONE)
-        mean, scatter = np.asarray(usual.mean, dtype=np.float64), np.asarray(usual.scatter, dtype=np.float64)
-        threshold = np.log1p(self._threshold)
+        mean = np.asarray(usual.mean, dtype=np.float64)
         change = np.where(np.isnan(mean), ratio, ratio - mean)
-        return np.asarray(np.abs(change) > np.fmax(threshold, SCATTERS * scatter), dtype=np.bool_)
+        return np.asarray(np.abs(change) > log_reach(usual.scatter, self._threshold), dtype=np.bool_)

@@ -21,6 +21,7 @@ from tbm_gsa.provenance import machine_file, package_versions
 from tbm_gsa.signals.intervals import CONFIDENCE
 from tbm_gsa.signals.settings import Settings
 from tbm_msgs_py.bags.metadata import is_synthetic
+from tbm_msgs_py.base.units import iso_time
 from tbm_msgs_py.recordings.mapping import SensorMapping
 from tbm_msgs_py.recordings.recording import RecordingReader
 from tbm_msgs_py.recordings.recording_health import PointHealth
@@ -135,6 +136,7 @@ def _recording(reader: RecordingReader, field: FieldSide) -> RecordingResult:
         truncated=reader.truncated,
         damaged=reader.damaged,
         sha256=reader.sha256,
+        begin=iso_time(field.begin_ns),
         duration=(field.end_ns - field.begin_ns) * 1e-9,
         points={name: _recorded(health, reader.sensors[name]) for name, health in field.health.items()},
     )

@@ -24,6 +24,7 @@ from tbm_gsa.signals.estimates import STATISTICS, SignalStatistics, estimate, le
 from tbm_gsa.signals.intervals import error_interval
 from tbm_gsa.signals.reduction import ReducedSignal, Series
 from tbm_gsa.signals.settings import Settings, band_name
+from tbm_gsa.signals.spectrogram import Spectrogram
 from tbm_gsa.signals.statistics import coverage, kurtosis, ratio, relative_error, rms
 from tbm_msgs_py.base.errors import InputError
 from tbm_msgs_py.base.units import STANDARD_GRAVITY
@@ -44,6 +45,8 @@ class PointComparison:
         By level and axis; a level at which this point has no spectrum is not there.
     excerpts : (Series, Series)
         A second of field and model along x; of the model at the level that was held longest.
+    spectrograms : (Spectrogram, Spectrogram) or None
+        Likewise, of the whole recording and run; None unless asked for, and where the sensor has no such axis.
     """
 
     axes: Mapping[str, AxisResult]
@@ -51,6 +54,7 @@ class PointComparison:
     band: PointBand
     levels: Mapping[int, Mapping[str, LevelAxis]]
     excerpts: tuple[Series, Series]
+    spectrograms: tuple[Spectrogram, Spectrogram] | None
 
 
 def compared_band(field_rate_hz: float, model_rate_hz: float, settings: Settings) -> Band:
@@ -125,6 +129,7 @@ def compare_signals(
             field.excerpt if measured[0] else replace(field.excerpt, values=math.nan * field.excerpt.values),
             model.excerpt,
         ),
+        (field.spectrogram, model.spectrogram) if measured[0] and field.spectrogram and model.spectrogram else None,
     )
 
 

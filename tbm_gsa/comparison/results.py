@@ -251,7 +251,7 @@ class RecordedPoint(Part):
 
 
 class RecordingResult(Part):
-    """The recording as it was read."""
+    """The recording as it was read; `begin` is the time of its first sample, ISO 8601 in UTC, empty if not known."""
 
     path: PathText
     messages: int
@@ -259,6 +259,7 @@ class RecordingResult(Part):
     truncated: bool
     damaged: int
     sha256: Name
+    begin: Annotated[str, Field(max_length=40)] = ""
     duration: Size
     points: dict[str, RecordedPoint]
 

@@ -21,6 +21,7 @@ from tbm_gsa.comparison.results import (
 from tbm_gsa.signals.conditioning import LOW_PASS_SHARE
 from tbm_gsa.signals.reduction import ReducedSignal, Series, SignalReducer, one_level
 from tbm_gsa.signals.settings import Settings
+from tbm_gsa.signals.spectrogram import Spectrogram
 from tbm_msgs_py.base.errors import InputError, RecordingError
 from tbm_msgs_py.base.fields import Vector3
 from tbm_msgs_py.base.progress import Progress
@@ -46,11 +47,14 @@ class RecordingComparison:
         A second of the axial acceleration of field and model, by test point.
     starts_ns : mapping of str to int
         Header time of the first sample of each point.
+    spectrograms : mapping of str to (Spectrogram, Spectrogram)
+        Of the axial acceleration of field and model, by test point; empty unless the settings ask for them.
     """
 
     result: ComparisonResult
     excerpts: Mapping[str, tuple[Series, Series]]
     starts_ns: Mapping[str, int]
+    spectrograms: Mapping[str, tuple[Spectrogram, Spectrogram]]
 
 
 def compare_recording(
@@ -123,6 +127,7 @@ def compare_recording(
         result,
         {name: point.excerpts for name, point in points.items()},
         {name: field.health[name].start_ns for name in points},
+        {name: point.spectrograms for name, point in points.items() if point.spectrograms},
     )
 
 

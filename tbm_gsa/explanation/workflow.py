@@ -96,7 +96,9 @@ def explain(comparison: ComparisonResult, folder: str | Path, options: ExplainOp
     source = ExplanationSource(
         observed(comparison, machine),
         machine,
-        RecordingFile(path=comparison.recording.path, sha256=comparison.recording.sha256),
+        RecordingFile(
+            path=comparison.recording.path, sha256=comparison.recording.sha256, begin=comparison.recording.begin
+        ),
         comparison.machine_file,
         comparison.operating_point,
         comparison.doubts,

@@ -8,8 +8,8 @@ from typing import Final
 from tbm_gsa.history.entries import SourceKind
 from tbm_gsa.history.events import EventKind, EventSelection, EventVerdict, Severity, StoredEvent
 from tbm_gsa.history.queries import Queries
-from tbm_gsa.history.summary import iso_time
 from tbm_gsa.reading import Part
+from tbm_msgs_py.base.units import iso_time
 
 NEWEST: Final = 100
 """Events that are listed unless another number is asked for."""

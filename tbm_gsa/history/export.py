@@ -10,9 +10,9 @@ from pathlib import Path
 from typing import Any, Final, Literal
 
 from tbm_gsa.history.entries import StoredEntry
-from tbm_gsa.history.summary import iso_time
 from tbm_msgs_py.base.errors import InputError
 from tbm_msgs_py.base.files import unfinished
+from tbm_msgs_py.base.units import iso_time
 
 TableKind = Literal["CSV table", "Parquet table"]
 COLUMNS: Final = {  # with what pyarrow calls their type, and their unit

@@ -45,6 +45,11 @@ WATCH_COLUMNS: Final = ", ".join(field.name for field in fields(WatchSource))
 STATE_COLUMNS: Final = ", ".join(field.name for field in fields(StateEntry))
 CONTEXT_COLUMNS: Final = ", ".join(field.name for field in fields(Context))
 EVENT_COLUMNS: Final = "begin_ns, event, point, severity, verdict, text, level, end_ns, snapshot"
+SPREAD_COLUMNS: Final = (
+    "sources.id, point, axis, start_ns, length_ns, ifnull(field_rms, 0.0), ifnull(model_rms, 0.0), "
+    "ifnull(relative_error, 9e999), ifnull(field_peak, 9e999), ifnull(field_kurtosis, 9e999)"  # infinity is not known
+)
+_IN_TIME: Final = "windows CROSS JOIN sources ON windows.source = sources.id"  # in this order, by the key of windows
 _JOINED: Final = "windows JOIN sources ON windows.source = sources.id"
 # Each window with what the site said last before it began.
 _WITH_CONTEXT: Final = f"""{_JOINED} LEFT JOIN contexts ON contexts.source = windows.source AND contexts.since_ns =
@@ -190,6 +195,55 @@ class Queries:
             if read.size:  # not discarded meanwhile
                 yield WindowGroup(key, *(read[name] for name, _ in _COLUMNS))
 
+    def sources(self) -> dict[int, WindowSource]:
+        """All sources by their number."""
+        rows = self._connection.execute(f"SELECT id, {SOURCE_COLUMNS} FROM sources")  # noqa: S608
+        return {number: _source(*row) for number, *row in rows}
+
+    def ends(self, selection: Selection) -> tuple[int, int] | None:
+        """Begins of the first and the last window of a selection, found without reading those between."""
+        condition, values = selection.condition()
+        query = f"SELECT start_ns FROM {_IN_TIME} WHERE {condition} ORDER BY start_ns {{}} LIMIT 1"  # noqa: S608
+        first, last = (self._connection.execute(query.format(order), values).fetchone() for order in ("ASC", "DESC"))
+        if first is None or last is None:
+            return None
+        return self._time(first[0]), self._time(last[0])
+
+    def stretch(
+        self, begin_ns: int, end_ns: int, selection: Selection, by: ContextKey | None, most: int, moments: int
+    ) -> tuple[list[tuple[Any, ...]], bool]:
+        """Windows that begin in a stretch of time: all, or of more than `most` those of moments spread over it.
+
+        A moment is as long as the longest of the first windows. Columns as `SPREAD_COLUMNS`, the context and whether
+        the row is sound; and whether these are all.
+        """
+        condition, values = selection.condition()
+        if by:
+            self._refuse(f"contexts WHERE NOT ({CONTEXT_IS_SOUND})", "a context")
+        span = f"{_WITH_CONTEXT if by else _IN_TIME} WHERE {condition} AND start_ns >= ? AND start_ns < ?"
+        group = f"ifnull(CAST({by} AS TEXT), '')" if by else "''"
+        columns = f"{SPREAD_COLUMNS}, {group}, {WINDOW_IS_SOUND}"
+        read = f"SELECT {columns} FROM {span} ORDER BY start_ns"  # noqa: S608
+        counted = f"SELECT count(*), max(length_ns) FROM (SELECT length_ns FROM {span} LIMIT ?)"  # noqa: S608
+        ask = self._connection.execute
+        count, longest = ask(counted, [*values, begin_ns, end_ns, most + 1]).fetchone()
+        if count <= most:
+            spans = [(begin_ns, end_ns)]
+        else:
+            length = max(1, self._time(longest))
+            step = max(length, -(-(end_ns - begin_ns) // moments))
+            spans = [(at, min(at + length, end_ns)) for at in range(begin_ns, end_ns, step)]
+        rows = [row for ends in spans for row in ask(read, [*values, *ends])]
+        if not all(row[-1] for row in rows):
+            raise self._no_row_of_ours("a window")
+        return rows, count <= most
+
+    def _time(self, value: object) -> int:
+        """Time of a window as this program writes it."""
+        if not isinstance(value, int) or abs(value) > 1 << 62:
+            raise self._no_row_of_ours("a window")
+        return value
+
     def _sound(self, selection: Selection | None) -> tuple[str, list[str | int]]:
         """Condition of a selection and its values; a HistoryError where a window is none that this program wrote."""
         condition, values = (selection or Selection()).condition()
@@ -199,10 +253,13 @@ class Queries:
     def _refuse(self, found: str, what: str, values: Sequence[str | int] = ()) -> None:
         """Refuse rows of other types than this program writes: SQLite takes any."""
         if self._connection.execute(f"SELECT 1 FROM {found} LIMIT 1", values).fetchone():  # noqa: S608
-            raise HistoryError(
-                f"{self.path}: {what} that is not one of tbm_monitor, allowed: texts of up to {LONGEST_LINE} "
-                f"characters, axes {', '.join(AXES)}, whole times, numbers"
-            )
+            raise self._no_row_of_ours(what)
+
+    def _no_row_of_ours(self, what: str) -> HistoryError:
+        return HistoryError(
+            f"{self.path}: {what} that is not one of tbm_monitor, allowed: texts of up to {LONGEST_LINE} "
+            f"characters, axes {', '.join(AXES)}, whole times, numbers"
+        )
 
     def baselines(self) -> list[Baseline]:
         """All baselines, the oldest first."""

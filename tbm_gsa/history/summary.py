@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 from dataclasses import asdict, replace
-from datetime import UTC, datetime
 from typing import Final, cast
 
 from tbm_gsa.history.baseline import Baseline, ErrorStatistics
 from tbm_gsa.history.context import ContextKey
 from tbm_gsa.history.entries import SourceKind, StatePart, StoredEntry, StoredState, WindowGroup
 from tbm_gsa.history.queries import Queries, Selection
+from tbm_gsa.history.spread import Spread
 from tbm_gsa.reading import Maybe, Part
-from tbm_msgs_py.base.units import R_MIN
+from tbm_msgs_py.base.units import R_MIN, iso_time
 
 _BY_SOURCE: Final = ("point", "axis", "machine", "kind")
 
@@ -225,6 +225,20 @@ def history_summary(
     )
 
 
+def spread_summary(history: Queries, spread: Spread, by: ContextKey | None = None) -> HistorySummary:
+    """Summarise the windows of trends, of a long time those that were read; none of them is listed."""
+    return HistorySummary(
+        path=str(history.path),
+        total=spread.count,
+        summary=tuple(map(TrendSummary.of, spread.groups)),
+        windows=(),
+        baselines=BaselineList.of(history).baselines,
+        states=tuple(map(ListedState.of, history.states())),
+        note=spread.note,
+        by=by,
+    )
+
+
 def why_nothing(history: Queries, selection: Selection) -> str:
     """Say which windows there are where a selection chooses none."""
     for what, wider in (
@@ -237,9 +251,3 @@ def why_nothing(history: Queries, selection: Selection) -> str:
         if span := history.span(wider):
             return f"{what} begin from {iso_time(span[0])} to {iso_time(span[1])}"
     return "the history holds no windows"
-
-
-def iso_time(stamp_ns: int) -> str:
-    """ISO 8601 in UTC, to the millisecond."""
-    moment = datetime.fromtimestamp(stamp_ns // 1_000_000 / 1000.0, UTC)
-    return moment.isoformat(timespec="milliseconds").replace("+00:00", "Z")

@@ -15,6 +15,7 @@ from tbm_gsa.signals.conditioning import (
     compared_axes,
 )
 from tbm_gsa.signals.settings import Settings
+from tbm_gsa.signals.spectrogram import Spectrogram, SpectrogramCollector
 from tbm_gsa.signals.spectrum import LevelOf, SpectrumSum, WelchCollector
 from tbm_gsa.signals.windows import WindowCollector, WindowTable
 from tbm_msgs_py.base.arrays import Array, Integers
@@ -52,6 +53,8 @@ class ReducedSignal:
         By level.
     excerpt : Series
         Along x, conditioned.
+    spectrogram : Spectrogram or None
+        Along x, if the settings ask for it.
     """
 
     rate_hz: float
@@ -62,6 +65,7 @@ class ReducedSignal:
     level: Integers
     spectra: Mapping[int, SpectrumSum]
     excerpt: Series
+    spectrogram: Spectrogram | None = None
 
     @property
     def axes(self) -> dict[str, tuple[int, ...]]:
@@ -70,7 +74,7 @@ class ReducedSignal:
 
     @classmethod
     def joined(cls, signals: Sequence[Self]) -> Self:
-        """One signal of several at different levels, the excerpt of the first."""
+        """One signal of several at different levels, excerpt and spectrogram of the first."""
         return replace(
             signals[0],
             duration=sum(signal.duration for signal in signals),
@@ -111,6 +115,7 @@ class SignalReducer:
         self._windows = WindowCollector(rate_hz, settings.window_s, list(compared_axes(frame).values()), settings.bands)
         self._spectra = WelchCollector(rate_hz, settings.resolution_hz, self._level_of)
         self._excerpt = Series(np.empty(0), np.empty(0))
+        self._spectrogram = SpectrogramCollector(rate_hz, band.high) if settings.spectrogram else None
         self._end = 0.0
 
     def feed(self, time: Array, values: Array) -> None:
@@ -141,12 +146,15 @@ class SignalReducer:
             self._level_of(begin, begin + self._window_s),
             self._spectra.finish(),
             self._excerpt,
+            self._spectrogram.finish() if self._spectrogram else None,
         )
 
     def _add(self, segments: Iterable[Segment]) -> None:
         for segment in segments:
             self._windows.add(segment)
             self._spectra.add(segment)
+            if self._spectrogram:
+                self._spectrogram.add(segment)
             self._keep_excerpt(segment.acceleration[:, 0])
 
     def _keep_excerpt(self, values: Array) -> None:

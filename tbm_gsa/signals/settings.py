@@ -30,6 +30,8 @@ class Settings:
         Of the spectra.
     model_rate_hz : float
         Of the runs of the model.
+    spectrogram : bool
+        Whether spectrograms are wanted, which a page draws.
     """
 
     window_s: float = 2.0
@@ -39,6 +41,7 @@ class Settings:
     line_count: int = 5
     resolution_hz: float = 0.25
     model_rate_hz: float = MODEL_RATE_HZ
+    spectrogram: bool = False
 
 
 def band_name(low: float, high: float) -> str:

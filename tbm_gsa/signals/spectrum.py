@@ -31,6 +31,34 @@ class SpectrumSum:
     size: int
 
 
+class Periodograms:
+    """Periodograms (Hann, half overlap) of every run of joined segments, as they come.
+
+    Parameters
+    ----------
+    rate_hz : float
+    size : int
+        Samples of one.
+    axes : slice
+        Of the signal.
+    """
+
+    def __init__(self, rate_hz: float, size: int, axes: slice = slice(None)) -> None:
+        self._rate, self.size, self._axes = rate_hz, size, axes
+        self._time, self._values = np.empty(0), np.empty((0, 3))[:, axes]  # what the next one begins with
+
+    def add(self, segment: Segment) -> tuple[Array, Array]:
+        """Begin (k,), s, and densities (k, m, a), m²/s⁴/Hz, of those that the next segment completes."""
+        time, values, step = segment.time, segment.acceleration[:, self._axes], self.size - self.size // 2
+        if segment.joined:
+            time, values = np.concatenate([self._time, time]), np.concatenate([self._values, values])
+        count = max(0, (len(time) - self.size) // step + 1)
+        self._time, self._values = time[count * step :], values[count * step :]
+        if not count:
+            return np.empty(0), np.empty((0, self.size // 2 + 1, values.shape[1]))
+        return time[: count * step : step], periodograms(values, self._rate, self.size)
+
+
 class WelchCollector:
     """Adds up periodograms (Hann, half overlap) of every run of joined segments, as scipy's Welch does of each alone.
 
@@ -49,21 +77,15 @@ class WelchCollector:
         size = round(rate_hz / resolution_hz)
         sizes = (size, min(size, int(rate_hz * shortest_s)))
         self._rate, self._level_of = rate_hz, level_of
-        self._rest = {size: (np.empty(0), np.empty((0, 3))) for size in sizes}  # what the next periodogram begins with
+        self._feeds = [Periodograms(rate_hz, size) for size in dict.fromkeys(sizes)]
         self._sums: dict[tuple[int, int], SpectrumSum] = {}  # by size and level
 
     def add(self, segment: Segment) -> None:
         """Add the next segment."""
-        for size, (time_before, before) in self._rest.items():
-            time, values, step = segment.time, segment.acceleration, size - size // 2
-            if segment.joined:
-                time, values = np.concatenate([time_before, time]), np.concatenate([before, values])
-            count = max(0, (len(time) - size) // step + 1)
-            if count:
-                begin = time[: count * step : step]
-                levels = self._level_of(begin, begin + size / self._rate)
-                self._sum(size, periodograms(values, self._rate, size), levels)
-            self._rest[size] = time[count * step :], values[count * step :]
+        for feed in self._feeds:
+            begin, densities = feed.add(segment)
+            if len(begin):
+                self._sum(feed.size, densities, self._level_of(begin, begin + feed.size / self._rate))
 
     def finish(self) -> Mapping[int, SpectrumSum]:
         """Finest sum of each level that has any."""

@@ -17,6 +17,7 @@ import yaml
 from compare_bags import model_values, write_bag
 from here import pictures_without_layout, simulations_here
 from pydantic import TypeAdapter
+from report_pages import check_page, check_widths
 from scipy.stats import multivariate_normal, norm
 
 from tbm_dynamics import load_machine, simulate
@@ -286,6 +287,8 @@ def test_explained_and_written_as_a_machine(compared, command, tmp_path):
     assert seen["loads"]["torsion_low"]["decrease"] is None  # from sensors on the axis
     assert 0.0 < seen["loads"]["axial_low"]["increase"] < 1.0
     page = (tmp_path / "found" / "explanation.html").read_text("utf-8")
+    check_page(page)
+    check_widths(page)
     assert "What this recording could show" in page
     assert "machine: x16 (Stiffness of cutterhead–rock) 1 to 0." in page
     assert "cannot be told from this recording: x6" in page

@@ -3,23 +3,26 @@
 import json
 import re
 import sys
-from dataclasses import replace
+from dataclasses import fields, replace
 from datetime import UTC, datetime
 from importlib import resources
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
 import pytest
 from compare_bags import START_NS, noise, write_bag
 from matplotlib.image import imread
+from report_pages import check_page, check_widths
 
-from tbm_gsa.app.cli import history as history_command
+from tbm_dynamics import load_machine
 from tbm_gsa.app.cli.main import main
-from tbm_gsa.app.report.history_figures import by_trend, trends
-from tbm_gsa.app.report.history_page import history_page
-from tbm_gsa.history import Baseline, Context, History, HistoryEntry, StoredEntry, WindowSource
+from tbm_gsa.app.report.history_figures import by_trend, quantiles, trends
+from tbm_gsa.comparison import AlarmRule, UsualRatio, WindowResult
+from tbm_gsa.history import Baseline, Context, Event, History, HistoryEntry, StoredEvent, WindowSource, spread
 from tbm_gsa.history.baseline import ErrorStatistics
-from tbm_gsa.history.summary import BaselineSummary, HistorySummary
+from tbm_gsa.history.spread import TrendGroup
+from tbm_gsa.provenance import machine_sha256
 from tbm_msgs_py import OperatingPoint
 
 
@@ -211,12 +214,11 @@ def test_a_baseline_and_pictures(run, file, tmp_path):
     assert code == 0, err
     text = page.read_text("utf-8")
     assert "Baseline spring" in text
-    assert "<script" not in text
-    assert "http" not in text.replace("http://www.w3.org", "")
-    assert "<i>" not in text
-    assert "<b>" not in text
+    shown = check_page(text, drawn=False)  # another machine file than the shipped one
+    assert not {"i", "b"} & set(shown.tags)
+    assert shown.tags.count("svg") == 2
     assert "&lt;b&gt;night" in text
-    assert text.count("<img") == 2
+    check_widths(text)
     assert imread(picture).shape[1] == 1200
     assert "spring" in run("history", "--history", file)[1]
 
@@ -261,48 +263,99 @@ def test_baselines_are_listed_and_deleted_by_name(run, file):
     assert json.loads(run("history", "--history", file, "--json")[1])["total"] == 180
 
 
-def test_more_windows_than_fit_into_memory_are_not_plotted(run, file, monkeypatch, tmp_path):
-    monkeypatch.setattr(history_command, "MOST_PLOTTED", 179)
-    code, _, err = run("history", "--history", file, "--html", tmp_path / "h.html")
-    assert code == 2
-    assert "180 windows to plot, allowed: options that choose 1 to 179" in err
-    assert run("history", "--history", file, "--point", "shield", "--html", tmp_path / "h.html")[0] == 0
+def test_a_long_history_is_drawn_of_moments_and_says_so(run, file, tmp_path, monkeypatch):
+    code, out, _ = run("history", "--history", file, "--html", tmp_path / "h.html")
+    assert (code, "180 entries" in out) == (0, True)
+    whole = (tmp_path / "h.html").read_text("utf-8")
+    monkeypatch.setattr(spread, "MOST_OF_PART", 5)  # of six windows at a time
+    monkeypatch.setattr(spread, "PARTS", 10)
+    monkeypatch.setattr(spread, "MOMENTS", 1)
+    code, out, _ = run("history", "--history", file, "--html", tmp_path / "h.html")
+    said = "60 windows read: of 10 of 10 parts of the time, which have more than 5 windows each, those of 1 moments"
+    assert (code, said in " ".join(out.split())) == (0, True)
+    page = (tmp_path / "h.html").read_text("utf-8")
+    assert (said in page, "windows read" in whole) == (True, False)
+
+
+def test_quantiles_are_those_of_numpy():
+    rng = np.random.default_rng(3)
+    edges = np.linspace(0.0, 10.0, 6)
+    time, values = np.sort(rng.uniform(0.0, 10.0, 200)), rng.normal(size=200)
+    time[(time > 4.0) & (time < 6.0)] += 2.0  # a part without any
+    time = np.sort(time)
+    values[::9] = np.nan
+    found = quantiles(time, values, edges)
+    parts = [np.isfinite(values) & (time >= low) & (time < high) for low, high in pairwise(edges)]
+    parts = [part for part in parts if part.any()]
+    np.testing.assert_allclose(found.values.T, [np.quantile(values[part], (0.05, 0.5, 0.95)) for part in parts])
+    np.testing.assert_allclose(found.time_ns, [time[part].mean() for part in parts])
+
+
+def trend_of(*entries, kind="live", machine="dz101"):
+    """The only trend of windows of one point."""
+    names = [field.name for field in fields(TrendGroup) if field.name != "key"]
+    values = [{name: np.array([getattr(one, name)]) for name in names} for one in entries]
+    (found,) = by_trend(
+        TrendGroup((one.point, one.axis, machine, kind), **columns)
+        for one, columns in zip(entries, values, strict=True)
+    )
+    return found
+
+
+def drawn(*entries, usual=None, events=()):
+    begins = [one.start_ns for one in entries]
+    edges = np.linspace(min(begins), max(begins) + 1, 301)
+    return trends(trend_of(*entries), "shield", edges, usual or {}, events).axes
 
 
 def test_crest_factor_and_kurtosis_are_drawn_where_known():
-    source = WindowSource("live", "node", "", "dz101", "ab")
     plain = [HistoryEntry("shield", axis, START_NS, 2_000_000_000, 2.0, 1.2, 0.2, 1.0) for axis in "xy"]
-    assert len(trends("shield", [StoredEntry(source, one) for one in plain], None).axes) == 4
+    assert len(drawn(*plain)) == 4
     known = [*plain, replace(plain[0], start_ns=START_NS + 2_000_000_000, field_peak=9.0, field_kurtosis=3.5)]
-    panels = trends("shield", [StoredEntry(source, one) for one in known], None).axes
+    panels = drawn(*known)
     assert len(panels) == 6
-    drawn = {line.get_label(): line.get_ydata().tolist() for line in panels[2].lines}
-    assert drawn == {
-        "crest factor": [pytest.approx(np.nan, nan_ok=True), 4.5],
-        "kurtosis": [pytest.approx(np.nan, nan_ok=True), 3.5],
+    assert {line.get_label(): line.get_ydata().tolist() for line in panels[2].lines} == {
+        "crest factor": [4.5],
+        "kurtosis": [3.5],
     }
 
 
-def test_windows_of_other_kinds_and_machines_are_not_one_line():
+def test_the_limits_are_those_of_the_rule_and_events_are_marked():
+    one = HistoryEntry("shield", "x", START_NS, 2_000_000_000, 2.0, 1.0, 1.0, 1.0)
+    usual = ErrorStatistics(0.3, 0.1, 9, log_mean=0.5, log_scatter=0.2)
+    source = WindowSource("live", "node", "", "dz101", "ab")
+    event = StoredEvent(1, source, Event(START_NS, "level", "shield", "error", "", "too loud"))
+    for statistics, mean, scatter in ((usual, 0.5, 0.2), (None, np.nan, 0.0)):
+        panel = drawn(one, usual={"x": statistics} if statistics else {}, events=[event])[1]
+        low, high = (line.get_ydata()[0] for line in panel.lines[1:3])
+        assert [one.get_label() for one in panel.collections[1:]] == ["event, error"]
+        for ratio, counts in ((low * 1.001, False), (low * 0.999, True), (high * 0.999, False), (high * 1.001, True)):
+            rule = AlarmRule(windows=1, baseline={"shield": UsualRatio(np.full(3, mean), np.full(3, scatter))})
+            three = np.ones(3)
+            window = WindowResult("shield", 0, 1, three, ratio * three, three, 1.0, 1.0, three, three)
+            assert rule.update(window) is counts
+
+
+def test_windows_of_other_kinds_and_machines_are_not_one_line(run, tmp_path):
     one = HistoryEntry("shield", "x", START_NS, 2_000_000_000, 2.0, 1.2, 0.2, 1.0)
-    live, replay = (WindowSource(kind, "node", "", "dz101", "ab") for kind in ("live", "replay"))
-    later = replace(one, start_ns=START_NS + 60_000_000_000)
-    both = [StoredEntry(live, one), StoredEntry(replay, one), StoredEntry(live, replace(one, point="girder"))]
-    assert by_trend(both[::2]) == {"shield": [both[0]], "girder": [both[2]]}
-    assert by_trend(both) == {
-        "shield, live, dz101": [both[0]],
-        "shield, replay, dz101": [both[1]],
-        "girder, live, dz101": [both[2]],
-    }
-    here, south = ([StoredEntry(replace(live, machine=name), at) for at in (one, later)] for name in ("dz101", "south"))
-    usual = {("shield", "x"): ErrorStatistics(0.2, 0.01, 9)}
-    baselines = (BaselineSummary.of(Baseline("spring", "south", "", 1, 0, 1, usual, "live")),)
-    page = history_page(HistorySummary(path="h", baselines=baselines, total=4, summary=(), windows=()), [*here, *south])
-    first, second = re.split("<h2>", page)[1:3]
-    assert first.startswith("shield, live, dz101</h2>")
-    assert "baseline spring" not in first
-    assert second.startswith("shield, live, south</h2>")
-    assert "baseline spring" in second
+    shipped = machine_sha256(load_machine("dz101"))
+    here, south = (WindowSource("live", "node", "", *named) for named in (("dz101", shipped), ("south", "cd")))
+    with History(tmp_path / "h.sqlite") as history:
+        for source in (here, south, replace(here, kind="replay")):
+            history.add(source, [one, replace(one, point="cutterhead"), replace(one, start_ns=START_NS + 60 * 10**9)])
+        usual = {("shield", "x"): ErrorStatistics(0.2, 0.01, 9)}
+        history.store_baseline(Baseline("spring", "south", "", 1, 0, 1, usual, "live"))
+    assert run("history", "--history", tmp_path / "h.sqlite", "--html", tmp_path / "h.html")[0] == 0
+    page = (tmp_path / "h.html").read_text("utf-8")
+    parts = re.split("<h2>", page)[1:7]
+    assert [part.partition("</h2>")[0] for part in parts] == [
+        *("cutterhead, live, dz101", "shield, live, dz101"),  # along the power flow
+        *("cutterhead, replay, dz101", "shield, replay, dz101"),
+        *("cutterhead, live, south", "shield, live, south"),
+    ]
+    assert ["baseline spring" in part for part in parts] == [False] * 4 + [True] * 2
+    assert "Not drawn: no machine file of this name and content is at hand." in page
+    assert page.count("<title>Side view and drives of machine dz101") == 1
 
 
 @pytest.mark.parametrize(

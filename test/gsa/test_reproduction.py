@@ -6,10 +6,10 @@ The whole of it, in the paper's numbers, takes minutes and is marked `verify`; a
 import json
 import re
 from dataclasses import replace
-from html.parser import HTMLParser
 
 import pytest
 from here import pictures_without_layout, simulations_here, small_samplings
+from report_pages import check_page, check_widths
 
 from tbm_dynamics.indicators import INDICATORS
 from tbm_gsa.app.cli import output
@@ -149,16 +149,6 @@ def test_again_it_redoes_no_simulation_and_says_the_same(result, folder, monkeyp
     assert all(said[row.id] == row for row in response_rows(response))
 
 
-class _Links(HTMLParser):
-    def __init__(self):
-        super().__init__()
-        self.links, self.anchors = [], set()
-
-    def handle_starttag(self, tag, attrs):
-        self.links += [value for name, value in attrs if name in {"src", "href"}]
-        self.anchors |= {value for name, value in attrs if name == "id"}
-
-
 def test_the_command_says_what_differs_on_a_whole_page(result, tmp_path, typed, monkeypatch):
     monkeypatch.setattr(workflow, "reproduce", lambda *_, **__: result)
     monkeypatch.setattr(output.results, "_width", 400)  # nothing is wrapped
@@ -175,11 +165,9 @@ def test_the_command_says_what_differs_on_a_whole_page(result, tmp_path, typed, 
     keys = {"id", "source", "what", "paper", "ours", "difference", "unit", "verdict", "note", "reading"}
     assert all(set(row) == keys for row in json.loads(written)["rows"])
     text = (tmp_path / "reproduction.html").read_text("utf-8")
-    page = _Links()
-    page.feed(text)
-    assert all(link.startswith(("data:image/svg+xml;base64,", "#")) for link in page.links)
-    assert {link[1:] for link in page.links if link.startswith("#")} <= page.anchors
-    assert {source.lower().replace(" ", "") for source in SOURCES} <= page.anchors
+    page = check_page(text)
+    assert {source.lower().replace(" ", "") for source in SOURCES} <= set(page.ids)
+    check_widths(text)
     assert "synthetic" in text
 
 

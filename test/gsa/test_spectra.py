@@ -13,7 +13,7 @@ from SALib.test_functions import Ishigami
 from scipy.stats import qmc
 from sklearn.decomposition import PCA
 
-from tbm_gsa.app.report.spectrum_figure import spectrum_maps
+from tbm_gsa.app.report.gsa_spectrum_map import spectrum_maps
 from tbm_gsa.comparison.results import ExpectedLine
 from tbm_gsa.sensitivity.results import SpectrumBand, SpectrumResult, StudyResult
 from tbm_gsa.sensitivity.sobol.closed_form import expansion_indices
@@ -251,6 +251,6 @@ def test_a_study_of_a_spectrum_from_command_to_report(tmp_path, typed, monkeypat
     (row,) = (row for row in rows if row["low_hz"] == "8.913" and row["input"] == "x2")
     assert float(row["ST"]) == found["bands"][0]["total"]["x2"]
     page = (out / "report.html").read_text(encoding="utf-8")
-    assert page.count("<img") == 1
+    assert page.count("<svg") == 2, "the map and the machine"
     assert "Strongest parameters" not in page
     assert "x2 leads in 8.913–" in page

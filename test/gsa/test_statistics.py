@@ -12,6 +12,7 @@ from hypothesis.extra.numpy import arrays
 
 from tbm_gsa.signals.conditioning import Segment
 from tbm_gsa.signals.reduction import one_level
+from tbm_gsa.signals.spectrogram import SpectrogramCollector
 from tbm_gsa.signals.spectrum import WelchCollector, mixed_spectrum
 from tbm_gsa.signals.statistics import (
     SpectralLine,
@@ -160,6 +161,20 @@ def test_levels_have_spectra_of_their_own():
     assert low.density.mean() == pytest.approx(2.0 / RATE, rel=0.05)
     assert high.density.mean() == pytest.approx(50.0 / RATE, rel=0.05)
     assert mixed.segments == pytest.approx(19 / (0.25**2 + 0.75**2))
+
+
+def test_a_spectrogram_is_the_mean_of_scipys_and_empty_in_gaps():
+    collector = SpectrogramCollector(RATE, 200.0)  # 1 Hz, half a second a column
+    parts = [segment(NOISE[:7000]), segment(NOISE[7000:], 7.0, joined=True), segment(NOISE, 180.0)]
+    for part in parts:
+        collector.add(part)
+    found = collector.finish()
+    frequency, _, density = scipy.signal.spectrogram(NOISE[:, 0], RATE, "hann", 1000, 500, detrend=False)
+    mean = density[:, :38].reshape(501, 19, 2).mean(axis=2)  # 400 columns became 200
+    assert (found.column_s, found.resolution_hz, found.density.shape) == (1.0, frequency[1], (201, 200))
+    np.testing.assert_allclose(found.density[:, :19], mean[:201])
+    np.testing.assert_allclose(found.density[:, 180:199], mean[:201])
+    assert np.isnan(found.density[:, 20:180]).all()
 
 
 def test_strongest_lines_with_their_rms():

@@ -18,8 +18,8 @@ from tbm_gsa.app.nodes import gsa_process, level_watch  # noqa: E402
 from tbm_gsa.app.nodes.analysis_node import AnalysisNode  # noqa: E402
 from tbm_gsa.explanation.live_observation import LiveObservation  # noqa: E402
 from tbm_gsa.history import EventSelection, HistoryReader  # noqa: E402
-from tbm_gsa.history.summary import iso_time  # noqa: E402
 from tbm_msgs_py import ACCELERATION, OperatingPoint  # noqa: E402
+from tbm_msgs_py.base.units import iso_time  # noqa: E402
 from tbm_msgs_py.nodes import messages, qos  # noqa: E402
 
 sys.path.append(str(Path(__file__).parents[1] / "gsa"))

@@ -85,7 +85,7 @@ def compare(
     check_result(html, "page")
     synthetic = is_synthetic(bag)
     kept = not synthetic if keep is None else keep
-    settings = Settings(window_s=window, high_hz=high_hz)
+    settings = Settings(window_s=window, high_hz=high_hz, spectrogram=html is not None)
     if bands is not None:
         settings = replace(settings, bands=parse_bands(bands, highest_hz(settings)))
     if kept and history is not None:

@@ -28,27 +28,29 @@ from tbm_gsa.history import (
     SOURCE_KINDS,
     Baseline,
     ContextKey,
+    EventSelection,
     History,
     HistoryReader,
     Selection,
-    StoredEntry,
     default_history,
     make_baseline,
 )
 from tbm_gsa.history.export import TableKind, table_kind, write_table
+from tbm_gsa.history.spread import read_spread
 from tbm_gsa.history.summary import (
     BaselineList,
     BaselineSummary,
     HistorySummary,
     ListedState,
     history_summary,
+    spread_summary,
     why_nothing,
 )
 from tbm_gsa.reading import Part
 from tbm_msgs_py.base.errors import InputError
 from tbm_msgs_py.base.files import check_result, write_whole
 
-MOST_PLOTTED = 5_000_000  # windows, which are held in memory: a week of five points every 2 s
+MOST_LISTED = 5_000_000  # windows, which are held in memory: a week of five points every 2 s
 
 Point = Annotated[str | None, typer.Option(help="This test point only.")]
 Origin = Annotated[
@@ -104,7 +106,7 @@ def show(
     machine: Of = None,
     by: Annotated[ContextKey | None, typer.Option(help="Tell the trends apart by this of the context, too.")] = None,
     limit: Annotated[
-        int, typer.Option(min=0, max=MOST_PLOTTED, help="Newest entries to list in the JSON document.")
+        int, typer.Option(min=0, max=MOST_LISTED, help="Newest entries to list in the JSON document.")
     ] = 1000,
     html: Annotated[Path | None, typer.Option(help="Write a page with trends to this file.", dir_okay=False)] = None,
     png: Annotated[Path | None, typer.Option(help="Write a picture of the trends.", dir_okay=False)] = None,
@@ -125,10 +127,9 @@ def show(
     plotted = html is not None or png is not None
     with HistoryReader(history or default_history()) as opened:
         opened.check(chosen)
-        found = history_summary(opened, chosen, limit, by)
-        windows = _to_plot(opened, chosen, found.total) if plotted else []
-    if plotted:
-        _plot(found, windows, html, png)
+        if plotted:
+            shown = _plot(opened, chosen, by, html, png)
+        found = shown if plotted and not json else history_summary(opened, chosen, limit, by)
     if json:
         print_json(found)
     else:
@@ -239,20 +240,22 @@ def _machine_name(machine: str | None) -> str | None:
     return machine if described is None else described.name
 
 
-def _to_plot(history: HistoryReader, selection: Selection, count: int) -> list[StoredEntry]:
-    if not 1 <= count <= MOST_PLOTTED:
-        number = count or "no"
-        raise InputError(f"{history.path}: {number} windows to plot, allowed: options that choose 1 to {MOST_PLOTTED}")
-    return history.windows(selection)
-
-
-def _plot(found: HistorySummary, windows: list[StoredEntry], html: Path | None, png: Path | None) -> None:
+def _plot(
+    history: HistoryReader, selection: Selection, by: ContextKey | None, html: Path | None, png: Path | None
+) -> HistorySummary:
+    """Write page and picture; what they say of the trends."""
     from tbm_gsa.app.report.history_page import history_page, history_picture  # noqa: PLC0415 - matplotlib loads slowly
 
+    spread = read_spread(history, selection, by)
+    if spread is None:
+        raise InputError(f"{history.path}: no windows to plot, allowed: options that choose one at least")
+    found = spread_summary(history, spread, by)
+    events = history.events(EventSelection(spread.first_ns, spread.last_ns + 1))
     if html is not None:
-        write_whole(html, history_page(found, windows).encode())
+        write_whole(html, history_page(found, spread, events).encode())
     if png is not None:
-        write_whole(png, history_picture(found, windows))
+        write_whole(png, history_picture(found, spread, events))
+    return found
 
 
 def _print(found: HistorySummary) -> None:

@@ -12,8 +12,8 @@ from tbm_gsa.app.nodes.watch_store import state_entries
 from tbm_gsa.explanation.machine_watch import LIKELY, MachineAlarm, WatchState
 from tbm_gsa.history import StateEntry
 from tbm_gsa.history.entries import StatePart
-from tbm_gsa.history.summary import iso_time
 from tbm_gsa.sensitivity.study.inputs import known_input
+from tbm_msgs_py.base.units import iso_time
 from tbm_msgs_py.nodes import messages
 
 _SENSOR = "the sensor, its mounting, cable and range"

@@ -4,10 +4,12 @@ from typing import Final
 
 from tbm_gsa.app.report import compare_figures
 from tbm_gsa.app.report.drive_figure import drive_figure
-from tbm_gsa.app.report.page import embed_figure, render_page
+from tbm_gsa.app.report.page import PageHead, PageMachine, embed_figure, recorded_at, render_page
+from tbm_gsa.app.report.spectrum_figures import lines_by_kind, spectra, spectrograms
 from tbm_gsa.comparison.results import ComparisonResult
 from tbm_gsa.comparison.workflow import RecordingComparison
 from tbm_gsa.provenance import versions_text
+from tbm_msgs_py.base.units import STANDARD_GRAVITY
 from tbm_msgs_py.recordings.recording_health import COUNTS
 
 LOW_COVERAGE: Final = 0.9
@@ -22,10 +24,16 @@ def compare_page(compared: RecordingComparison) -> str:
         name: next(axis.coverage for axis in point.values() if axis.coverage is not None)  # of all alike
         for name, point in result.points.items()
     }
+    head = PageHead(
+        title="Recording against model",
+        subtitle=f"{result.recording.path}, machine {result.machine}, {points}",
+        data=recorded_at(result.recording.begin, result.recording.duration),
+        units=f"accelerations in m/s², velocities in mm/s; 1 g = {STANDARD_GRAVITY:g} m/s²",
+        machines=(PageMachine.of(result.machine, result.machine_file),),
+    )
     context = {
-        "title": "Recording against model",
-        "subtitle": f"{result.recording.path}, machine {result.machine}, {points}",
         "result": result,
+        "gravity": STANDARD_GRAVITY,
         "drives": result.drives,
         "drives_figure": result.drives and embed_figure(drive_figure(result.drives), "Torques of the drives"),
         "axis_names": compare_figures.AXIS_NAMES,
@@ -40,7 +48,7 @@ def compare_page(compared: RecordingComparison) -> str:
         "fault_names": _fault_names(result),
         "provenance": _provenance(result),
     }
-    return render_page("compare.html", context | (_of_points(compared) if result.points else {}))
+    return render_page("compare.html", head, context | (_of_points(compared) if result.points else {}))
 
 
 def _of_points(compared: RecordingComparison) -> dict[str, object]:
@@ -55,7 +63,12 @@ def _of_points(compared: RecordingComparison) -> dict[str, object]:
             compare_figures.time_series(*compared.excerpts[first]),
             f"Axial acceleration measured and computed at {first}",
         ),
-        "spectra": embed_figure(compare_figures.spectra(result), "Axial power spectral densities"),
+        "spectra": embed_figure(spectra(result), "Axial power spectral densities"),
+        "spectrograms": compared.spectrograms
+        and embed_figure(
+            spectrograms(result, compared.spectrograms), "Axial power over time and frequency, measured and computed"
+        ),
+        "expected": lines_by_kind(result.expected_lines),
         "flow": embed_figure(compare_figures.power_flow(result), "RMS of every test point in each direction"),
         "windows": embed_figure(compare_figures.windows(result), "Axial RMS and relative error by window"),
     }

@@ -8,7 +8,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from tbm_gsa.app.report.page import embed_figure, render_page
+from tbm_gsa.app.report.page import PageHead, PageMachine, embed_figure, recorded_at, render_page
 from tbm_gsa.explanation.result import Explanation, Joint, JointInput
 from tbm_gsa.provenance import versions_text
 from tbm_gsa.sensitivity.study.distributions import LogUniform
@@ -26,16 +26,22 @@ def write_explanation_page(found: Explanation, path: Path) -> None:
 
 def explanation_page(found: Explanation) -> str:
     """Render the page of an explanation; everything in it is escaped."""
+    head = PageHead(
+        title="Rock, machine or sensor",
+        subtitle=f"{found.recording.path} against {found.machine}",
+        data=recorded_at(found.recording.begin),
+        units="accelerations in m/s², noise of sensors in mm/s²/√Hz with µg/√Hz beside it; "
+        f"1 g = {STANDARD_GRAVITY:g} m/s²",
+        machines=(PageMachine.of(found.machine, found.machine_file),),
+    )
     context = {
-        "title": "Rock, machine or sensor",
-        "subtitle": f"{found.recording.path} against {found.machine}",
         "found": found,
-        "micro_g": 1e6 / STANDARD_GRAVITY,
+        "gravity": STANDARD_GRAVITY,
         "before_after": embed_figure(before_after(found), "Field over model before and after, every band RMS"),
         "joint": embed_figure(joint_intervals(found.joint), "Intervals of all inputs"),
         "provenance": _provenance(found),
     }
-    return render_page("explanation.html", context)
+    return render_page("explanation.html", head, context)
 
 
 def before_after(found: Explanation) -> Figure:

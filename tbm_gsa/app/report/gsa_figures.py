@@ -8,6 +8,7 @@ from matplotlib.axes import Axes
 from matplotlib.colors import to_rgba
 from matplotlib.figure import Figure
 
+from tbm_dynamics.indicators import UNITS
 from tbm_gsa.app.report.picture import tidy
 from tbm_gsa.sensitivity.results import NOT_DETERMINED, IndexInterval, IndexTable, OutputResult
 from tbm_gsa.sensitivity.study.analysis import OutputFit
@@ -25,6 +26,11 @@ Results = Mapping[str, OutputResult]
 Fits = Sequence[OutputFit]
 Drawn = TypeVar("Drawn")
 Judged = TypeVar("Judged", OutputResult, OutputFit)
+
+
+def output_unit(name: str) -> str:
+    """Return the unit of an output; empty of a number, and of a function's value."""
+    return UNITS.get(name, "m/s²" if name.startswith(("rms_", "peak_")) else "")
 
 
 def index_bars(fits: Fits, inputs: InputSet) -> Figure:
@@ -46,7 +52,7 @@ def index_bars(fits: Fits, inputs: InputSet) -> Figure:
 
 def response_curves(fits: Fits, inputs: InputSet) -> Figure:
     """Mean response along the strongest inputs, one panel per output."""
-    figure, panels = _determined_panels(_by_name(fits), height=2.6)
+    figure, panels = _determined_panels(_by_name(fits), height=2.6, values=True)
     for panel, fit in panels:
         for curve, colour in zip(fit.curves, PALETTE, strict=False):
             item = inputs[curve.code]
@@ -60,7 +66,7 @@ def response_curves(fits: Fits, inputs: InputSet) -> Figure:
 
 def design_points(fits: Fits, inputs: InputSet) -> Figure:
     """Training and test points over the strongest input of every output."""
-    figure, panels = _panels(_by_name(fits), columns=4, height=2.8)
+    figure, panels = _panels(_by_name(fits), columns=4, height=2.8, values=True)
     for panel, fit in panels:
         best, item = fit.best, inputs[fit.curves[0].code]
         k, samples = inputs.codes.index(item.code), best.model.samples
@@ -73,7 +79,7 @@ def design_points(fits: Fits, inputs: InputSet) -> Figure:
 
 def prediction_scatter(fits: Fits) -> Figure:
     """Scatter simulated against predicted values, one panel per output."""
-    figure, panels = _panels(_by_name(fits), columns=4, height=2.8)
+    figure, panels = _panels(_by_name(fits), columns=4, height=2.8, values=True)
     for panel, fit in panels:
         best, held_out = fit.best, fit.best.validation
         _samples(panel, (held_out.actual, held_out.predicted), (best.test_actual, best.test_predicted), "held out")
@@ -178,7 +184,7 @@ def method_comparison(outputs: Results) -> Figure:
 
 def morris_scatter(outputs: Results) -> Figure:
     """Mean absolute elementary effect against its deviation; the strongest inputs are named."""
-    figure, panels = _determined_panels(outputs, columns=4, height=2.8)
+    figure, panels = _determined_panels(outputs, columns=4, height=2.8, values=True)
     for panel, output in panels:
         if output.morris is None:
             continue
@@ -203,25 +209,29 @@ def make_panels(count: int, *, height: float, columns: int = COLUMNS) -> tuple[F
     return figure, panels
 
 
+def _with_unit(name: str) -> str:
+    return f"{name}, {unit}" if (unit := output_unit(name)) else name
+
+
 def _by_name(fits: Fits) -> dict[str, OutputFit]:
     return {fit.name: fit for fit in fits}
 
 
 def _panels(
-    outputs: Mapping[str, Drawn], *, height: float, columns: int = COLUMNS
+    outputs: Mapping[str, Drawn], *, height: float, columns: int = COLUMNS, values: bool = False
 ) -> tuple[Figure, list[tuple[Axes, Drawn]]]:
-    """Make a figure with a panel for every output, under its name."""
+    """Make a figure with a panel for every output, under its name; with its unit where its values are drawn."""
     figure, panels = make_panels(len(outputs), height=height, columns=columns)
     for panel, name in zip(panels, outputs, strict=True):
-        panel.set_title(name, loc="left")
+        panel.set_title(_with_unit(name) if values else name, loc="left")
     return figure, list(zip(panels, outputs.values(), strict=True))
 
 
 def _determined_panels(
-    outputs: Mapping[str, Judged], *, height: float, columns: int = COLUMNS
+    outputs: Mapping[str, Judged], *, height: float, columns: int = COLUMNS, values: bool = False
 ) -> tuple[Figure, list[tuple[Axes, Judged]]]:
     """Make a figure as `_panels` does; returned are the panels of outputs with indices, the others say so."""
-    figure, panels = _panels(outputs, height=height, columns=columns)
+    figure, panels = _panels(outputs, height=height, columns=columns, values=values)
     for panel, output in panels:
         if not output.determined:
             panel.set_axis_off()

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Final
 from tbm_dynamics import load_machine
 from tbm_gsa.app.report import gsa_figures as figures
 from tbm_gsa.app.report.gsa_tables import gsa_tables
-from tbm_gsa.app.report.page import embed_figure, render_page
+from tbm_gsa.app.report.page import PageHead, PageMachine, embed_figure, render_page
 from tbm_gsa.provenance import machine_sha256, versions_text
 from tbm_gsa.sensitivity.results import NOT_DETERMINED, REPORT_NAME, TABLES_NAME, OutputResult, StudyResult
 from tbm_gsa.sensitivity.study.analysis import OutputFit
@@ -48,11 +48,17 @@ def gsa_page(result: StudyResult, fits: Mapping[str, OutputFit]) -> str:
         A page that holds its figures and style.
     """
     inputs, samples = InputSet(tuple(map(Input.from_dict, result.inputs.values()))), result.samples
-    context = {
-        "title": "Global sensitivity of the driving system",
-        "subtitle": f"{len(inputs)} inputs, {len(result.outputs) + len(result.spectra)} outputs, "
+    head = PageHead(
+        title="Global sensitivity of the driving system",
+        subtitle=f"{len(inputs)} inputs, {len(result.outputs) + len(result.spectra)} outputs, "
         f"{samples.train} training and {samples.test} test points",
+        data=f"simulations of this study, design {result.design}, seed {result.seed}; no recording",
+        units="SI: accelerations in m/s², displacements in m, angles in rad, forces in N; inputs as their table says",
+        machines=_machines(result.settings),
+    )
+    context = {
         "result": result,
+        "unit": figures.output_unit,
         "poor": [name for name, output in result.outputs.items() if output.determined and output.r2_cv < POOR_R2],
         "doubts": result.doubts(),
         "not_determined": NOT_DETERMINED,
@@ -64,7 +70,13 @@ def gsa_page(result: StudyResult, fits: Mapping[str, OutputFit]) -> str:
         **(_figures(result.outputs, fits, inputs) if result.outputs else {}),
         **(_maps(result, inputs) if result.spectra else {}),
     }
-    return render_page("gsa.html", context)
+    return render_page("gsa.html", head, context)
+
+
+def _machines(settings: Mapping[str, str | int | float]) -> tuple[PageMachine, ...]:
+    """Machine that was simulated; none where a study is one of functions."""
+    named = (settings.get("machine"), settings.get("machine_sha256"))
+    return (PageMachine(str(named[0]), str(named[0]), str(named[1])),) if all(named) else ()
 
 
 def _distances(output: OutputResult) -> list[tuple[float, float]]:
@@ -101,7 +113,7 @@ def _figures(outputs: Mapping[str, OutputResult], by_name: Mapping[str, OutputFi
 
 def _maps(result: StudyResult, inputs: InputSet) -> dict[str, str]:
     """Draw the maps of the spectra as an image element."""
-    from tbm_gsa.app.report.spectrum_figure import spectrum_maps  # noqa: PLC0415 - loads what reads recordings
+    from tbm_gsa.app.report.gsa_spectrum_map import spectrum_maps  # noqa: PLC0415 - loads what reads recordings
 
     figure = spectrum_maps(result.spectra, inputs, _lines(result))
     return {"maps": embed_figure(figure, "Maps of total indices by band and input")}

@@ -1,7 +1,9 @@
-"""Figures of the history: level, error and shocks of one test point over time."""
+"""Figures of the history: level, its ratio to the model's and shocks of one test point over time."""
 
-import math
-from collections.abc import Iterator, Sequence
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
 from datetime import UTC
 from typing import Final
 
@@ -9,104 +11,164 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.dates import AutoDateLocator, ConciseDateFormatter
 from matplotlib.figure import Figure
+from matplotlib.ticker import LogLocator, NullLocator
 from numpy.typing import NDArray
 
 from tbm_gsa.app.report.compare_figures import AXIS_NAMES, FIELD, MODEL, WIDTH, plain_text
 from tbm_gsa.app.report.picture import tidy
-from tbm_gsa.comparison.alarm import SCATTERS
+from tbm_gsa.comparison.alarm import log_reach
 from tbm_gsa.history.baseline import ErrorStatistics
-from tbm_gsa.history.entries import StoredEntry
-from tbm_gsa.history.summary import BaselineSummary
+from tbm_gsa.history.events import StoredEvent
+from tbm_gsa.history.spread import TrendGroup
 from tbm_msgs_py.base.arrays import Array
-from tbm_msgs_py.base.units import STANDARD_GRAVITY
+from tbm_msgs_py.topics import ERROR_THRESHOLD
 
-POINTS_SHOWN: Final = 2000  # of a trend; more become means of neighbours
-HIGHEST_PERCENT: Final = 300.0  # a dead sensor would hide everything else
+MOST_MARKED: Final = 100  # points of a line; more of them run together
+FARTHEST: Final = 20.0  # factor from the limits; a dead sensor would hide everything else
 MOST_TICKS: Final = 6  # of the time below a panel; more run into each other
-_ERROR: Final = "#333333"
+SHARES: Final = (0.05, 0.5, 0.95)
+_RATIO: Final = "#333333"
+_TICKS: Final = (1.0, 1.5, 2.0, 3.0, 5.0, 7.0)
+_LIMIT: Final = "#d00000"
 _SHOCKS: Final = {"field_crest_factor": ("crest factor", "#009E73"), "field_kurtosis": ("kurtosis", "#CC79A7")}
+_SEVERITIES: Final = {"info": "#7f7f7f", "warning": "#E69F00", "error": "#d00000"}
+
+Stamps = NDArray[np.datetime64]
 
 
-def by_trend(windows: Sequence[StoredEntry]) -> dict[str, list[StoredEntry]]:
-    """Windows that make a line: of one test point, one machine and one kind; these two are named where they differ."""
-    found: dict[tuple[str, str, str], list[StoredEntry]] = {}
-    for window in windows:
-        source = window.source
-        found.setdefault((window.entry.point, source.kind, source.machine), []).append(window)
-    mixed = len({(kind, machine) for _, kind, machine in found}) > 1
-    return {", ".join(key) if mixed else key[0]: members for key, members in found.items()}
+@dataclass(frozen=True)
+class Trend:
+    """Windows that make a line: of one test point, one machine and one kind of source, by axis."""
+
+    point: str
+    machine: str
+    kind: str
+    axes: Mapping[str, TrendGroup]
 
 
-def trends(name: str, windows: Sequence[StoredEntry], baseline: BaselineSummary | None) -> Figure:
-    """RMS, relative error and shocks of the windows of one test point over time, a row an axis.
+@dataclass(frozen=True, eq=False)
+class Quantiles:
+    """Shares of the values of the parts of a time that have any: times (m,), ns, and values (3, m) by `SHARES`."""
 
-    Dashed: the baseline's mean and limits. The shocks are left out where no window knows them.
+    time_ns: Array
+    values: Array
+
+
+def by_trend(groups: Iterable[TrendGroup]) -> list[Trend]:
+    """Sort groups into trends; what else they differ in, as their context, makes no line of its own."""
+    found: dict[tuple[str, str, str], dict[str, list[TrendGroup]]] = {}
+    for group in groups:
+        point, axis, machine, kind = group.key[:4]
+        found.setdefault((point, machine, kind), {}).setdefault(axis, []).append(group)
+    return [
+        Trend(*key, {axis: TrendGroup.joined(axes[axis]) for axis in AXIS_NAMES if axis in axes})
+        for key, axes in found.items()
+    ]
+
+
+def quantiles(time_ns: Array, values: Array, edges_ns: Array) -> Quantiles:
+    """5 %, median and 95 % of the known values (n,) between edges (k + 1,), interpolated as numpy does."""
+    known = np.isfinite(values)
+    time_ns, values = time_ns[known], values[known]
+    part = np.clip(np.searchsorted(edges_ns, time_ns, side="right") - 1, 0, len(edges_ns) - 2)
+    ordered = values[np.lexsort((values, part))]
+    count = np.bincount(part, minlength=len(edges_ns) - 1)
+    used, first = count > 0, np.cumsum(count) - count
+    middle = np.bincount(part, time_ns - edges_ns[0], minlength=len(count))[used] / count[used] + edges_ns[0]
+    place = first[used] + np.outer(SHARES, count[used] - 1)
+    low = place.astype(np.int64)
+    high = np.minimum(low + 1, len(ordered) - 1)
+    return Quantiles(middle, ordered[low] + (place - low) * (ordered[high] - ordered[low]))
+
+
+def trends(
+    trend: Trend, name: str, edges_ns: Array, usual: Mapping[str, ErrorStatistics], events: Sequence[StoredEvent]
+) -> Figure:
+    """RMS, its ratio to the model's and shocks of the windows of one test point over time, a row an axis.
+
+    Each a median and, shaded, 5 to 95 % of the windows of a part of the time. Dashed: where a window counts for an
+    alarm, about what is usual. Upright lines: begins of events. The shocks are left out where no window knows them.
     """
-    point = windows[0].entry.point
-    axes = [axis for axis in AXIS_NAMES if any(window.entry.axis == axis for window in windows)]
-    shocks = any(math.isfinite(getattr(window.entry, name)) for window in windows for name in _SHOCKS)
-    figure = Figure(figsize=(WIDTH, 0.7 + 2.1 * len(axes)), layout="constrained")
-    rows = figure.subplots(len(axes), 3 if shocks else 2, squeeze=False, sharex=True)
-    for panels, axis in zip(rows, axes, strict=True):
-        chosen = [window for window in windows if window.entry.axis == axis]
-        _draw_levels(panels[0], chosen, f"{name}, {AXIS_NAMES[axis]}: RMS, g")
-        _draw_errors(panels[1], chosen, baseline.points.get(point, {}).get(axis) if baseline else None)
+    shocks = any(np.isfinite(getattr(group, key)).any() for group in trend.axes.values() for key in _SHOCKS)
+    figure = Figure(figsize=(WIDTH, 0.9 + 2.0 * len(trend.axes)))
+    rows = figure.subplots(len(trend.axes), 3 if shocks else 2, squeeze=False, sharex=True)
+    height = figure.get_size_inches()[1]
+    figure.subplots_adjust(0.055, 0.5 / height, 0.99, 1.0 - 0.55 / height, wspace=0.2, hspace=0.35)
+    for panels, (axis, group) in zip(rows, trend.axes.items(), strict=True):
+        _draw_levels(panels[0], group, edges_ns, f"{name}, {AXIS_NAMES[axis]}: RMS, m/s²")
+        _draw_ratio(panels[1], group, edges_ns, usual.get(axis))
         if shocks:
-            _draw_shocks(panels[2], chosen)
+            _draw_shocks(panels[2], group, edges_ns)
         for panel in panels:
-            panel.set_ylim(bottom=0.0)
+            _mark_events(panel, events)
             tidy(panel)
+    longest = max(int(group.length_ns.max()) for group in trend.axes.values())
+    rows[0, 0].set_xlim(_stamps(np.array([edges_ns[0], edges_ns[-1] + longest])))
     locator = AutoDateLocator(tz=UTC, maxticks=MOST_TICKS)  # type: ignore[no-untyped-call]
     for panel in rows[-1]:
         panel.xaxis.set_major_locator(locator)
         panel.xaxis.set_major_formatter(ConciseDateFormatter(locator, tz=UTC))  # type: ignore[no-untyped-call]
         panel.set_xlabel("UTC")
-    named = [panel.get_legend_handles_labels() for panel in rows[0]]
-    handles, labels = ([one for pair in named for one in pair[i]] for i in (0, 1))
-    figure.legend(handles, labels, loc="outside upper right", ncols=len(labels), frameon=False)
+    named = dict(pair for panel in rows[0] for pair in zip(*panel.get_legend_handles_labels()[::-1], strict=True))
+    figure.legend(named.values(), named.keys(), loc="upper right", ncols=len(named), frameon=False)
     return figure
 
 
-def _draw_levels(panel: Axes, windows: Sequence[StoredEntry], title: str) -> None:
-    for name, attribute, colour in (("measured", "field_rms", FIELD), ("model", "model_rms", MODEL)):
-        time, values = _series(windows, attribute)
-        panel.plot(time, values / STANDARD_GRAVITY, ".-", color=colour, markersize=3, linewidth=0.6, label=name)
-    panel.set_title(plain_text(title), loc="left")
+def _draw_levels(panel: Axes, group: TrendGroup, edges_ns: Array, title: str) -> None:
+    _draw(panel, group, np.where(group.field_rms > 0.0, group.field_rms, np.nan), edges_ns, FIELD, "measured")
+    modelled = np.where(group.model_rms > 0.0, group.model_rms, np.nan)
+    _draw(panel, group, modelled, edges_ns, MODEL, "model")
+    panel.set_ylim(bottom=0.0)
+    panel.set_title(plain_text(title), loc="left", y=1.0, fontsize=10)
 
 
-def _draw_errors(panel: Axes, windows: Sequence[StoredEntry], usual: ErrorStatistics | None) -> None:
-    time, values = _series(windows, "relative_error")
-    panel.plot(time, 100.0 * values, ".-", color=_ERROR, markersize=3, linewidth=0.6)
-    panel.set_title("relative error, %", loc="left")
-    if usual is not None:
-        reach = SCATTERS * usual.scatter
-        panel.axhline(100.0 * usual.mean, color=MODEL, linewidth=0.9, linestyle="--")
-        panel.axhspan(100.0 * (usual.mean - reach), 100.0 * (usual.mean + reach), color=MODEL, alpha=0.1, linewidth=0.0)
-    panel.set_ylim(top=min(panel.get_ylim()[1], HIGHEST_PERCENT))
+def _draw_ratio(panel: Axes, group: TrendGroup, edges_ns: Array, usual: ErrorStatistics | None) -> None:
+    """Draw measured over computed RMS, and the limits of the alarm on the level."""
+    drawn = _draw(panel, group, np.exp(group.log_ratio), edges_ns, _RATIO, None)
+    mean, scatter = (usual.log_mean, usual.log_scatter) if usual is not None else (None, None)
+    reach = float(log_reach(scatter or 0.0, ERROR_THRESHOLD))
+    limits = np.exp([(mean or 0.0) - reach, (mean or 0.0) + reach])
+    for number, limit in enumerate(limits):
+        label = None if number else "limits of the alarm"
+        panel.axhline(limit, color=_LIMIT, linewidth=0.9, linestyle="--", label=label)
+    panel.set_yscale("log")
+    seen = np.concatenate([drawn[drawn > 0.0], limits])
+    low, high = max(seen.min(), limits[0] / FARTHEST), min(seen.max(), limits[1] * FARTHEST)
+    panel.set_ylim(low / 1.15, high * 1.15)
+    panel.yaxis.set_major_locator(LogLocator(subs=_TICKS))
+    panel.yaxis.set_minor_locator(NullLocator())
+    panel.yaxis.set_major_formatter("{x:g}")
+    panel.set_title("measured over model", loc="left", y=1.0, fontsize=10)
 
 
-def _draw_shocks(panel: Axes, windows: Sequence[StoredEntry]) -> None:
+def _draw_shocks(panel: Axes, group: TrendGroup, edges_ns: Array) -> None:
     for attribute, (name, colour) in _SHOCKS.items():
-        time, values = _series(windows, attribute)
-        panel.plot(time, values, ".-", color=colour, markersize=3, linewidth=0.6, label=name)
-    panel.set_title("measured: crest factor, kurtosis", loc="left")
+        _draw(panel, group, getattr(group, attribute), edges_ns, colour, name)
+    panel.set_ylim(bottom=0.0)
+    panel.set_title("measured: crest factor, kurtosis", loc="left", y=1.0, fontsize=10)
 
 
-def _series(windows: Sequence[StoredEntry], attribute: str) -> tuple[NDArray[np.datetime64], Array]:
-    """Collect times and values, means of neighbours where there are many; ten windows without one break the line."""
-    stamps = np.array([window.entry.start_ns + window.entry.length_ns // 2 for window in windows])
-    values = np.array([getattr(window.entry, attribute) for window in windows])
-    values = np.where(np.isfinite(values), values, np.nan)
-    length = max(window.entry.length_ns for window in windows)
-    size = -(-len(stamps) // POINTS_SHOWN)
-    times, means = np.array(list(_means(stamps.astype(np.float64), size))), list(_means(values, size))
-    breaks = np.flatnonzero(np.diff(times) > 10 * size * length) + 1
-    moments = np.insert(times, breaks, times[breaks]).astype(np.int64).astype("datetime64[ns]")
-    return moments, np.insert(means, breaks, np.nan)
+def _draw(panel: Axes, group: TrendGroup, values: Array, edges_ns: Array, colour: str, label: str | None) -> Array:
+    """Draw the median of values and their 5 to 95 %, which are returned; ten parts without a window break the line."""
+    found = quantiles(group.middle_ns, values, edges_ns)
+    length = max(float(group.length_ns.max()), edges_ns[1] - edges_ns[0])
+    breaks = np.flatnonzero(np.diff(found.time_ns) > 10.0 * length) + 1
+    times = _stamps(np.insert(found.time_ns, breaks, found.time_ns[breaks]))
+    low, median, high = np.insert(found.values, breaks, np.nan, axis=1)
+    style = ".-" if len(times) <= MOST_MARKED else "-"
+    panel.plot(times, median, style, color=colour, markersize=3, linewidth=0.8, label=label)
+    panel.fill_between(times, low, high, color=colour, alpha=0.25, linewidth=0.0)
+    return found.values
 
 
-def _means(values: Array, size: int) -> Iterator[float]:
-    for first in range(0, len(values), size):
-        part = values[first : first + size]
-        known = part[~np.isnan(part)]
-        yield float(known.mean()) if known.size else float("nan")
+def _stamps(time_ns: Array) -> Stamps:
+    return time_ns.astype(np.int64).astype("datetime64[ns]")
+
+
+def _mark_events(panel: Axes, events: Sequence[StoredEvent]) -> None:
+    for severity, colour in _SEVERITIES.items():
+        begins = [one.event.begin_ns for one in events if one.event.severity == severity]
+        if begins:
+            moments = _stamps(np.array(begins))
+            across = panel.get_xaxis_transform()
+            panel.vlines(moments, 0.0, 1.0, color=colour, linewidth=1.0, transform=across, label=f"event, {severity}")

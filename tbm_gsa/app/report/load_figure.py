@@ -7,6 +7,7 @@ from typing import Final
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from tbm_gsa.app.report.picture import thinned
 from tbm_gsa.paper.load_summary import HIGHEST_HZ, RATE_HZ, RESOLUTION_HZ, LoadRun, line_amplitudes
 from tbm_gsa.paper.published import LoadRow
 from tbm_msgs_py.base.arrays import Array
@@ -34,7 +35,7 @@ def load_figure(run: LoadRun) -> Figure:
 
 def _over_time(panel: Axes, time: Array, values: Array) -> None:
     shown = time < SHOWN_S
-    panel.plot(time[shown], values[shown], color=CURVE, linewidth=0.6)
+    panel.plot(*thinned(time[shown], values[shown]), color=CURVE, linewidth=0.6)
     panel.axhline(values.mean(), color=LINE, linewidth=0.8, linestyle="--")
     panel.margins(x=0.0)
 
@@ -46,7 +47,7 @@ def _over_frequency(panel: Axes, values: Array, stated: LoadRow) -> None:
     for line in stated.lines:
         panel.axvline(line, color=LINE, linewidth=0.7, linestyle=":")
     # Plain numbers: a picture that shows names of others draws no mathematics.
-    panel.semilogy(frequency, amplitude, color=CURVE, linewidth=0.7)
+    panel.semilogy(*thinned(frequency, amplitude), color=CURVE, linewidth=0.7)
     panel.yaxis.set_major_formatter("{x:g}")
     panel.set_xlim(0.0, HIGHEST_HZ)
     top = float(amplitude.max())

@@ -13,7 +13,6 @@ from matplotlib.figure import Figure
 from matplotlib.layout_engine import ConstrainedLayoutEngine
 from matplotlib.lines import Line2D
 from matplotlib.patches import Circle, FancyArrowPatch, Patch
-from matplotlib.patheffects import AbstractPathEffect, withStroke
 
 from tbm_dynamics import Machine
 from tbm_dynamics.machine.description import MachineDescription
@@ -41,7 +40,7 @@ _STYLES: Final[dict[str, tuple[str, str | tuple[int, tuple[float, ...]], str]]] 
     "gearbox": ("#6a3d9a", "-", "planetary gearbox"),
 }
 _TESTED: Final = "#ffe680"
-_HALO: Final[list[AbstractPathEffect]] = [withStroke(linewidth=2.5, foreground="white")]
+_GROUND: Final = {"facecolor": "white", "edgecolor": "none", "pad": 0.3}  # of labels, that lines do not cross them
 
 Points = dict[int, tuple[float, float]]
 """Node to place in the side view, inches."""
@@ -195,7 +194,7 @@ def _draw_part(axes: Axes, part: _DrawnPart, points: Points, test_points: Mappin
         axes.text(*points[node], str(node), ha="center", va="center_baseline", fontsize=7, zorder=4)
         if tested:
             label = axes.annotate(test_points[node], points[node], (0, -10), textcoords="offset points", zorder=5)
-            label.set(ha="center", va="top", fontsize=8, weight="bold", path_effects=_HALO)
+            label.set(ha="center", va="top", fontsize=8, weight="bold", bbox=_GROUND)
 
 
 def _draw_link(axes: Axes, link: _Link, points: Points) -> None:
@@ -215,7 +214,7 @@ def _draw_link(axes: Axes, link: _Link, points: Points) -> None:
         at = start[0] + share * (end[0] - start[0]), start[1] + share * (end[1] - start[1])
         offset, side = ((0, 7), "center") if rows < 0.5 else ((4, 0), "left")
         label = axes.annotate(link.name, at, offset, textcoords="offset points", zorder=5)
-        label.set(ha=side, va="center", fontsize=7, path_effects=_HALO)
+        label.set(ha=side, va="center", fontsize=7, bbox=_GROUND)
 
 
 def _draw_end(axes: Axes, description: MachineDescription) -> None:

@@ -8,17 +8,21 @@ from io import BytesIO
 from pathlib import Path
 from typing import Final
 
+import numpy as np
 from matplotlib import rc_context
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.backends.backend_svg import FigureCanvasSVG
 from matplotlib.figure import Figure
 
+from tbm_msgs_py.base.arrays import Array
 from tbm_msgs_py.base.errors import InputError
 from tbm_msgs_py.base.files import check_result, write_whole
 
 FORMATS: Final = (".png", ".svg")
 PNG_DPI: Final = 150
+LINE_COLUMNS: Final = 400
+"""Parts of a line across half a page, each about a point wide."""
 
 
 def check_path(path: Path) -> None:
@@ -57,6 +61,18 @@ def drawn(figure: Figure, kind: str) -> bytes:
         with rc_context({"svg.hashsalt": "tbm_monitor"}):  # fixed salt and no date
             FigureCanvasSVG(figure).print_svg(buffer, metadata={"Date": None})  # type: ignore[no-untyped-call]
     return buffer.getvalue()
+
+
+def thinned(place: Array, values: Array) -> tuple[Array, Array]:
+    """Lowest and highest point of each of `LINE_COLUMNS` parts of a long line (n,), which is drawn alike with them."""
+    size = -(-len(values) // LINE_COLUMNS)
+    if size <= 2:
+        return place, values
+    count = len(values) // size
+    parts = values[: count * size].reshape(count, size)
+    ends = np.sort(np.column_stack([parts.argmin(axis=1), parts.argmax(axis=1)]), axis=1)
+    kept = (ends + size * np.arange(count)[:, None]).ravel()
+    return place[kept], values[kept]
 
 
 def tidy(panel: Axes) -> None:

@@ -6,8 +6,8 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from tbm_gsa.app.report.compare_figures import MODEL
-from tbm_gsa.app.report.gsa_figures import PALETTE, make_panels
-from tbm_gsa.app.report.picture import tidy
+from tbm_gsa.app.report.gsa_figures import PALETTE, make_panels, output_unit
+from tbm_gsa.app.report.picture import thinned, tidy
 from tbm_gsa.paper.published import TRENDS
 from tbm_gsa.paper.reproduction.model import MeshCurves
 from tbm_gsa.paper.reproduction.response import Excerpt
@@ -40,7 +40,7 @@ def line_figure(acceleration: Excerpt, force: Excerpt, lines: Sequence[float], m
         (rows[0], acceleration, "axial acceleration at the cutterhead, g", lines),
         (rows[1], force, "force of the first mesh, kN", mesh_lines),
     ):
-        left.plot(excerpt.time, excerpt.values, color=MODEL, linewidth=0.6)
+        left.plot(*thinned(excerpt.time, excerpt.values), color=MODEL, linewidth=0.6)
         left.set_title(title, loc="left")
         _spectrum(right, excerpt, marked)
         for panel in (left, right):
@@ -54,7 +54,7 @@ def line_figure(acceleration: Excerpt, force: Excerpt, lines: Sequence[float], m
 def _spectrum(panel: Axes, excerpt: Excerpt, marked: Sequence[float]) -> None:
     for frequency in marked:
         panel.axvline(frequency, color=PALETTE[1], linewidth=0.8, linestyle=":", zorder=0)
-    panel.semilogy(excerpt.frequency[1:], excerpt.amplitude[1:], color=MODEL, linewidth=0.7)
+    panel.semilogy(*thinned(excerpt.frequency[1:], excerpt.amplitude[1:]), color=MODEL, linewidth=0.7)
     top = float(excerpt.amplitude[1:].max())
     panel.set_ylim(1e-4 * top, 2.0 * top)
     panel.set_title("amplitude; dotted: lines looked for", loc="left")
@@ -70,7 +70,7 @@ def trend_figure(curves: Mapping[tuple[str, str], Curve], names: Sequence[str], 
             place = (curve.values - item.lower) / (item.upper - item.lower)
             dash = "-" if code in TRENDS[name] else "--"
             panel.plot(place, curve.response, dash, color=colour, label=f"{code} {item.symbol}")
-        panel.set_title(name, loc="left")
+        panel.set_title(f"{name}, {output_unit(name)}", loc="left")
         panel.set_xlabel("place in the input's range, lower (0) to upper (1) bound")
         panel.margins(x=0.0)
         panel.legend(frameon=False, fontsize=8, loc="center left", bbox_to_anchor=(1.0, 0.5))

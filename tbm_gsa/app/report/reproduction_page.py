@@ -9,7 +9,7 @@ from matplotlib.figure import Figure
 from tbm_gsa.app.report import compare_figures, gsa_figures
 from tbm_gsa.app.report.load_figure import load_figure
 from tbm_gsa.app.report.machine_drawing import draw_machine
-from tbm_gsa.app.report.page import embed_figure, render_page
+from tbm_gsa.app.report.page import PageHead, PageMachine, embed_figure, recorded_at, render_page
 from tbm_gsa.app.report.reproduction_figures import line_figure, mesh_figure, trend_figure
 from tbm_gsa.paper.published import ACCELERATION_LINE_HZ
 from tbm_gsa.paper.reproduction.result import SOURCES, ReproductionResult, Row, Value
@@ -60,10 +60,15 @@ class PageSection:
 def reproduction_page(found: Reproduction) -> str:
     """Render a reproduction as a page that holds its figures and style."""
     result = found.result
+    recording = found.responses[0].comparison.result.recording
+    head = PageHead(
+        title="The paper, reproduced",
+        subtitle="Surrogate-Based Multisource Sensitivity Analysis of TBM Driving System (2018)",
+        data=f"simulations, seed {result.seed}; {recorded_at(recording.begin, recording.duration)}",
+        units="as the paper has them: accelerations of test points in g, 9.80665 m/s², those of outputs (PAcc) in m/s²",
+        machines=(PageMachine.of(result.machine, result.machine_file),),
+    )
     context = {
-        "title": "The paper, reproduced",
-        "subtitle": f"machine {result.machine}, seed {result.seed}; Surrogate-Based Multisource Sensitivity "
-        "Analysis of TBM Driving System (2018)",
         "result": result,
         "verdicts": VERDICTS,
         "own": result.readings[0],
@@ -73,7 +78,7 @@ def reproduction_page(found: Reproduction) -> str:
         "anchor": anchor,
         "provenance": _provenance(result),
     }
-    return render_page("reproduction.html", context)
+    return render_page("reproduction.html", head, context)
 
 
 def value_text(value: Value) -> str:
@@ -103,13 +108,19 @@ def _pictures(found: Reproduction) -> dict[str, list[tuple[str, str]]]:
     """Image elements with their captions by figure of the paper."""
     pictures: dict[str, list[tuple[str, str]]] = {}
     for source, figure, caption in (*_machine(found), *_response(found), *_studies(found)):
-        pictures.setdefault(source, []).append((embed_figure(figure, f"{source}: {TITLES[source]}"), caption))
+        pictures.setdefault(source, []).append(
+            (embed_figure(figure, f"{source}: {TITLES[source]}. {caption}"), caption)
+        )
     return pictures
 
 
 def _machine(found: Reproduction) -> Iterator[tuple[str, Figure, str]]:
     machine = found.readings[0].machine
-    yield "Figure 2", draw_machine(machine), "Nodes, shafts and connections; test points in yellow."
+    yield (
+        "Figure 2",
+        draw_machine(machine),
+        f"Side view and drives of machine {machine.name}: nodes, shafts, connections; test points marked.",
+    )
     yield "Figure 3", mesh_figure(found.mesh), "The first three pinions: each has the mesh phase of its place."
     caption = "First ten seconds and spectrum of each component, Table 1's regions shaded and its lines dotted"
     yield "Figure 4", load_figure(found.loads.spectral), f"{caption}: spectral level."
@@ -130,10 +141,10 @@ def _response(found: Reproduction) -> Iterator[tuple[str, Figure, str]]:
     excerpt = compared.excerpts.get("cutterhead", next(iter(compared.excerpts.values())))
     yield (
         "Figure 7",
-        compare_figures.time_series(*excerpt),
+        compare_figures.time_series(*excerpt, compare_figures.GRAVITY),
         "A second of the axial acceleration; the recording is synthetic.",
     )
-    flow = compare_figures.power_flow(compared.result)
+    flow = compare_figures.power_flow(compared.result, compare_figures.GRAVITY)
     yield "Figure 7", flow, "RMS at the test points in each direction, with 95 % intervals."
 
 

@@ -10,7 +10,7 @@ from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 
-from tbm_gsa.app.report.compare_figures import LINE_COLOURS, LINE_NAMES
+from tbm_gsa.app.report.spectrum_figures import LINE_COLOURS, LINE_NAMES
 from tbm_gsa.comparison.results import ExpectedLine
 from tbm_gsa.sensitivity.results import SpectrumResult
 from tbm_gsa.sensitivity.study.inputs import InputSet
