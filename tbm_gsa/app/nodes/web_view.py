@@ -104,12 +104,14 @@ class WebView(ManagedNode[WebViewSettings]):
     def cleanup(self) -> None:
         """Stop the server and what follows the field."""
         self._field_topics.close()
+        self._trends.ending = True
         self._pool.shutdown(wait=True, cancel_futures=True)
         self._server.close()
 
     def look(self) -> None:
         """Show how it is now, and let be read what is due."""
         self._server.show("now", self._gathering.look())
+        self.faults.update("server", self._server.problem)
         if self._work is None or self._work.done():
             if self._work is not None:
                 self._work.result()  # an error that nothing expects is one of this callback
@@ -152,8 +154,9 @@ class WebView(ManagedNode[WebViewSettings]):
         self._server.show("setup", setup)
 
     def _subscribe(self, sensors: dict[str, SensorMapping]) -> None:
-        for point in self._points:
-            own = contract_sensor(point)
+        models = {point: contract_sensor(point) for point in self._points}
+        self._matrices = {sensor: sensor.matrix() for sensor in (*models.values(), *sensors.values())}
+        for point, own in models.items():
             self.contract_subscription(topics.model_block(point), partial(self._on_model, own))
             for side, quantity in _QUANTITIES.items():
                 self.contract_subscription(topics.analysis(point, quantity), partial(self._on_window, point, side))
@@ -185,9 +188,7 @@ class WebView(ManagedNode[WebViewSettings]):
     def _on_samples(
         self, side: Side, sensor: SensorMapping, stamp_ns: int, offsets: np.ndarray, values: np.ndarray
     ) -> None:
-        times = stamp_ns + np.rint(offsets * NANOSECONDS).astype(np.int64)
-        rows = np.asarray(values, dtype=float) @ sensor.matrix().T
-        for row in self._spectra.add(sensor.point, side, times, rows):
+        for row in self._spectra.add(sensor.point, side, stamp_ns, offsets, values, self._matrices[sensor]):
             self._server.show("spectra", row)
 
     def _on_window(self, point: str, side: Side, message: Vector3Stamped) -> None:

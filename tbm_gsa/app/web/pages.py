@@ -6,12 +6,15 @@ import hashlib
 import html
 import os
 import re
+import stat
 from collections.abc import Iterator
+from contextlib import suppress
 from pathlib import Path
 from typing import Final
 
 from tbm_gsa.app.web.state import LinkedPage, PageList
 from tbm_gsa.history.summary import iso_time
+from tbm_msgs_py.base.files import read_text
 
 MOST: Final = 20
 """The newest pages that are shown."""
@@ -34,26 +37,37 @@ class PageFolder:
 
     def find(self) -> PageList:
         """Newest pages."""
-        found = sorted(((file.stat().st_mtime_ns, file) for file in self._files()), reverse=True)
+        found = sorted(self._files(), reverse=True)
         return PageList(pages=tuple(self._linked(file, written_ns) for written_ns, file in found[:MOST]))
 
-    def read(self, key: str) -> bytes | None:
+    def read(self, key: str) -> str | None:
         """Content of a page; None of one that is not there."""
-        file = next((file for file in self._files() if _key(file) == key), None)
-        return None if file is None or file.stat().st_size > _LARGEST else file.read_bytes()
+        file = next((file for _, file in self._files() if _key(file) == key), None)
+        if file is None:
+            return None
+        try:
+            return read_text(file, largest=_LARGEST)
+        except (OSError, UnicodeDecodeError):  # gone by now, or no page
+            return None
 
-    def _files(self) -> Iterator[Path]:
+    def _files(self) -> Iterator[tuple[int, Path]]:
+        """Time of writing (ns) and path of every page."""
         base = len(self._folder.parts)
         for folder, inner, files in os.walk(self._folder):  # it follows no links
             if len(Path(folder).parts) - base >= _DEPTH:
                 inner.clear()
             for name in sorted(files):
                 file = Path(folder, name)
-                if file.suffix == ".html" and file.is_file() and not file.is_symlink():
-                    yield file
+                if file.suffix != ".html":
+                    continue
+                with suppress(OSError):  # gone by now
+                    found = file.lstat()
+                    if stat.S_ISREG(found.st_mode):
+                        yield found.st_mtime_ns, file
 
     def _linked(self, file: Path, written_ns: int) -> LinkedPage:
-        with file.open("rb") as opened:
+        head = ""
+        with suppress(OSError), file.open("rb") as opened:
             head = opened.read(_HEAD).decode(errors="replace")
         found = _TITLE.search(head)
         title = " ".join(html.unescape(found[1]).split()) if found else file.stem

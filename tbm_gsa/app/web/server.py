@@ -7,10 +7,11 @@ import hashlib
 import secrets
 import socket
 from collections.abc import Awaitable, Callable
-from concurrent.futures import Future
+from concurrent.futures import Future, ThreadPoolExecutor
+from functools import partial
 from importlib.resources import files
 from threading import Thread
-from typing import Final, Protocol
+from typing import Final, Protocol, TypeVar
 
 from aiohttp import web
 from pydantic import ValidationError
@@ -26,9 +27,14 @@ PATIENCE_S: Final = 10.0
 HEARTBEAT_S: Final = 20.0
 """Between pings; a client that does not answer within half of it is gone."""
 MOST_CLIENTS: Final = 100
+_END_S: Final = 0.5
+"""Longest wait for clients at the end."""
 _BUFFER: Final = 64 << 10  # bytes that wait for one client beyond the message that is sent
 _LARGEST_REQUEST: Final = 16 << 10  # bytes
 _KINDS: Final = {".html": "text/html", ".css": "text/css", ".js": "text/javascript", ".svg": "image/svg+xml"}
+
+
+Answer = TypeVar("Answer")
 
 
 class Site(Protocol):
@@ -43,7 +49,7 @@ class Site(Protocol):
     def pages(self) -> PageList:
         """Pages of studies, explanations and comparisons."""
 
-    def page(self, key: str) -> bytes | None:
+    def page(self, key: str) -> str | None:
         """Content of one of them."""
 
     def acknowledge(self, asked: Acknowledgement) -> ListedEvent:
@@ -85,6 +91,8 @@ class WebServer:
         Of the page's own files.
     sent_bytes : int
         To all clients.
+    problem : str
+        The last error that nothing expected; empty before there is one.
 
     Raises
     ------
@@ -93,12 +101,13 @@ class WebServer:
     """
 
     def __init__(self, host: str, port: int, site: Site, names: frozenset[str] = frozenset()) -> None:
-        self.token, self.sent_bytes = secrets.token_urlsafe(16), 0
+        self.token, self.sent_bytes, self.problem = secrets.token_urlsafe(16), 0, ""
         self._site, self._names = site, names | {"localhost"}
         self._static = {file.name: file.read_bytes() for file in files("tbm_gsa.app.web").joinpath("static").iterdir()}
         self.version = hashlib.sha256(b"".join(self._static[name] for name in sorted(self._static))).hexdigest()[:16]
         self._sections: dict[str, _Section] = {}
         self._clients: set[web.WebSocketResponse] = set()
+        self._pool = ThreadPoolExecutor(2, "web site")
         self._loop = asyncio.new_event_loop()
         self._changed = asyncio.Event()
         started: Future[int] = Future()
@@ -129,12 +138,12 @@ class WebServer:
         try:
             self._loop.run_until_complete(self._serve(host, port, started))
         finally:
-            self._loop.run_until_complete(self._loop.shutdown_default_executor())
+            self._pool.shutdown(wait=False, cancel_futures=True)
             self._loop.close()
 
     async def _serve(self, host: str, port: int, started: Future[int]) -> None:
         self._ending = asyncio.Event()
-        runner = web.AppRunner(self._application(), access_log=None, shutdown_timeout=1.0)
+        runner = web.AppRunner(self._application(), access_log=None, shutdown_timeout=_END_S)
         await runner.setup()
         try:
             site = web.TCPSite(runner, host, port)
@@ -144,8 +153,7 @@ class WebServer:
         else:
             started.set_result(runner.addresses[0][1])
             await self._ending.wait()
-            for client in tuple(self._clients):
-                await client.close(code=1001)
+            await asyncio.gather(*(client.close(code=1001) for client in tuple(self._clients)))
         await runner.cleanup()
 
     def _application(self) -> web.Application:
@@ -176,7 +184,17 @@ class WebServer:
     ) -> web.StreamResponse:
         if reason := refusal(request.host, request.headers.get("Origin"), self._names):
             return web.Response(status=403, text=reason)
-        return await handler(request)
+        try:
+            return await handler(request)
+        except (web.HTTPException, ConnectionError):
+            raise
+        except Exception as error:  # noqa: BLE001 - aiohttp would print a traceback for each
+            self.problem = f"{request.method} {request.path}: {type(error).__name__}: {error}"
+            return web.Response(status=500, text="a fault of the program; its log says more")
+
+    async def _ask(self, question: Callable[..., Answer], *arguments: object) -> Answer:
+        """Ask the site, in a thread that may wait."""
+        return await self._loop.run_in_executor(self._pool, partial(question, *arguments))
 
     async def _index(self, _request: web.Request) -> web.Response:
         return self._content("index.html")
@@ -193,7 +211,7 @@ class WebServer:
     async def _live(self, request: web.Request) -> web.StreamResponse:
         if len(self._clients) >= MOST_CLIENTS:
             raise web.HTTPServiceUnavailable(text=f"{MOST_CLIENTS} clients are connected, which is the most")
-        client = web.WebSocketResponse(heartbeat=HEARTBEAT_S, compress=False, max_msg_size=1024, timeout=1.0)
+        client = web.WebSocketResponse(heartbeat=HEARTBEAT_S, compress=False, max_msg_size=1024, timeout=_END_S)
         await client.prepare(request)
         _bound_buffers(request)
         self._clients.add(client)
@@ -226,28 +244,28 @@ class WebServer:
             await changed.wait()
 
     async def _drawing(self, _request: web.Request) -> web.Response:
-        return web.Response(body=await asyncio.to_thread(self._site.drawing), content_type=_KINDS[".svg"])
+        return web.Response(body=await self._ask(self._site.drawing), content_type=_KINDS[".svg"])
 
     async def _waterfall(self, request: web.Request) -> web.Response:
-        return _json(await asyncio.to_thread(self._site.waterfall, request.match_info["point"]))
+        return _json(await self._ask(self._site.waterfall, request.match_info["point"]))
 
     async def _pages(self, _request: web.Request) -> web.Response:
-        return _json(await asyncio.to_thread(self._site.pages))
+        return _json(await self._ask(self._site.pages))
 
     async def _page(self, request: web.Request) -> web.Response:
-        content = await asyncio.to_thread(self._site.page, request.match_info["key"])
+        content = await self._ask(self._site.page, request.match_info["key"])
         if content is None:
             raise web.HTTPNotFound
         headers = {"Content-Security-Policy": REPORT_CONTENT}
-        return web.Response(body=content, content_type="text/html", charset="utf-8", headers=headers)
+        return web.Response(text=content, content_type="text/html", headers=headers)
 
     async def _acknowledge(self, request: web.Request) -> web.Response:
         stated = request.headers.get(TOKEN_HEADER, "")
-        if not secrets.compare_digest(stated.encode(), self.token.encode()):
+        if not secrets.compare_digest(stated.encode(errors="surrogateescape"), self.token.encode()):
             return web.Response(status=403, text=f"no {TOKEN_HEADER} of this page; load it again")
         try:
             asked = Acknowledgement.model_validate_json(await request.read())
-            return _json(await asyncio.to_thread(self._site.acknowledge, asked))
+            return _json(await self._ask(self._site.acknowledge, asked))
         except ValidationError as error:
             first = error.errors(include_url=False)[0]
             place = ".".join(map(str, first["loc"]))

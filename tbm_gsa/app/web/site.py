@@ -45,7 +45,7 @@ class MachineSite:
         """Pages of studies, explanations and comparisons."""
         return self._pages.find()
 
-    def page(self, key: str) -> bytes | None:
+    def page(self, key: str) -> str | None:
         """Content of one of them."""
         return self._pages.read(key)
 

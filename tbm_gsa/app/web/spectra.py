@@ -14,7 +14,7 @@ from tbm_gsa.comparison.streams import SIDES, Side
 from tbm_gsa.history.summary import iso_time
 from tbm_gsa.signals.conditioning import Band
 from tbm_gsa.signals.spans import SpanCollector, SpanSpectrum
-from tbm_msgs_py.base.arrays import Array, Integers
+from tbm_msgs_py.base.arrays import Array
 from tbm_msgs_py.base.units import NANOSECONDS
 
 SPAN_NS: Final = 4 * NANOSECONDS
@@ -39,29 +39,36 @@ def coded(density: Array) -> str:
 
 
 class _Signal:
-    """One signal of one point: its blocks until they are worth working off."""
+    """One signal of one point: its blocks until they are worth working off, a second of them."""
 
     def __init__(self) -> None:
         self._collector = SpanCollector(SPAN_NS, RESOLUTION_HZ)
-        self._latest_ns = -1
-        self._waiting: list[tuple[Integers, Array]] = []
+        self._begun_ns, self._latest_ns = -1, -1
+        self._waiting: list[tuple[int, np.ndarray, np.ndarray]] = []
 
-    def is_behind(self, times: Integers) -> bool:
-        """Whether samples belong to a new run of the clock, as of a recording that loops."""
-        return bool(times[0] < self._latest_ns - SPAN_NS)
+    def is_behind(self, stamp_ns: int) -> bool:
+        """Whether a block belongs to a new run of the clock, as of a recording that loops."""
+        return stamp_ns < max(self._latest_ns, self._begun_ns) - SPAN_NS
 
-    def add(self, times: Integers, values: Array) -> list[SpanSpectrum]:
-        """Add samples in the machine's axes; the spectra that are complete with them."""
-        fresh = times > np.maximum.accumulate(np.concatenate([[self._latest_ns], times[:-1]]))
+    def add(self, stamp_ns: int, offsets: np.ndarray, values: np.ndarray, matrix: Array) -> list[SpanSpectrum]:
+        """Add a block; the spectra that are complete with it."""
+        if not self._waiting:
+            self._begun_ns = stamp_ns
+        self._waiting.append((stamp_ns, offsets, values))
+        if stamp_ns + int(offsets[-1] * NANOSECONDS) - self._begun_ns < _BATCH_NS:
+            return []
+        times = np.concatenate(
+            [stamp + np.rint(after * NANOSECONDS).astype(np.int64) for stamp, after, _ in self._waiting]
+        )
+        rows = np.concatenate([part for _, _, part in self._waiting]).astype(np.float64)
+        self._waiting = []
+        finite = np.isfinite(rows).all(axis=1)
+        times, rows = times[finite], rows[finite]
+        fresh = times > np.maximum.accumulate(np.concatenate([[self._latest_ns], times[:-1]]))[: len(times)]
         if not fresh.any():
             return []
-        self._waiting.append((times[fresh], values[fresh]))
         self._latest_ns = int(times[fresh][-1])
-        if self._latest_ns - self._waiting[0][0][0] < _BATCH_NS:
-            return []
-        stamps, rows = (np.concatenate(parts) for parts in zip(*self._waiting, strict=True))
-        self._waiting = []
-        self._collector.add(stamps, rows, _BAND)
+        self._collector.add(times[fresh], rows[fresh] @ matrix.T, _BAND)
         return self._collector.pop()
 
 
@@ -84,17 +91,30 @@ class LiveSpectra:
         """Begin a point of the field anew: its signal comes from elsewhere now."""
         self._signals.pop((point, "field"), None)
 
-    def add(self, point: str, side: Side, times: Integers, values: Array) -> list[SpectrumRow]:
-        """Add samples (n, 3) m/s² at times (n,) ns; the rows that are complete with them."""
-        finite = np.isfinite(values).all(axis=1)
-        times, values = times[finite], values[finite]
-        if point not in self._points or not times.size:
+    def add(
+        self, point: str, side: Side, stamp_ns: int, offsets: np.ndarray, values: np.ndarray, matrix: Array
+    ) -> list[SpectrumRow]:
+        """Add a block of a signal; the rows that are complete with it.
+
+        Parameters
+        ----------
+        point : str
+        side : {"model", "field"}
+        stamp_ns : int
+        offsets : ndarray (n,)
+            Time of each sample after the stamp, s.
+        values : ndarray (n, 3)
+            As the sensor has them; what is not finite is left out.
+        matrix : ndarray (3, 3)
+            From these to m/s² in the machine's axes.
+        """
+        if point not in self._points or not len(offsets):
             return []
         signal = self._signals.setdefault((point, side), _Signal())
-        if signal.is_behind(times):
+        if signal.is_behind(stamp_ns):
             self._signals[point, side] = signal = _Signal()
             self._open, self._closed_ns = {}, -1
-        spans = signal.add(times, values)
+        spans = signal.add(stamp_ns, offsets, values, matrix)
         return [row for found in spans if found.start_ns > self._closed_ns for row in self._add(point, side, found)]
 
     def waterfall(self, point: str) -> Waterfall:

@@ -32,11 +32,14 @@ class TrendReader:
         Digits of its SHA-256.
     alarm : Expectation or None
         Limits of the alarm; None: what the last week was.
+    ending : bool
+        Set by another thread to break off.
     """
 
     path: Path | None
     machine: str
     alarm: Expectation | None
+    ending: bool = False
     _bins: dict[TrendSpan, dict[int, Sequence[TrendRow]]] = field(default_factory=dict)
     _kind: SourceKind = "live"
 
@@ -69,6 +72,8 @@ class TrendReader:
         found = {number: known[number] for number in wanted if number in known}
         with HistoryReader(self.path, WAIT_S) as history:
             for number in wanted:
+                if self.ending:
+                    break
                 if number not in found or (number + 1) * bin_ns + _LATE_NS > now_ns:
                     begin = number * bin_ns
                     chosen = Selection(since_ns=begin, until_ns=begin + bin_ns, source=self._kind, machine=self.machine)

@@ -3,7 +3,7 @@
 import { byId, cells, element, fill, number, say, svg } from "./dom.js";
 
 const WORDS = {
-  within: "as expected", above: "above", below: "below", dead: "dead", silent: "silent", faulty: "faulty", unknown: "not known",
+  within: "as expected", above: "above", below: "below", dead: "dead", silent: "silent", faulty: "faulty", unknown: "no limits yet",
 };
 
 export function drawMachine({ picture, points, title }) {
@@ -67,7 +67,7 @@ export function showLevels(now) {
         "tr",
         { title: words },
         element("th", { scope: "row" }, element("span", { class: "number", "aria-hidden": "true" }, String(place + 1)), one.point),
-        element("td", { class: "state", "data-state": one.condition }, WORDS[one.condition]),
+        element("td", { class: "state", "data-state": one.condition }, one.condition === "unknown" && one.measured === null ? "no window" : WORDS[one.condition]),
         element("td", { class: "wide" }, bar(one)),
         ...cells(number(one.measured), band, number(one.computed)),
       );

@@ -13,8 +13,9 @@ function show() {
   const trend = trends[span];
   const bins = trend?.points[point] ?? [];
   const limits = limitsOf[point];
-  const end = trend ? new Date(trend.end).getTime() : Date.now();
-  const length = trend ? trend.bin_s * trend.bins * 1000 : 3600e3;
+  const size = (trend?.bin_s ?? 60) * 1000;
+  const end = (Math.floor((trend ? new Date(trend.end) : Date.now()) / size) + 1) * size; // of the bin that is not over
+  const length = size * (trend?.bins ?? 60);
   const values = bins.flatMap((bin) => [bin.low, bin.high]).concat(limits ? [limits.low, limits.high] : []);
   const [low, high] = values.length ? [Math.min(...values), Math.max(...values)] : [0.5, 1.5];
   const room = 0.1 * (high - low || 1);
@@ -30,9 +31,8 @@ function show() {
       pen.globalAlpha = 1;
     }
     pen.strokeStyle = pen.fillStyle = colour("measured");
-    const half = (trend?.bin_s ?? 0) * 500;
-    const at = (bin) => plot.x(new Date(bin.begin).getTime() + half);
-    pen.lineWidth = Math.max(2, Math.min(10, (0.5 * (plot.box.right - plot.box.left)) / (trend?.bins ?? 1)));
+    const at = (bin) => plot.x(new Date(bin.begin).getTime() + size / 2);
+    pen.lineWidth = Math.max(2, Math.min(10, (0.5 * (plot.box.right - plot.box.left)) / (trend?.bins ?? 60)));
     pen.globalAlpha = 0.35;
     for (const bin of bins) plot.line([[at(bin), plot.y(bin.low)], [at(bin), plot.y(bin.high)]]);
     pen.globalAlpha = 1;
