@@ -30,7 +30,7 @@ def event(kind, verdict="", point="", end_ns=None, text="what"):
     return ListedEvent.of(StoredEvent(1, SOURCE, made))
 
 
-GONE = NodeState(name="load_node", condition="missing", text="has said nothing for 9 s", heard=BEFORE)
+GONE = NodeState(name="load_node", condition="missing", text="says nothing any more", heard=BEFORE)
 HERE = NodeState(name="load_node", condition="active", text="active", heard=NOW)
 ALL = (
     event("rock", "rock"),
@@ -170,7 +170,7 @@ def test_nodes_and_sensors_that_go_silent_are_missed():
     clock.seconds += LOST_S + 1.0
     found.operation = Operation(speed_r_min=0.0, torque_kn_m=0.0, thrust_kn=0.0)
     now = found.look()
-    assert now.verdict.title == "No data: load_node, analysis_node are missing"
+    assert now.verdict.title == "No data: no node is heard"
     assert math.isnan(now.points[0].measured)
     assert any("does not turn" in text for text in now.verdict.also)
 

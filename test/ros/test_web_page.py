@@ -123,7 +123,7 @@ def test_killed_nodes_are_missing_by_name(page, monkeypatch):
     page.scene.nodes()
     monkeypatch.setattr(gathering, "LOST_S", -1.0)
     page.look()
-    page.shows("#title", "No data: load_node, dynamics_node, analysis_node are missing")
+    page.shows("#title", "No data: no node is heard")
     monkeypatch.setattr(gathering, "LOST_S", 1e6)
     page.look()
     page.shows("#title", "All well")

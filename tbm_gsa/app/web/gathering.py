@@ -200,7 +200,7 @@ class Gathering:
         heard = self._nodes[name]
         age = self._steady() - (self._begin if heard is None else heard.steady)
         if age > LOST_S:
-            text = f"has said nothing for {age:.0f} s" if heard else "was not heard yet"
+            text = "says nothing any more" if heard else "was not heard yet"
             return NodeState(name=name, condition="missing", text=text, heard=heard.at if heard else None)
         if heard is None:  # it may just not have spoken yet
             return NodeState(name=name, condition="active", text="not heard yet", heard=None)

@@ -68,10 +68,12 @@ def _missing(situation: Situation) -> Iterable[_Finding]:
     if gone:
         text = "; ".join(f"{node.name}: {node.text}" for node in gone)
         names = ", ".join(node.name for node in gone)
-        verb = "is" if len(gone) == 1 else "are"
-        what = "missing" if any(node.condition == "missing" for node in gone) else "not active"
+        missing = any(node.condition == "missing" for node in gone)
+        title = f"No data: {names} {'is' if len(gone) == 1 else 'are'} {'missing' if missing else 'not active'}"
+        if all(node.condition == "missing" for node in situation.nodes) and len(gone) > 1:
+            title = "No data: no node is heard"
         since = min((node.heard for node in gone if node.heard and node.condition == "missing"), default=None)
-        yield _Finding("no_data", f"No data: {names} {verb} {what}", text, since)
+        yield _Finding("no_data", title, text, since)
     elif situation.unseen:
         yield _Finding("no_data", "No data: no sensor is heard", "no signal of the field", situation.unseen)
 

@@ -38,7 +38,22 @@ function setUp(setup) {
   offer(setup.points);
 }
 
+let looked = false;
+
+// The first look is at a point where something is wrong, if there is one; then it is the reader's choice.
+function lookWhere({ points }) {
+  if (looked || !byId("point").querySelector("input")) return;
+  looked = true;
+  const odd = points.find((one) => !["within", "unknown"].includes(one.condition));
+  const choice = odd && byId("point").querySelector(`[value="${CSS.escape(odd.point)}"]`);
+  if (choice && !choice.checked) {
+    choice.checked = true;
+    choose(odd.point);
+  }
+}
+
 function show(now) {
+  lookWhere(now);
   showVerdict(now);
   showOperation(now);
   showLevels(now);
