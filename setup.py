@@ -44,12 +44,14 @@ CLUSTER = ["distributed>=2024.1"]
 IMPORT = ["nptdms>=1.9", "asammdf>=8.0", "h5py>=3.10"]
 EXPORT = ["pyarrow>=14.0"]  # of `tbm-monitor history export` to Parquet
 LIVE = ["foxglove-sdk>=0.14"]
+WEB = ["aiohttp>=3.9"]
 DOCS = ["sphinx>=7.3", "myst-parser>=3.0", "furo>=2024.1"]
 TEST = [
     *CLUSTER,
     *IMPORT,
     *EXPORT,
     *LIVE,
+    *WEB,
     "pytest>=8",
     "pytest-xdist>=3.7",
     "pytest-cov>=7.0",
@@ -62,6 +64,7 @@ TEST = [
     "colcon-ros>=0.5",
     "psutil>=5.9",
     "websockets>=13",
+    "selenium>=4.20",  # drives the Chromium that is installed, where there is one
     "types-PyYAML",
     "build>=1.0",
     "setuptools>=61",  # of the build, which a virtual environment no longer brings along
@@ -98,12 +101,20 @@ setup(
     package_data={
         "tbm_dynamics": ["machines/*.yaml", "machines/*.csv", "py.typed"],
         "tbm_msgs_py": ["nodes/loopback.xml", "py.typed"],
-        "tbm_gsa": ["app/report/*.html", "py.typed"],
+        "tbm_gsa": ["app/report/*.html", "app/web/static/*", "py.typed"],
     },
     data_files=data_files(),
     zip_safe=False,
     install_requires=REQUIRED + ROS_WHEELS,
-    extras_require={"cluster": CLUSTER, "import": IMPORT, "export": EXPORT, "live": LIVE, "docs": DOCS, "test": TEST},
+    extras_require={
+        "cluster": CLUSTER,
+        "import": IMPORT,
+        "export": EXPORT,
+        "live": LIVE,
+        "web": WEB,
+        "docs": DOCS,
+        "test": TEST,
+    },
     entry_points={
         "console_scripts": [
             "tbm-monitor = tbm_gsa.app.cli.start:main",

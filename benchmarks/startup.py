@@ -58,6 +58,7 @@ def cases(folder: Path) -> dict[str, Case]:
         "dynamics_node": Case(first=(PointCloud2, topics.model_block("cutterhead"), qos.BLOCK), after="load_node"),
         "analysis_node": Case({"history": str(folder / "history.sqlite"), "gsa.on_threshold": False}),
         "live_view": Case({"port": 0}),
+        "web_view": Case({"port": 0, "history": "none"}),
         "bag_player": Case({"bag": str(RECORDING)}, (Clock, topics.CLOCK, qos.CLOCK)),
         "bag_recorder": Case({"topics": [topics.LOADS_BLOCK], "output": str(folder / "recorded")}),
     }

@@ -194,8 +194,9 @@ class System(NodeProcesses):
         self._help("sensors")
         if self._rate is not None:
             self._help("clock", "--rate", str(self._rate))
-        started = {**self._running, **self._helpers}
-        return {name: psutil.Process(process.pid) for name, process in started.items()}
+        started = {name: node.process.pid for name, node in self._running.items()}
+        started |= {role: process.pid for role, process in self._helpers.items()}
+        return {name: psutil.Process(pid) for name, pid in started.items()}
 
     def _help(self, role: str, *options: str) -> None:
         command = [sys.executable, __file__, "--role", role, *options]

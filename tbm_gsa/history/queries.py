@@ -244,6 +244,11 @@ class Queries:
             raise self._no_row_of_ours("a window")
         return value
 
+    def ask(self, query: str, selection: Selection, before: Sequence[int] = ()) -> Iterator[tuple[Any, ...]]:
+        """Rows of a query in SQL that has a place ``{condition}`` for a selection, after values of its own."""
+        condition, values = self._sound(selection)
+        yield from self._connection.execute(query.format(condition=condition), [*before, *values])
+
     def _sound(self, selection: Selection | None) -> tuple[str, list[str | int]]:
         """Condition of a selection and its values; a HistoryError where a window is none that this program wrote."""
         condition, values = (selection or Selection()).condition()

@@ -17,8 +17,7 @@ from tbm_msgs_py.base.arrays import Array, Integers
 from tbm_msgs_py.base.errors import InputError
 from tbm_msgs_py.base.units import NANOSECONDS
 
-SEGMENT_S: Final = 1.0 / Settings.resolution_hz
-"""Length of a segment, from which the rate is learnt too."""
+_ROUNDING: Final = 0.01  # of a segment: its samples are a whole number
 LEAST_COVERAGE: Final = 0.25
 """Share of the segments of a span, below which it says too little: each lost packet breaks two or three of them."""
 
@@ -46,7 +45,8 @@ class SpanSpectrum:
     @property
     def coverage(self) -> float:
         """Share of the segments of the span that there are."""
-        return self.total.segments / (2 * int(self.length_ns / NANOSECONDS / SEGMENT_S) - 1)
+        fitting = int(self.length_ns / NANOSECONDS * self.step_hz + _ROUNDING)
+        return self.total.segments / (2 * fitting - 1)
 
     @property
     def enough(self) -> bool:
@@ -71,10 +71,12 @@ class SpanCollector:
     ----------
     span_ns : int
         Length of a span.
+    resolution_hz : float
+        Distance of the frequencies; the inverse of the length of a segment, from which the rate is learnt too.
     """
 
-    def __init__(self, span_ns: int) -> None:
-        self._span_ns = span_ns
+    def __init__(self, span_ns: int, resolution_hz: float = Settings.resolution_hz) -> None:
+        self._span_ns, self._resolution_hz = span_ns, resolution_hz
         self._found: list[SpanSpectrum] = []
         self.restart()
 
@@ -90,7 +92,7 @@ class SpanCollector:
         if band != self._band:
             self.restart(band)
         self._waiting.append((times, values))
-        if times[-1] - self._waiting[0][0][0] < SEGMENT_S * NANOSECONDS and math.isnan(self._rate):
+        if times[-1] - self._waiting[0][0][0] < NANOSECONDS / self._resolution_hz and math.isnan(self._rate):
             return
         times = np.concatenate([part for part, _ in self._waiting])
         values = np.concatenate([part for _, part in self._waiting])
@@ -124,7 +126,7 @@ class SpanCollector:
 
     def _begin(self, number: int) -> None:
         self._index, self._clock = number, UniformClock(self._rate)
-        self._welch = WelchCollector(self._rate, Settings.resolution_hz, one_level(), SEGMENT_S)
+        self._welch = WelchCollector(self._rate, self._resolution_hz, one_level(), 1.0 / self._resolution_hz)
 
     def _close(self) -> None:
         """Keep the span that is collected, if it has a segment."""

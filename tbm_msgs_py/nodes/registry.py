@@ -66,6 +66,14 @@ NODES = {
             "Topics for Foxglove.",
             extra="live",
         ),
+        NodeEntry(
+            "web_view",
+            "tbm_gsa.app.nodes.web_view",
+            "WebView",
+            "tbm_gsa.app.nodes.settings.WebViewSettings",
+            "A page to watch the machine on.",
+            extra="web",
+        ),
     )
 }
 MACHINE_NODES = ("load_node", "dynamics_node", "analysis_node")  # those that a machine runs

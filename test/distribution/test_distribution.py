@@ -133,7 +133,7 @@ def test_doctor_finds_all_where_it_is_installed(installed):
 
 
 def test_every_executable_is_there(installed):
-    for name in ("load_node", "dynamics_node", "analysis_node", "bag_player", "bag_recorder", "live_view"):
+    for name in ("load_node", "dynamics_node", "analysis_node", "bag_player", "bag_recorder", "live_view", "web_view"):
         found = installed(
             "python", "-c", f"import shutil, sys; print(shutil.which({name!r}, path=sys.prefix + '/bin'))"
         )

@@ -19,6 +19,7 @@ from std_msgs.msg import Empty  # noqa: E402
 
 from tbm_gsa.app.nodes.analysis_node import AnalysisNode  # noqa: E402
 from tbm_gsa.app.nodes.live_view import LiveView  # noqa: E402
+from tbm_gsa.app.nodes.web_view import WebView  # noqa: E402
 from tbm_msgs_py import Bag  # noqa: E402
 from tbm_msgs_py.nodes.bag_player import BagPlayer  # noqa: E402
 from tbm_msgs_py.nodes.bag_recorder import BagRecorder  # noqa: E402
@@ -82,6 +83,7 @@ def nodes(tmp_path_factory):
         BagPlayer: {"bag": Path(__file__).parents[2] / "bags" / "field_dz101"},
         BagRecorder: {"output": folder / "first", "data_root": folder, "topics": "[/diagnostics]"},
         LiveView: {"port": 0},
+        WebView: {"port": 0, "history": "none"},
         Faulty: {},
     }
     with Peer() as peer:
@@ -134,14 +136,14 @@ def test_a_dumped_file_can_be_loaded_back(nodes):
     assert peer.transition("/tbm/bag_player", "cleanup")
 
 
-@pytest.mark.parametrize("name", ["bag_player", "bag_recorder", "live_view"])
+@pytest.mark.parametrize("name", ["bag_player", "bag_recorder", "live_view", "web_view"])
 def test_every_parameter_is_described(nodes, name):
     """Those of the other nodes: test_machines."""
     peer, _, _ = nodes
     assert not peer.check_parameters("/tbm", name)
 
 
-@pytest.mark.parametrize("name", ["analysis_node", "bag_player", "bag_recorder", "live_view"])
+@pytest.mark.parametrize("name", ["analysis_node", "bag_player", "bag_recorder", "live_view", "web_view"])
 def test_a_parameter_of_no_type_ends_no_node(nodes, name):
     peer, hosted, _ = nodes
     request = SetParameters.Request(parameters=[ParameterMessage(name="x", value=ParameterValue(type=99))])
@@ -150,11 +152,11 @@ def test_a_parameter_of_no_type_ends_no_node(nodes, name):
     hosted[name].forgive()
 
 
-@pytest.mark.parametrize("name", ["analysis_node", "bag_player", "bag_recorder", "live_view"])
+@pytest.mark.parametrize("name", ["analysis_node", "bag_player", "bag_recorder", "live_view", "web_view"])
 def test_there_and_back_and_there_again(nodes, name):
     peer, hosted, folder = nodes
-    if name == "live_view":
-        pytest.importorskip("foxglove")
+    if name in ("live_view", "web_view"):
+        pytest.importorskip({"live_view": "foxglove", "web_view": "aiohttp"}[name])
     expect(peer, name, "unconfigured", "deactivate")
     for transition, state, refused in ROUND:
         assert peer.transition(f"/tbm/{name}", transition), transition

@@ -135,6 +135,9 @@ def run(
     foxglove: Annotated[
         int | None, typer.Option(min=1, max=65535, help="Show all to Foxglove at this port of this computer.")
     ] = None,
+    web: Annotated[
+        int | None, typer.Option(min=1, max=65535, help="Show a page to watch at this port of this computer.")
+    ] = None,
     time_step: TimeStep = None,
     out: Annotated[Path, typer.Option(help="Folder for logs and studies.")] = Path("tbm_run"),
     json: Annotated[bool, JSON_OPTION] = False,
@@ -158,6 +161,9 @@ def run(
     commands = node_commands(driven | _scheduled(schedule, schedule_column, schedule_where), seed, out, site)
     if foxglove:
         commands.append(NodeCommand("live_view", {"port": foxglove}))
+    if web:
+        commands.append(_page(web, described.origin, out, site))
+        notes.print(f"page to watch: http://127.0.0.1:{web}/", highlight=False)
     if sim_time:
         notes.print("the nodes follow /clock, as `tbm-monitor bag play` gives it", highlight=False)
         commands = [replace(one, parameters={**one.parameters, "use_sim_time": True}) for one in commands]
@@ -222,6 +228,16 @@ def node_commands(driven: Mapping[str, object], seed: int | None, out: Path, sit
         # Dynamics and this process: both see the stream from its first block.
         NodeCommand("load_node", {**common, **driven, "wait_for_subscribers": 2}, site.file),
     ]
+
+
+def _page(port: int, machine: str, out: Path, site: ParameterFile) -> NodeCommand:
+    """Node of the page; what it has to share with the analysis node is what that is told, unless the file says so."""
+    given: dict[str, object] = {"machine": machine, "port": port, "folder": str(out)}
+    for name in ("mapping", "history", "alarm", "threshold", "baseline"):
+        value = site.stated("analysis_node", name)
+        if value is not None and site.stated("web_view", name) is None:
+            given[name] = value
+    return NodeCommand("web_view", given, site.file)
 
 
 def _run(

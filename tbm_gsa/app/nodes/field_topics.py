@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from functools import partial
-from typing import TYPE_CHECKING, Any, TypeAlias
+from typing import TYPE_CHECKING, Any, Protocol, TypeAlias
 
 import numpy as np
 
 from tbm_gsa.app.nodes.frame_choice import FrameChoice
-from tbm_gsa.app.nodes.live_comparison import LiveComparison
+from tbm_gsa.app.nodes.stream_health import StreamHealth
 from tbm_msgs_py import topics
 from tbm_msgs_py.base.errors import InputError
 from tbm_msgs_py.base.texts import listed
@@ -39,6 +39,16 @@ _SAMPLE: dict[str, Callable[[Any], Vector3]] = {
 OnSamples = Callable[[SensorMapping, int, np.ndarray, np.ndarray], None]
 
 
+class Receiver(Protocol):
+    """What the samples are for: a comparison, say."""
+
+    points: tuple[str, ...]
+    health: StreamHealth
+
+    def restart(self, point: str) -> None:
+        """Begin a test point anew: its signal comes from elsewhere now."""
+
+
 class FieldTopics:
     """Subscribes to every field topic.
 
@@ -51,7 +61,7 @@ class FieldTopics:
     node : ManagedNode
     sensors : mapping of str to SensorMapping
         By topic.
-    comparison : LiveComparison
+    receiver : Receiver
         Restarts at a test point whose single samples are no longer used; its health gets the faults of topics.
     on_samples : callable
         Called with the sensor, the stamp (ns), offsets (n,) in s and values (n, 3) while the node is active.
@@ -63,12 +73,12 @@ class FieldTopics:
         self,
         node: ManagedNode[Any],
         sensors: Mapping[str, SensorMapping],
-        comparison: LiveComparison,
+        receiver: Receiver,
         on_samples: OnSamples,
         keep: Callable[[str, TopicContract, Any], None],
     ) -> None:
-        self._node, self._sensors, self._comparison = node, dict(sensors), comparison
-        self._health = comparison.health
+        self._node, self._sensors, self._receiver = node, dict(sensors), receiver
+        self._health = receiver.health
         self._points = {sensor.point for sensor in self._sensors.values()}
         self._frames = {name: FrameChoice(sensor.frame_id) for name, sensor in self._sensors.items()}
         self._on_samples, self._keep = on_samples, keep
@@ -102,7 +112,7 @@ class FieldTopics:
         followed = {topics.absolute(name, namespace) for name in self._sensors}
         for name, _ in self._node.get_topic_names_and_types():
             if name not in followed and _contract_offer(name, namespace) and self._node.count_publishers(name):
-                point, points = name.split("/")[-2], self._comparison.points
+                point, points = name.split("/")[-2], self._receiver.points
                 there = f"allowed: {listed(points)}"
                 why = "not in the mapping" if point in points else f"{point} is no test point of the machine, {there}"
                 found[name] = f"{name}: {why}; not compared"
@@ -119,7 +129,7 @@ class FieldTopics:
     def _leave(self, name: str, point: str) -> None:
         if name in self._follower:
             self._follower.release(name)
-            self._comparison.restart(point)
+            self._receiver.restart(point)
         self.report(name, "")
 
     def refuses(self, topic: str, kind: str) -> str:  # noqa: ARG002

@@ -1,4 +1,4 @@
-"""Settings of the analysis node and the live view."""
+"""Settings of the analysis node, the live view and the page to watch."""
 
 from __future__ import annotations
 
@@ -159,3 +159,30 @@ class LiveViewSettings(NodeSettings):
     host: str = parameter("127.0.0.1", "address the server listens at; the default is this computer only")
     port: int = parameter(8765, "TCP port; 0 for a free one, which the log names", low=0, high=65535)
     blocks: bool = parameter(False, "show blocks too: no panel draws them, a recording may want them")
+
+
+class WebViewSettings(MachineSettings):
+    """Parameters of `web_view`: whom it lets in and what it reads is stated at the start, not over ROS."""
+
+    host: str = parameter(
+        "127.0.0.1", "address the server listens at; the default is this computer only", changes="start"
+    )
+    port: int = parameter(8080, "TCP port; 0 for a free one, which the log names", low=0, high=65535)
+    names: Names = parameter(
+        (), "names by which others may call this computer, beside its addresses and localhost", changes="start"
+    )
+    acknowledging: bool = parameter(True, "let whoever reaches the page acknowledge events", changes="start")
+    folder: str = parameter(
+        "tbm_gsa_studies", "folder whose pages of studies, explanations and comparisons are linked", changes="start"
+    )
+    history: str = parameter(
+        "",
+        "history file of trends and events; empty: tbm_monitor/history.sqlite in the user's data folder; none: without",
+        changes="start",
+    )
+    mapping: str = parameter("", "mapping file of the field topics, that of the analysis node")
+    alarm: Literal["sequential", "threshold"] = parameter(
+        "sequential", "alarm of the analysis node: with threshold its limits are the expected levels"
+    )
+    threshold: float = parameter(topics.ERROR_THRESHOLD, "threshold of the analysis node (1)", low=0.001, high=100.0)
+    baseline: str = parameter("", "baseline of the analysis node; empty: its threshold is absolute")

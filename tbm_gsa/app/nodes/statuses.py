@@ -6,6 +6,7 @@ import math
 from collections.abc import Mapping
 
 from diagnostic_msgs.msg import DiagnosticStatus
+from pydantic import ValidationError
 
 from tbm_gsa.app.nodes.gsa_process import GsaStatus
 from tbm_gsa.app.nodes.history_writer import HistoryWriter
@@ -28,6 +29,7 @@ _OPERATION: dict[OperatingKind, str] = {
     "standstill": "not compared: the machine stands still",
 }
 
+_MAYBE = ("id", "end", "acknowledged", "ring", "chainage", "rock_class", "shift")  # keys of an event that may be null
 _EVENT_LEVELS: dict[Severity, messages.Level] = {"info": "ok", "warning": "warn", "error": "error"}
 
 
@@ -73,6 +75,16 @@ def event_status(prefix: str, event: ListedEvent) -> DiagnosticStatus:
     values |= {"node": event.name, "name": event.kind, "since": event.begin}
     level: messages.Level = "ok" if event.end else _EVENT_LEVELS[event.severity]
     return messages.status(f"{prefix} {event.id or event.begin} {event.kind}", level, event.text, values, event.machine)
+
+
+def listed_event(status: DiagnosticStatus) -> ListedEvent | None:
+    """Event that `event_status` has made a status of; None of any other status."""
+    known = {pair.key: pair.value for pair in status.values if pair.key in ListedEvent.model_fields}
+    values = {key: None if value == "" and key in _MAYBE else value for key, value in known.items()}
+    try:
+        return ListedEvent.model_validate(values | {"text": status.message}, strict=False)
+    except ValidationError:
+        return None
 
 
 def _figures(latest: WindowResult) -> dict[str, float]:
