@@ -21,6 +21,7 @@ from tbm_gsa.reading import Maybe, Part, read_document
 from tbm_gsa.sensitivity.study.errors import StudyError
 from tbm_gsa.sensitivity.study.failures import Failures
 from tbm_gsa.sensitivity.study.outputs import Band, bands_text
+from tbm_msgs_py.base.arrays import Integers
 from tbm_msgs_py.base.files import write_json
 
 if TYPE_CHECKING:
@@ -162,13 +163,15 @@ class OutputResult(MethodIndices, SurrogateScores):
     """Everything found about one output: the chosen surrogate, its indices, and what other methods find.
 
     `second` holds the largest interactions, largest first; `groups` is empty where the study has no groups, `paths`
-    null where there is no Kriging surrogate; `seed` is the share of chance, null where all simulations share one
-    realisation of the loads; `scores` holds the quality of every surrogate. Of a quick study `second`,
-    `by_surrogate` and `convergence` are empty, `paths`, `fast` and `morris` null.
+    null where there is no Kriging surrogate; `outliers` are the numbers of simulations that lie far from what the
+    others say; `seed` is the share of chance, null where all simulations share one realisation of the loads; `scores`
+    holds the quality of every surrogate. Of a quick study `second`, `by_surrogate` and `convergence` are empty,
+    `paths`, `fast` and `morris` null.
     """
 
     surrogate: str
     r2_nested: Maybe
+    outliers: tuple[int, ...] = ()
     seed: SeedShare | None = None
     second: tuple[Interaction, ...]
     groups: Annotated[
@@ -306,7 +309,10 @@ class StudyResult(ResultPart):
         problem, counts = store.problem, store.counts()
         codes, groups = problem.inputs.codes, tuple(problem.inputs.groups)
         return StudyResult(
-            outputs={name: _output(fit, others.get(name), codes, groups) for name, fit in analysed.outputs.items()},
+            outputs={
+                name: _output(fit, others.get(name), codes, groups, store.rows("train"))
+                for name, fit in analysed.outputs.items()
+            },
             spectra={name: _spectrum(analysis, codes) for name, analysis in analysed.spectra.items()},
             seconds=seconds,
             campaign_seconds=campaign_seconds,
@@ -349,6 +355,12 @@ class StudyResult(ResultPart):
         tested = {name: output.r2_test for name, output in self.outputs.items() if output.determined}
         if poor := [f"{name} ({r2:.2f})" for name, r2 in tested.items() if r2 is not None and r2 < LOWEST_R2]:
             doubts.append(f"in doubt, for R² on the test points is below {LOWEST_R2:g}: indices of {', '.join(poor)}")
+        doubts += [
+            f"output {name}: simulation {', '.join(map(str, output.outliers[:STRONGEST]))} lies far from what the "
+            "others say; one such spoils R² and indices"
+            for name, output in self.outputs.items()
+            if output.outliers
+        ]
         return doubts
 
     def write(self, path: Path) -> None:
@@ -361,7 +373,7 @@ class StudyResult(ResultPart):
         return read_document(path, cls, "the result of a study", StudyError)
 
 
-def _output(fit: OutputFit, other: OtherMethods | None, codes: Codes, groups: Codes) -> OutputResult:
+def _output(fit: OutputFit, other: OtherMethods | None, codes: Codes, groups: Codes, rows: Integers) -> OutputResult:
     """Gather the result of one output."""
     followed = tuple(codes[k] for k in other.places) if other else ()
     return OutputResult(
@@ -369,6 +381,7 @@ def _output(fit: OutputFit, other: OtherMethods | None, codes: Codes, groups: Co
         **dict(SurrogateScores.model_validate(fit.best)),
         surrogate=fit.chosen,
         r2_nested=fit.nested_r2,
+        outliers=tuple(rows[fit.best.validation.outliers].tolist()),
         seed=fit.chance and SeedShare.model_validate(fit.chance),
         second=_interactions(other.pairs, codes) if other else (),
         groups=fit.groups and IndexTable.model_validate(fit.groups, context=groups),

@@ -28,7 +28,8 @@ from tbm_gsa.sensitivity.study.errors import StudyCancelled, StudyError
 from tbm_gsa.sensitivity.study.inputs import PAPER_INPUTS, InputSet
 from tbm_gsa.sensitivity.study.problem import StudyProblem
 from tbm_gsa.sensitivity.study.run import StudyOptions, report_study, resume_study, run_study
-from tbm_gsa.sensitivity.study.store import Store
+from tbm_gsa.sensitivity.study.store import STORE_NAME, Store
+from tbm_gsa.sensitivity.study.workers import Outcome
 
 THREE = InputSet(tuple(PAPER_INPUTS[code] for code in ("x2", "x4", "x16")))
 SETTINGS = {
@@ -257,3 +258,15 @@ def test_unknown_names_are_attribute_errors():
 
     with pytest.raises(AttributeError, match="fit_everything"):
         tbm_gsa.fit_everything  # noqa: B018
+
+
+def test_a_simulation_far_from_the_others_is_named(tmp_path):
+    problem = StudyProblem(THREE, OUTPUTS, train=40, test=0, seed=0)
+    with Store.create_or_open(tmp_path / STORE_NAME, problem) as store:
+        for row, sample in store.pending():
+            outputs = analytic(sample)
+            store.record(Outcome(row, outputs | {"peak": outputs["peak"] + (40.0 if row == 7 else 0.0)}, None, 0.0))
+    with small_samplings():
+        result = report_study(tmp_path, StudyOptions(("prs",), workers=1, quick=True)).result
+    assert {name: output.outliers for name, output in result.outputs.items()} == {"force": (), "peak": (7,)}
+    assert any(doubt.startswith("output peak: simulation 7 lies far from what") for doubt in result.doubts())

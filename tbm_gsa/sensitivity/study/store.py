@@ -239,15 +239,14 @@ class Store:
         Y = np.array([self._numbers(outputs, q) for _, outputs in rows]).reshape(len(rows), q)
         return X, Y
 
+    def rows(self, part: DesignPart) -> Integers:
+        """Numbers of the simulations of `results`, (n,), from 1."""
+        query = "SELECT row FROM planned WHERE part = ? AND status = 'ok' ORDER BY row"
+        return np.array(self._connection.execute(query, (part,)).fetchall(), dtype=np.int64).reshape(-1)
+
     def realisations(self, part: DesignPart) -> Integers | None:
         """Realisation of the loads of each row of `results` (n,); None where all simulations share one."""
-        if not self.problem.realisations:
-            return None
-        rows = self._connection.execute(
-            "SELECT row FROM planned WHERE part = ? AND status = 'ok' ORDER BY row", (part,)
-        ).fetchall()
-        places = np.array(rows, dtype=np.int64).reshape(-1) - 1
-        return self.problem.realisations_of_rows()[places]
+        return self.problem.realisations_of_rows()[self.rows(part) - 1] if self.problem.realisations else None
 
     def ended(self) -> tuple[Array, NDArray[np.bool_]]:
         """Read the inputs (n, d) of all simulations that ended, in order, and which of them failed (n,)."""

@@ -3,16 +3,20 @@
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import ClassVar, Self
+from typing import ClassVar, Final, Self
 
 import numpy as np
 from numpy.typing import ArrayLike
+from scipy.stats import median_abs_deviation
 from sklearn.metrics import r2_score
 
 from tbm_gsa.sensitivity.surrogates.expansion import Expansion
 from tbm_gsa.sensitivity.surrogates.samples import TrainingSet, checked_points, to_unit
 from tbm_msgs_py.base.arrays import Array, Integers
 from tbm_msgs_py.base.errors import InputError
+
+FAR: Final = 10.0
+"""Robust standard deviations: of Student's t with 5 degrees of freedom one sample in 10 000 lies further out."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -143,6 +147,13 @@ class CrossValidation:
     def rmse(self) -> float:
         """Root mean square error, in the unit of the output."""
         return float(np.sqrt(np.mean((self.actual - self.predicted) ** 2)))
+
+    @property
+    def outliers(self) -> Integers:
+        """Samples far from what the others say of them: `FAR` robust deviations of the errors, and one of all."""
+        errors = np.abs(self.actual - self.predicted)
+        usual, spread = (median_abs_deviation(v, scale="normal") for v in (self.actual - self.predicted, self.actual))
+        return np.flatnonzero(errors > max(FAR * usual, spread))
 
     @property
     def largest_error(self) -> float:
