@@ -352,7 +352,7 @@ class StudyResult(ResultPart):
             doubts.append(
                 f"{NOT_DETERMINED}, for R² of the cross validation is below {LOWEST_R2:g}: indices of {names}"
             )
-        tested = {name: output.r2_test for name, output in self.outputs.items() if output.determined}
+        tested = {name: output.r2_test for name, output in self.judged().items() if output.determined}
         if poor := [f"{name} ({r2:.2f})" for name, r2 in tested.items() if r2 is not None and r2 < LOWEST_R2]:
             doubts.append(f"in doubt, for R² on the test points is below {LOWEST_R2:g}: indices of {', '.join(poor)}")
         doubts += [
