@@ -1,4 +1,4 @@
-"""Page of a long history: windows of 10 s at five points along three axes, all day; `python benchmarks/history.py [DAYS]`.
+"""Page of a long history: windows of 10 s, five points, three axes, all day; `python benchmarks/history.py [DAYS]`.
 
 The medians of one trend are held against those of all its windows; then the command that draws the page is timed, the
 start of Python and the writing of the file included. The history is in the page cache. Best of several.
@@ -33,7 +33,7 @@ TIMES = 3
 
 
 def levels(day: int) -> np.ndarray:
-    """Measured RMS of every window, point and axis of a day, m/s²: bored by hours, five percent louder from day 60 on."""
+    """Measured RMS of every window, point and axis of a day, m/s²: by hours, five percent louder from day 60 on."""
     random = np.random.default_rng(day)
     hours = 2.0 * random.lognormal(0.0, 0.1, 24).repeat(A_DAY // 24)
     found: np.ndarray = hours[:, None] * random.lognormal(0.05 * (day >= 60), 0.15, (A_DAY, 3 * len(TEST_POINTS)))
@@ -88,9 +88,7 @@ def main() -> None:
         write(path, days)
         print(f"{days} days, {days * A_DAY * 3 * len(TEST_POINTS)} windows, {path.stat().st_size / 1e6:.0f} MB")
         errors = median_errors(path, days)
-        print(
-            f"medians of {TREND}: off by {100 * np.median(errors):.1f} % of themselves, at most {100 * errors.max():.1f} %"
-        )
+        print(f"medians of {TREND}: off by {100 * np.median(errors):.1f} %, at most {100 * errors.max():.1f} %")
         call = [sys.executable, "-m", "tbm_gsa.app.cli.main", "history", "--history", str(path), "--html", str(page)]
         seconds, processor = [], []
         for _ in range(TIMES):
