@@ -156,7 +156,7 @@ def test_a_native_install_is_told_everything_that_setup_requires():
 def test_package_xml_names_everything_that_setup_requires():
     text = (ROOT / "package.xml").read_text()
     keys = {key.text for key in ElementTree.fromstring(text).iter("exec_depend")}
-    other = {"pyyaml": "python3-yaml", "scikit-learn": "python3-sklearn"}
+    other = {"pyyaml": "python3-yaml", "scikit-learn": "python3-sklearn", "pillow": "python3-pil"}
     names = [re.match(r"[\w.-]+", requirement)[0] for requirement in required()]
     assert {name for name in names if other.get(name, f"python3-{name}") not in keys} == set(
         re.search(r"No rosdep key: (.*)\.\n", text)[1].split(", ")

@@ -80,7 +80,8 @@ def test_the_document_follows_the_contract(own):
         document["points"]["gripper"]["x"]
     )
     recording = document["recording"]
-    assert {"path", "messages", "lost", "truncated", "damaged", "sha256", "duration", "points"} == set(recording)
+    keys = {"path", "messages", "lost", "truncated", "damaged", "sha256", "begin", "duration", "points"}
+    assert keys == set(recording)
     assert (recording["messages"], recording["lost"], recording["truncated"]) == (60, 0, False)
     assert recording["duration"] == pytest.approx(10.0, abs=0.01)
     assert {"topic", "gaps", "clipped", "duplicates", "invalid"} <= set(recording["points"]["shield"])

@@ -1,5 +1,6 @@
 """The HTML page of a comparison of a recording with the model."""
 
+from pathlib import Path
 from typing import Final
 
 from tbm_gsa.app.report import compare_figures
@@ -26,7 +27,7 @@ def compare_page(compared: RecordingComparison) -> str:
     }
     head = PageHead(
         title="Recording against model",
-        subtitle=f"{result.recording.path}, machine {result.machine}, {points}",
+        subtitle=f"{Path(result.recording.path).name}, machine {result.machine}, {points}",
         data=recorded_at(result.recording.begin, result.recording.duration),
         units=f"accelerations in m/s², velocities in mm/s; 1 g = {STANDARD_GRAVITY:g} m/s²",
         machines=(PageMachine.of(result.machine, result.machine_file),),

@@ -28,7 +28,7 @@ def explanation_page(found: Explanation) -> str:
     """Render the page of an explanation; everything in it is escaped."""
     head = PageHead(
         title="Rock, machine or sensor",
-        subtitle=f"{found.recording.path} against {found.machine}",
+        subtitle=f"{Path(found.recording.path).name} against {found.machine}",
         data=recorded_at(found.recording.begin),
         units="accelerations in m/s², noise of sensors in mm/s²/√Hz with µg/√Hz beside it; "
         f"1 g = {STANDARD_GRAVITY:g} m/s²",

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 from collections.abc import Iterator, Sequence
+from pathlib import Path
 from typing import Final
 
 import numpy as np
@@ -38,7 +39,7 @@ def history_page(found: HistorySummary, spread: Spread, events: Sequence[StoredE
     ]
     head = PageHead(
         title="History of the comparison",
-        subtitle=f"{found.path}, {spread.count} windows",
+        subtitle=f"{Path(found.path).name}, {spread.count} windows",
         data=f"windows that begin from {iso_time(spread.first_ns)} to {iso_time(spread.last_ns)}",
         units="accelerations in m/s², times in UTC",
         machines=machines,

@@ -97,7 +97,7 @@ def _tidy(element: Element) -> None:
         if child.tag == "image":
             child.set("href", _fewer_colours(child.attrib["href"]))
         else:
-            for name in child.attrib.keys() & {"x", "y", "transform"}:
+            for name in child.attrib.keys() & {"x", "y", "width", "height", "transform"}:
                 child.set(name, _NUMBER.sub(lambda number: _brief(float(number[0])), child.attrib[name]))
         if _UPRIGHT.fullmatch(child.attrib.get("transform", "")):
             child.attrib.pop("transform")
