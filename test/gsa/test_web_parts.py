@@ -8,6 +8,7 @@ import pytest
 import scipy.signal
 
 from tbm_dynamics import load_machine
+from tbm_gsa.app.nodes.settings import WebViewSettings
 from tbm_gsa.app.web.expected import alarm_limits, usual_limits
 from tbm_gsa.app.web.gathering import LOST_S, QUIET_S, Gathering
 from tbm_gsa.app.web.pages import PageFolder
@@ -19,6 +20,7 @@ from tbm_gsa.comparison import AlarmRule, UsualRatio, WindowResult
 from tbm_gsa.history import Event, StoredEvent, WindowSource
 from tbm_gsa.history.event_list import ListedEvent
 from tbm_gsa.history.trends import TrendRow
+from tbm_msgs_py.nodes.parameters import ParameterError, read_settings
 
 NOW, BEFORE = "2026-01-02T03:04:05.000Z", "2026-01-02T03:00:00.000Z"
 SOURCE = WindowSource("live", "node", "", "dz101", "ab" * 32)
@@ -220,3 +222,8 @@ def test_pages_are_found_by_key_and_not_by_path(tmp_path):
     assert pages.read(found.key).startswith("<title>")
     assert pages.read("../secret.html") is None
     assert PageFolder(tmp_path / "nowhere").find().pages == ()
+
+
+def test_a_host_that_would_be_all_is_refused():
+    with pytest.raises(ParameterError, match=r"parameter host: ' ', allowed: an address or name of this computer"):
+        read_settings(WebViewSettings, {"host": " "})

@@ -192,12 +192,32 @@ def test_the_page_fits_a_phone_and_a_wall(page, width):
 def test_the_page_comes_back_after_a_restart(page):
     page.hosted.close()
     page.shows("#link", "no connection since")
+    page.shows("#title", "No connection to the monitor")
     page.host(page.port)
     healthy(page.scene)
     page.scene.events(ROCK)
     page.look()
     page.shows("#link", "live")
     page.shows("#title", "Rock changed")
+
+
+def test_a_node_that_hangs_is_no_connection(page):
+    """Its server answers, with what was true once: a page that is opened again is not deceived either."""
+    healthy(page.scene)
+    page.look()
+    page.shows("#title", "All well")
+    timers = list(page.node.timers)
+    for timer in timers:
+        timer.cancel()
+    page.shows("#link", "live")
+    page.run("const now = Date.now; Date.now = () => now() + 20000")
+    page.shows("#title", "No connection to the monitor")
+    sent = page.node._server.sent_bytes
+    wait_for(lambda: page.node._server.sent_bytes > sent)  # it is connected again, and has got the old word
+    assert page.text("#title") == "No connection to the monitor"
+    for timer in timers:
+        timer.reset()
+    page.shows("#title", "All well")
 
 
 def test_pages_of_the_run_are_linked_and_run_no_script(page):
