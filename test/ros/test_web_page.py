@@ -151,7 +151,7 @@ def test_the_keyboard_moves_the_cursor_from_mark_to_mark(page):
     canvas = page.browser.find_element("id", "spectrum")
     for key, text in (
         (keys.HOME, "14.19 Hz, mesh frequency"),
-        (keys.PAGE_UP, "15.07 Hz, mesh frequency + pinion"),
+        (keys.PAGE_UP, "23.37 Hz, motor shaft"),
         (keys.PAGE_DOWN, "14.19 Hz, mesh frequency"),
         (keys.ARROW_RIGHT, "14.69 Hz"),
         (keys.END, "150 Hz"),

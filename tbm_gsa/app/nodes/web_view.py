@@ -28,7 +28,7 @@ from tbm_gsa.app.web.expected import Expectation, alarm_limits
 from tbm_gsa.app.web.gathering import Gathering
 from tbm_gsa.app.web.picture import machine_picture
 from tbm_gsa.app.web.site import MachineSite
-from tbm_gsa.app.web.spectra import HIGH_HZ, LiveSpectra
+from tbm_gsa.app.web.spectra import HIGH_HZ, LiveSpectra, told_apart
 from tbm_gsa.app.web.state import Events, NodeCondition, Operation, Setup, Trend, TrendSpan
 from tbm_gsa.app.web.trends import TrendReader
 from tbm_gsa.comparison.expected import expected_lines
@@ -151,7 +151,7 @@ class WebView(ManagedNode[WebViewSettings]):
             picture=machine_picture(description),
             mesh_hz=machine.mesh_frequency,
             high_hz=HIGH_HZ,
-            lines=expected_lines(machine, HIGH_HZ),
+            lines=told_apart(expected_lines(machine, HIGH_HZ)),
             version=self._server.version,
             token=self._server.token,
             acknowledging=self.settings.acknowledging and self._history is not None,
