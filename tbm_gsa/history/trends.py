@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from typing import Final
 
 from tbm_gsa.comparison import DEAD_SHARE
+from tbm_gsa.comparison.live import LARGEST
 from tbm_gsa.history.queries import Queries, Selection
 
 # By rank: the value at the place that is nearest to a share of the windows of a bin.
@@ -24,7 +25,7 @@ SELECT point, bin * ?, many, {_COLUMNS} FROM (
         row_number() OVER ({_BIN} ORDER BY field_rms) AS level_place
     FROM windows JOIN sources ON windows.source = sources.id
     WHERE ({{condition}}) AND axis = 'x' AND relative_error IS NOT NULL AND model_rms > 0.0
-        AND field_rms >= {DEAD_SHARE} * model_rms
+        AND field_rms >= {DEAD_SHARE} * model_rms AND max(field_rms, model_rms) < {LARGEST}
 ) GROUP BY point, bin ORDER BY bin, point
 """  # noqa: S608
 _PLACES: Final = 5  # for the length of a bin

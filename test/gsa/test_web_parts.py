@@ -2,23 +2,30 @@
 
 import base64
 import math
+from xml.etree import ElementTree
 
 import numpy as np
 import pytest
 import scipy.signal
+from matplotlib.figure import Figure
 
 from tbm_dynamics import load_machine
+from tbm_gsa.app.nodes.settings import WebViewSettings
 from tbm_gsa.app.web.expected import alarm_limits, usual_limits
 from tbm_gsa.app.web.gathering import LOST_S, QUIET_S, Gathering
 from tbm_gsa.app.web.pages import PageFolder
 from tbm_gsa.app.web.picture import machine_picture
-from tbm_gsa.app.web.spectra import LOWEST_DB, STEP_DB, LiveSpectra
-from tbm_gsa.app.web.state import NodeState, Operation
+from tbm_gsa.app.web.site import MachineSite
+from tbm_gsa.app.web.spectra import LOWEST_DB, STEP_DB, LiveSpectra, told_apart
+from tbm_gsa.app.web.state import Acknowledgement, NodeState, Operation
 from tbm_gsa.app.web.verdict import Situation, judge
 from tbm_gsa.comparison import AlarmRule, UsualRatio, WindowResult
+from tbm_gsa.comparison.expected import expected_lines
 from tbm_gsa.history import Event, StoredEvent, WindowSource
 from tbm_gsa.history.event_list import ListedEvent
 from tbm_gsa.history.trends import TrendRow
+from tbm_msgs_py.base.errors import InputError
+from tbm_msgs_py.nodes.parameters import ParameterError, read_settings
 
 NOW, BEFORE = "2026-01-02T03:04:05.000Z", "2026-01-02T03:00:00.000Z"
 SOURCE = WindowSource("live", "node", "", "dz101", "ab" * 32)
@@ -133,6 +140,17 @@ def test_spectra_are_those_of_scipy_once_a_row():
     assert [row.time[17:] for row in again] == ["00.000Z", "00.000Z"]  # a recording that loops
 
 
+def test_only_lines_that_a_row_tells_apart_are_marks(machine):
+    lines = expected_lines(machine, 400.0)
+    left_out = {line.name for line in lines} - {line.name for line in told_apart(lines)}
+    near = {
+        f"{mesh} {sign} {gear}"
+        for mesh, gear in (("mesh frequency", "pinion"), ("stage 1 mesh frequency", "ring"))
+        for sign in "−+"
+    }
+    assert left_out == near
+
+
 class Clock:
     """Time of the test."""
 
@@ -220,3 +238,18 @@ def test_pages_are_found_by_key_and_not_by_path(tmp_path):
     assert pages.read(found.key).startswith("<title>")
     assert pages.read("../secret.html") is None
     assert PageFolder(tmp_path / "nowhere").find().pages == ()
+
+
+def test_a_host_that_would_be_all_is_refused():
+    with pytest.raises(ParameterError, match=r"parameter host: ' ', allowed: an address or name of this computer"):
+        read_settings(WebViewSettings, {"host": " "})
+
+
+def test_the_drawing_is_an_svg_and_nobody_acknowledges_without_a_history(machine, tmp_path, monkeypatch):
+    site = MachineSite(machine, LiveSpectra([]), tmp_path, None)
+    monkeypatch.setattr("tbm_gsa.app.report.machine_drawing.draw_machine", lambda _: Figure())
+    assert ElementTree.fromstring(site.drawing()).tag == "{http://www.w3.org/2000/svg}svg"
+    with pytest.raises(InputError, match="allowed: `tbm-monitor events ack`"):
+        site.acknowledge(Acknowledgement(id=1, by="Anna"))
+    with pytest.raises(InputError, match="no such history"):
+        MachineSite(machine, LiveSpectra([]), tmp_path, tmp_path / "h").acknowledge(Acknowledgement(id=1, by="Anna"))

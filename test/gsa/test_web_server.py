@@ -159,12 +159,29 @@ def test_a_slow_client_gets_fewer_states_and_the_newest(server):
     assert len(found) < count
 
 
+def dead_client(server):
+    """Connection of a client that reads nothing once it is one."""
+    dead = socket.create_connection(("127.0.0.1", server.port))
+    head = f"GET /live HTTP/1.1\r\nHost: 127.0.0.1:{server.port}\r\nUpgrade: websocket\r\nConnection: Upgrade\r\n"
+    dead.sendall(f"{head}Sec-WebSocket-Version: 13\r\nSec-WebSocket-Key: dGhlIHNhbXBsZSBub25jZQ==\r\n\r\n".encode())
+    assert b"101" in dead.recv(15)
+    return dead
+
+
+def test_a_client_that_does_not_read_holds_up_no_end(monkeypatch):
+    monkeypatch.setattr(served, "_END_S", 0.05)
+    server = WebServer("127.0.0.1", 0, Site())
+    with dead_client(server), connect(server, max_size=None) as fast:
+        for place in range(12):
+            server.show("count", Count(number=place, filling="x" * 500_000))
+            assert number(fast) == place
+        assert server.clients == 2
+        server.close()
+
+
 def test_a_client_that_does_not_read_is_closed(server, monkeypatch):
     monkeypatch.setattr(served, "PATIENCE_S", 0.05)
-    with socket.create_connection(("127.0.0.1", server.port)) as dead, connect(server, max_size=None) as fast:
-        head = f"GET /live HTTP/1.1\r\nHost: 127.0.0.1:{server.port}\r\nUpgrade: websocket\r\nConnection: Upgrade\r\n"
-        dead.sendall(f"{head}Sec-WebSocket-Version: 13\r\nSec-WebSocket-Key: dGhlIHNhbXBsZSBub25jZQ==\r\n\r\n".encode())
-        assert b"101" in dead.recv(15)
+    with dead_client(server), connect(server, max_size=None) as fast:
         place = 0
         while place < 3 or server.clients > 1:
             server.show("count", Count(number=place, filling="x" * 500_000))

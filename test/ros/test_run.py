@@ -3,6 +3,7 @@
 import json
 import os
 import signal
+import socket
 import subprocess
 import sys
 import time
@@ -32,10 +33,12 @@ NODES_YAML = Path(__file__).parents[2] / "config" / "nodes.yaml"
 def test_run_takes_a_file_and_options(command, tmp_path):
     """The file alone names the machine; the options drive it."""
     (tmp_path / "site.yaml").write_text("/**:\n  ros__parameters: {machine: open380, seed: 3}\n")
-    code, out, err = command(
-        "run", "--duration", "2", "--params", "site.yaml", "--speed", "1.5", "--thrust", "9000", "--json"
-    )
+    with socket.create_server(("127.0.0.1", 0)) as free:
+        port = free.getsockname()[1]
+    driven = ("--speed", "1.5", "--thrust", "9000")
+    code, out, err = command("run", "--duration", "2", "--params", "site.yaml", *driven, "--web", str(port), "--json")
     assert code == 0, err
+    assert f"page to watch: http://127.0.0.1:{port}/" in err
     document = json.loads(out)
     assert document["first_block_seconds"] > 0.0
     lines = err.splitlines()

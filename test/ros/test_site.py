@@ -1,7 +1,10 @@
 """What a parameter file says of a node, beside what rclpy makes of the same file."""
 
+from pathlib import Path
+
 import pytest
 
+from tbm_gsa.app.cli.run import page_command
 from tbm_msgs_py.base.errors import InputError
 from tbm_msgs_py.nodes.parameter_file import ParameterFile
 
@@ -66,3 +69,19 @@ def test_what_nodes_share_is_one_value(tmp_path):
 def test_what_is_no_parameter_file(tmp_path, text):
     with pytest.raises(InputError, match=r"site\.yaml: not (YAML|nodes with ros__parameters)"):
         site(tmp_path, text)
+
+
+def test_the_page_is_told_what_the_analysis_is(tmp_path):
+    stated = site(
+        tmp_path,
+        "/**/analysis_node: {ros__parameters: {history: h, alarm: threshold, threshold: 0.5, window: 3.0}}\n"
+        "/**/web_view: {ros__parameters: {threshold: 0.4}}",
+    )
+    command = page_command(8080, "dz101", Path("out"), stated)
+    assert command.parameters == {
+        "machine": "dz101",
+        "port": 8080,
+        "folder": "out",
+        "history": "h",
+        "alarm": "threshold",
+    }

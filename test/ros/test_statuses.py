@@ -12,11 +12,19 @@ from diagnostic_msgs.msg import DiagnosticStatus
 from tbm_gsa.app.nodes.drive_statuses import drives_status
 from tbm_gsa.app.nodes.gsa_process import GsaStatus
 from tbm_gsa.app.nodes.live_comparison import drive_mapping
-from tbm_gsa.app.nodes.statuses import comparison_status, gsa_result_statuses, gsa_status
+from tbm_gsa.app.nodes.statuses import (
+    comparison_status,
+    event_status,
+    gsa_result_statuses,
+    gsa_status,
+    listed_event,
+)
 from tbm_gsa.app.nodes.stream_health import Condition
 from tbm_gsa.comparison import WindowResult
 from tbm_gsa.comparison.drive_results import DriveResult, DriveSide, DrivesResult, SharingSide
 from tbm_gsa.comparison.live_drives import DriveWindow
+from tbm_gsa.history import Context, Event, StoredEvent, WindowSource
+from tbm_gsa.history.event_list import ListedEvent
 from tbm_gsa.sensitivity.results import OutputResult, SpectrumBand, SpectrumResult, StudyResult
 from tbm_gsa.sensitivity.study.failures import Failures
 
@@ -184,3 +192,18 @@ def test_a_study_in_doubt_says_so():
     assert (values["determined"], values["r2_test"], values["total_x1"]) == ("False", "nan", "1")
     running = gsa_status("gsa", "dz101", GsaStatus("running", "", 20, 40, 3), {})
     assert (running.level, running.message) == (DiagnosticStatus.WARN, "running; 3 of 20 simulations failed")
+
+
+AT_NIGHT = Context(-1, 1.5, "III", "night")
+EVENTS = [
+    (0, Event(0, "silent", "girder", "error", "sensor", "no signal"), ("", None, "")),
+    (7, Event(1, "machine", "", "warning", "machine", "x", "6 r/min", 9, "/a b", AT_NIGHT), ("Anna", 10**18, "mended")),
+]
+
+
+@pytest.mark.parametrize(("number", "event", "seen"), EVENTS)
+def test_an_event_is_read_back_as_it_was_told(number, event, seen):
+    source = WindowSource("live", "/tbm/analysis_node", "", "dz101", "ab" * 32)
+    listed = ListedEvent.of(StoredEvent(number, source, event, *seen))
+    assert listed_event(event_status("tbm: event", listed)) == listed
+    assert listed_event(DiagnosticStatus(name="tbm: event 1", message="of others")) is None

@@ -151,7 +151,7 @@ def test_the_keyboard_moves_the_cursor_from_mark_to_mark(page):
     canvas = page.browser.find_element("id", "spectrum")
     for key, text in (
         (keys.HOME, "14.19 Hz, mesh frequency"),
-        (keys.PAGE_UP, "15.07 Hz, mesh frequency + pinion"),
+        (keys.PAGE_UP, "23.37 Hz, motor shaft"),
         (keys.PAGE_DOWN, "14.19 Hz, mesh frequency"),
         (keys.ARROW_RIGHT, "14.69 Hz"),
         (keys.END, "150 Hz"),
@@ -192,12 +192,32 @@ def test_the_page_fits_a_phone_and_a_wall(page, width):
 def test_the_page_comes_back_after_a_restart(page):
     page.hosted.close()
     page.shows("#link", "no connection since")
+    page.shows("#title", "No connection to the monitor")
     page.host(page.port)
     healthy(page.scene)
     page.scene.events(ROCK)
     page.look()
     page.shows("#link", "live")
     page.shows("#title", "Rock changed")
+
+
+def test_a_node_that_hangs_is_no_connection(page):
+    """Its server answers, with what was true once: a page that is opened again is not deceived either."""
+    healthy(page.scene)
+    page.look()
+    page.shows("#title", "All well")
+    timers = list(page.node.timers)
+    for timer in timers:
+        timer.cancel()
+    page.shows("#link", "live")
+    page.run("const now = Date.now; Date.now = () => now() + 20000")
+    page.shows("#title", "No connection to the monitor")
+    sent = page.node._server.sent_bytes
+    wait_for(lambda: page.node._server.sent_bytes > sent)  # it is connected again, and has got the old word
+    assert page.text("#title") == "No connection to the monitor"
+    for timer in timers:
+        timer.reset()
+    page.shows("#title", "All well")
 
 
 def test_pages_of_the_run_are_linked_and_run_no_script(page):

@@ -162,7 +162,7 @@ def run(
     if foxglove:
         commands.append(NodeCommand("live_view", {"port": foxglove}))
     if web:
-        commands.append(_page(web, described.origin, out, site))
+        commands.append(page_command(web, described.origin, out, site))
         notes.print(f"page to watch: http://127.0.0.1:{web}/", highlight=False)
     if sim_time:
         notes.print("the nodes follow /clock, as `tbm-monitor bag play` gives it", highlight=False)
@@ -230,7 +230,7 @@ def node_commands(driven: Mapping[str, object], seed: int | None, out: Path, sit
     ]
 
 
-def _page(port: int, machine: str, out: Path, site: ParameterFile) -> NodeCommand:
+def page_command(port: int, machine: str, out: Path, site: ParameterFile) -> NodeCommand:
     """Node of the page; what it has to share with the analysis node is what that is told, unless the file says so."""
     given: dict[str, object] = {"machine": machine, "port": port, "folder": str(out)}
     for name in ("mapping", "history", "alarm", "threshold", "baseline"):

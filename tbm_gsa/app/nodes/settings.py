@@ -49,6 +49,12 @@ def _web_address(address: str) -> str:
     return address
 
 
+def _listening(host: str) -> str:
+    if not host.strip():  # asyncio would listen everywhere
+        raise ValueError(f"{quoted(host)}, allowed: an address or name of this computer, 0.0.0.0 for all of them")
+    return host
+
+
 _Name = Annotated[str, AfterValidator(_named)]
 
 
@@ -164,7 +170,7 @@ class LiveViewSettings(NodeSettings):
 class WebViewSettings(MachineSettings):
     """Parameters of `web_view`: whom it lets in and what it reads is stated at the start, not over ROS."""
 
-    host: str = parameter(
+    host: Annotated[str, AfterValidator(_listening)] = parameter(
         "127.0.0.1", "address the server listens at; the default is this computer only", changes="start"
     )
     port: int = parameter(8080, "TCP port; 0 for a free one, which the log names", low=0, high=65535)

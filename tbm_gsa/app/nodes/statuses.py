@@ -79,10 +79,12 @@ def event_status(prefix: str, event: ListedEvent) -> DiagnosticStatus:
 
 def listed_event(status: DiagnosticStatus) -> ListedEvent | None:
     """Event that `event_status` has made a status of; None of any other status."""
-    known = {pair.key: pair.value for pair in status.values if pair.key in ListedEvent.model_fields}
+    told = {pair.key: pair.value for pair in status.values}
+    known = {key: told[key] for key in ListedEvent.model_fields if key in told}
     values = {key: None if value == "" and key in _MAYBE else value for key, value in known.items()}
+    values |= {"text": status.message, "name": told.get("node")}
     try:
-        return ListedEvent.model_validate(values | {"text": status.message}, strict=False)
+        return ListedEvent.model_validate(values, strict=False)
     except ValidationError:
         return None
 

@@ -28,7 +28,7 @@ from tbm_gsa.app.web.expected import Expectation, alarm_limits
 from tbm_gsa.app.web.gathering import Gathering
 from tbm_gsa.app.web.picture import machine_picture
 from tbm_gsa.app.web.site import MachineSite
-from tbm_gsa.app.web.spectra import HIGH_HZ, LiveSpectra
+from tbm_gsa.app.web.spectra import HIGH_HZ, LiveSpectra, told_apart
 from tbm_gsa.app.web.state import Events, NodeCondition, Operation, Setup, Trend, TrendSpan
 from tbm_gsa.app.web.trends import TrendReader
 from tbm_gsa.comparison.expected import expected_lines
@@ -49,6 +49,8 @@ from tbm_msgs_py.recordings.mapping import SensorMapping, contract_sensor
 LOOK_S: Final = 1.0
 _EVERY_S: Final[dict[TrendSpan, float]] = {"week": 300.0, "day": 60.0, "hour": 10.0}
 _AGAIN_S: Final = 5.0  # after a history that could not be read
+_LINES_S: Final = 10.0  # between expected lines
+_SAME_SPEED: Final = 5e-3  # share, within which lines lie where they did
 _QUANTITIES: Final[dict[Side, str]] = {"model": "model_rms", "field": "field_rms"}
 
 
@@ -86,6 +88,7 @@ class WebView(ManagedNode[WebViewSettings]):
         self._due = dict.fromkeys(_EVERY_S, 0.0)
         self._work: Future[None] | None = None
         self._driven: OperatingPoint | None = None  # that the lines are of
+        self._lines_due = 0.0
         self._operated: dict[str, OperatingPoint] = {}
         self._stamps: dict[tuple[str, Side], int] = {}
         writable = self._history if given.acknowledging else None
@@ -112,10 +115,11 @@ class WebView(ManagedNode[WebViewSettings]):
         """Show how it is now, and let be read what is due."""
         self._server.show("now", self._gathering.look())
         self.faults.update("server", self._server.problem)
-        if self._work is None or self._work.done():
-            if self._work is not None:
-                self._work.result()  # an error that nothing expects is one of this callback
-            self._work = self._pool.submit(self._read) if self._read_is_due() else None
+        if self._work is None and self._read_is_due():
+            self._work = self._pool.submit(self._read)
+        elif self._work is not None and self._work.done():
+            work, self._work = self._work, None
+            work.result()  # an error that nothing expects is one of this callback
 
     def statuses(self) -> list[DiagnosticStatus]:
         """Where it listens, and who is there."""
@@ -132,8 +136,9 @@ class WebView(ManagedNode[WebViewSettings]):
             try:
                 with HistoryReader(self._history) as history:
                     usual = history.baseline(given.baseline, machine.name).usual_ratios()
-            except sqlite3.Error as error:
-                raise InputError(f"baseline {given.baseline}: {self._history}: {error}") from None
+            except (InputError, sqlite3.Error) as error:
+                self.faults.report("baseline", f"baseline {given.baseline}: {self._history}: {error}")
+                return Expectation({}, "not known, for the baseline cannot be read")
         return alarm_limits(self._points, given.threshold, given.baseline, usual)
 
     def _show_setup(self, machine: Machine) -> None:
@@ -146,7 +151,7 @@ class WebView(ManagedNode[WebViewSettings]):
             picture=machine_picture(description),
             mesh_hz=machine.mesh_frequency,
             high_hz=HIGH_HZ,
-            lines=expected_lines(machine, HIGH_HZ),
+            lines=told_apart(expected_lines(machine, HIGH_HZ)),
             version=self._server.version,
             token=self._server.token,
             acknowledging=self.settings.acknowledging and self._history is not None,
@@ -215,11 +220,10 @@ class WebView(ManagedNode[WebViewSettings]):
         self._gathering.add_forces(np.abs(block.values).max(axis=0))
 
     def _on_operating_point(self, topic: str, message: JointState) -> None:
-        try:
+        with suppress(InputError):  # the last one stays
             _, self._operated[topic] = messages.operating_point_from(message)
-        except InputError:
+        if (point := self._operation()) is None:
             return
-        point = self._operated.get(topics.OPERATING_POINT, self._operated[topic])  # the machine's, if that is known
         self._gathering.operation = Operation(
             speed_r_min=point.speed / R_MIN, torque_kn_m=point.torque / 1e3, thrust_kn=point.thrust / 1e3
         )
@@ -260,23 +264,24 @@ class WebView(ManagedNode[WebViewSettings]):
         return next((status for status in message.status if status.name == self.status_name(task)), None)
 
     def _read_is_due(self) -> bool:
-        now = time.monotonic()
-        return min(self._due.values()) <= now or self._new_operation() is not None
+        return min(self._due.values()) <= time.monotonic() or self._new_operation() is not None
 
     def _new_operation(self) -> OperatingPoint | None:
         """Operating point whose lines are not those that are shown; none of a machine that stands still."""
-        point = next(iter(self._operated.values()), None)
-        point = self._operated.get(topics.OPERATING_POINT, point)
-        known = self._driven
-        if point is None or point.speed <= 0.0:
+        point, known = self._operation(), self._driven
+        if point is None or point.speed <= 0.0 or time.monotonic() < self._lines_due:
             return None
-        same = known is not None and abs(point.speed - known.speed) < 1e-3 * known.speed
+        same = known is not None and abs(point.speed - known.speed) < _SAME_SPEED * known.speed
         return None if same else point
+
+    def _operation(self) -> OperatingPoint | None:
+        """How the machine is driven, as it says itself if that is known."""
+        return self._operated.get(topics.OPERATING_POINT) or self._operated.get(topics.LOADS_OPERATING_POINT)
 
     def _read(self) -> None:
         """Read what is due, in the thread for it."""
         if point := self._new_operation():
-            self._driven = point
+            self._driven, self._lines_due = point, time.monotonic() + _LINES_S
             with suppress(InputError):  # beyond what the machine allows: the lines stay
                 speed, torque, thrust = point.speed / R_MIN, point.torque / 1e3, point.thrust / 1e3
                 self._show_setup(at_operating_point(self._machine, speed, torque, thrust))

@@ -153,7 +153,9 @@ class WebServer:
         else:
             started.set_result(runner.addresses[0][1])
             await self._ending.wait()
-            await asyncio.gather(*(client.close(code=1001) for client in tuple(self._clients)))
+            ends = [asyncio.create_task(client.close(code=1001)) for client in tuple(self._clients)]
+            if ends:
+                await asyncio.wait(ends, timeout=_END_S)  # of those that read nothing the connection just ends
         await runner.cleanup()
 
     def _application(self) -> web.Application:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import sqlite3
 import time
-from functools import cache
+from functools import cached_property
 from pathlib import Path
 
 from tbm_dynamics import Machine
@@ -39,7 +39,14 @@ class MachineSite:
 
     def drawing(self) -> bytes:
         """Drawing of the machine with all its nodes, SVG."""
-        return _drawing(self._machine)
+        return self._drawing
+
+    @cached_property
+    def _drawing(self) -> bytes:
+        from tbm_gsa.app.report.machine_drawing import draw_machine  # noqa: PLC0415 - matplotlib, for those who ask
+        from tbm_gsa.app.report.picture import drawn  # noqa: PLC0415
+
+        return drawn(draw_machine(self._machine), ".svg")
 
     def pages(self) -> PageList:
         """Pages of studies, explanations and comparisons."""
@@ -61,12 +68,3 @@ class MachineSite:
         except sqlite3.Error as error:
             raise InputError(f"{self._history}: {error}") from None
         return ListedEvent.of(seen)
-
-
-@cache
-def _drawing(machine: Machine) -> bytes:
-    """Draw once; matplotlib is for those who ask."""
-    from tbm_gsa.app.report.machine_drawing import draw_machine  # noqa: PLC0415
-    from tbm_gsa.app.report.picture import drawn  # noqa: PLC0415
-
-    return drawn(draw_machine(machine), ".svg")

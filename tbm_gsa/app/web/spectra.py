@@ -10,6 +10,7 @@ from typing import Final
 import numpy as np
 
 from tbm_gsa.app.web.state import SpectrumRow, Waterfall
+from tbm_gsa.comparison.results import ExpectedLine
 from tbm_gsa.comparison.streams import SIDES, Side
 from tbm_gsa.signals.conditioning import Band
 from tbm_gsa.signals.spans import SpanCollector, SpanSpectrum
@@ -23,11 +24,23 @@ ROWS: Final = 150
 PATIENCE_NS: Final = SPAN_NS
 """How far a signal may lag behind before a row is closed without it."""
 RESOLUTION_HZ: Final = 0.5
+APART_HZ: Final = 3.0 * RESOLUTION_HZ
+"""Beyond the main lobe of a line."""
 HIGH_HZ: Final = 400.0
 LOWEST_DB, STEP_DB = -120.0, 0.75
 """Of the code of a density, dB over 1 m²/s⁴/Hz: from below the noise of any sensor to its range."""
 _BATCH_NS: Final = NANOSECONDS  # worked off together
 _BAND: Final = Band(0.0, HIGH_HZ)  # the samples are taken as they are
+
+
+def told_apart(lines: Sequence[ExpectedLine]) -> tuple[ExpectedLine, ...]:
+    """Lines without the sidebands that a spectrum of these rows does not tell from their mesh."""
+    meshes = [line.frequency_hz for line in lines if line.kind == "mesh"]
+    return tuple(
+        line
+        for line in lines
+        if line.kind != "sideband" or min(abs(line.frequency_hz - mesh) for mesh in meshes) > APART_HZ
+    )
 
 
 def coded(density: Array) -> str:

@@ -36,7 +36,6 @@ function what(event) {
 }
 
 function show() {
-  if (byId("events").contains(document.activeElement) && byId("ack").open) return;
   const newest = events.toReversed();
   const standing = events.filter((one) => !one.end).length;
   const open = events.filter((one) => !one.acknowledged_by).length;
@@ -81,6 +80,7 @@ async function send(submitted) {
 }
 
 export function takeEvents(content) {
+  if (JSON.stringify(content.events) === JSON.stringify(events)) return; // a button that has the focus stays
   events = content.events;
   show();
 }
@@ -95,6 +95,7 @@ export function startEvents() {
 }
 
 export function allow(given) {
+  const changed = setup?.acknowledging !== given.acknowledging;
   setup = given;
-  show();
+  if (changed) show();
 }

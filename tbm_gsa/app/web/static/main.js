@@ -9,7 +9,7 @@ import { startPages } from "./pages.js";
 import { onRows, rowsOf, takeRow } from "./rows.js";
 import { spectrumOf, startSpectrum, takeLines } from "./spectrum.js";
 import { startTrend, takeLimits, takeTrend, trendOf } from "./trend.js";
-import { showNodes, showOperation, showVerdict } from "./verdict.js";
+import { showLost, showNodes, showOperation, showVerdict } from "./verdict.js";
 import { startWaterfall } from "./waterfall.js";
 
 function choose(point) {
@@ -26,8 +26,10 @@ function offer(points) {
     element("label", {}, element("input", { type: "radio", name: "point", value: point, checked: point === chosen }), ` ${place + 1} ${point}`),
   );
   field.replaceChildren(field.querySelector("legend"), ...choices);
-  choose(chosen); // after a restart of the server, too: its rows may be others
+  choose(chosen);
 }
+
+let token = "";
 
 function setUp(setup) {
   say(byId("name"), setup.machine);
@@ -35,7 +37,9 @@ function setUp(setup) {
   drawMachine(setup);
   takeLines(setup);
   allow(setup);
-  offer(setup.points);
+  if (token === setup.token) return; // only its lines have moved
+  token = setup.token;
+  offer(setup.points); // of this start of the server: its rows may be others
 }
 
 let looked = false;
@@ -69,4 +73,5 @@ startEvents();
 startPages();
 onRows(() => [drawSpectrum(), drawWaterfall()]);
 byId("point").addEventListener("change", (event) => choose(event.target.value));
-connect({ setup: setUp, now: show, spectra: takeRow, hour: takeTrend, day: takeTrend, week: takeTrend, events: takeEvents });
+const sections = { setup: setUp, now: show, spectra: takeRow, hour: takeTrend, day: takeTrend, week: takeTrend, events: takeEvents };
+connect(sections, showLost);

@@ -112,7 +112,7 @@ function legend() {
   }
 }
 
-function near(frequency) {
+export function near(frequency) {
   const names = marks.filter((one) => Math.abs(one.frequency_hz - frequency) <= step() * 0.75).map((one) => one.name);
   return names.length ? names.join(", ") : "";
 }

@@ -19,6 +19,17 @@ export function showVerdict(now) {
   document.title = `${title} – ${byId("name").textContent}`;
 }
 
+// What was said last may be wrong by now: it is no verdict any more.
+export function showLost(since) {
+  const before = byId("title").textContent;
+  byId("verdict").dataset.kind = "no_data";
+  say(byId("sign"), SIGNS.no_data);
+  say(byId("title"), "No connection to the monitor");
+  say(byId("text"), `Before: ${before}`);
+  say(byId("since"), `since ${moment(since)}`);
+  document.title = `No connection – ${byId("name").textContent}`;
+}
+
 export function showOperation({ operation, context }) {
   const names = { ring: "ring", chainage: "chainage", rock_class: "rock class", shift: "shift" };
   const driven = operation

@@ -1,8 +1,9 @@
 // Ten minutes of spectra as colours, the newest at the top.
 
-import { byId, number, say } from "./dom.js";
+import { byId, element, moment, number, say, table } from "./dom.js";
 import { Plot, drawn, steps } from "./plot.js";
 import { allRows, decibel } from "./rows.js";
+import { near } from "./spectrum.js";
 
 const LENGTH_MS = 600e3;
 const ROW_MS = 4000;
@@ -53,10 +54,30 @@ function show() {
   if (!rows.length) plot.words(`nothing ${name} in the last ten minutes`);
   const words = `Dark ${decibel(low)} dB to bright ${decibel(top)} dB over 1 m²/s⁴/Hz, ${name}; a row every 4 s, empty where the signal had holes.`;
   say(byId("waterfall-note"), rows.length ? words : "");
+  list(rows, bins);
+}
+
+// The highest level of each minute, in words.
+function list(rows, bins) {
+  const details = byId("waterfall-table");
+  if (!details.open) return;
+  const minutes = Map.groupBy(rows, (row) => Math.floor(row.time / 60e3));
+  const lines = [...minutes].reverse().map(([minute, inside]) => {
+    let [code, frequency] = [0, 0];
+    for (const row of inside) {
+      for (let bin = Math.ceil(1 / row.step); bin < bins; bin++) {
+        if (row[side][bin] > code) [code, frequency] = [row[side][bin], bin * row.step];
+      }
+    }
+    return [moment(minute * 60e3), number(frequency, 4), near(frequency) || "–", `${decibel(code)} dB`];
+  });
+  const head = ["Minute", "Strongest line, Hz", "Mark", "Level over 1 m²/s⁴/Hz"];
+  details.querySelector(".table").replaceChildren(lines.length ? table(head, lines) : element("p", {}, "no rows"));
 }
 
 export function startWaterfall() {
   const draw = drawn(byId("waterfall"), show);
+  byId("waterfall-table").addEventListener("toggle", draw);
   byId("side").addEventListener("change", (event) => {
     side = event.target.value;
     draw();
