@@ -12,7 +12,7 @@ from pathlib import Path
 from PIL import Image
 
 ROOT = Path(__file__).parents[2]
-SIZE = (1280, 2560)
+SIZE = (1280, 1360)
 COMPARE = (sys.executable, "-m", "tbm_gsa.app.cli.main", "compare", "bags/field_dz101", "--no-keep")
 
 

@@ -30,7 +30,7 @@ MACHINE = Event(
     "",
     "warning",
     "machine",
-    "machine: x17 is 0.71 (0.66 to 0.78) of what it was, probability 0.96; look at the spline of the pinion shaft",
+    "machine: x17 is 0.71 (0.66 to 0.78) of what it was, probability 0.96; look at the contact of girder and rock",
 )
 DEAD = Event(0, "dead", "walkway", "error", "sensor", "field measures next to nothing along x: a dead channel?")
 
