@@ -76,6 +76,7 @@ class Selection:
         One of `SOURCE_KINDS`, or a part of the source's name.
     machine : str
         Its name, or the first digits, eight at least, of its SHA-256.
+    axis : str
     """
 
     point: str | None = None
@@ -83,6 +84,7 @@ class Selection:
     until_ns: int | None = None
     source: str | None = None
     machine: str | None = None
+    axis: str | None = None
 
     def condition(self) -> tuple[str, list[str | int]]:
         """Condition in SQL and its values."""
@@ -92,6 +94,7 @@ class Selection:
             ("start_ns < ?", self.until_ns),
             ("kind = ?" if self.source in SOURCE_KINDS else "instr(name, ?) > 0", self.source),
             (machine_condition(self.machine), self.machine),
+            ("axis = ?", self.axis),
         ]
         given = [(text, value) for text, value in parts if value is not None]
         return " AND ".join(text for text, _ in given) or "1", [value for _, value in given]

@@ -24,7 +24,7 @@ SELECT point, bin * ?, many, {_COLUMNS} FROM (
         row_number() OVER ({_BIN} ORDER BY field_rms / model_rms) AS place,
         row_number() OVER ({_BIN} ORDER BY field_rms) AS level_place
     FROM windows JOIN sources ON windows.source = sources.id
-    WHERE ({{condition}}) AND axis = 'x' AND relative_error IS NOT NULL AND model_rms > 0.0
+    WHERE ({{condition}}) AND relative_error IS NOT NULL AND model_rms > 0.0
         AND field_rms >= {DEAD_SHARE} * model_rms AND max(field_rms, model_rms) < {LARGEST}
 ) GROUP BY point, bin ORDER BY bin, point
 """  # noqa: S608
@@ -42,7 +42,7 @@ class TrendRow:
     windows : int
         Steady ones, of a sensor that is not dead.
     low, median, high : float
-        5 %, median and 95 % of measured over computed RMS along x.
+        5 %, median and 95 % of measured over computed RMS.
     level : float
         Median of the measured RMS, m/s².
     """
@@ -57,12 +57,13 @@ class TrendRow:
 
 
 def trend_rows(history: Queries, selection: Selection, bin_ns: int) -> list[TrendRow]:
-    """Axial trend of every point in a selection, in the order of time; bins without a window are left out.
+    """Trend of every point in a selection, in the order of time; bins without a window are left out.
 
     Parameters
     ----------
     history : Queries
     selection : Selection
+        Of one axis.
     bin_ns : int
         Length of a bin.
     """

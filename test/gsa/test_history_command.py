@@ -79,7 +79,7 @@ def test_a_result_replaces_only_its_kind(run, file, tmp_path, command, there):
     assert len(err.splitlines()) == 1
     assert target.read_bytes() == before
     target.unlink()
-    if words[0] != "compare":
+    if words[0] != "compare" and there == "text":  # nothing of the others is left
         assert [run(*start, words[-1], target)[0] for _ in range(2)] == [0, 0]  # an earlier one of ours goes
 
 

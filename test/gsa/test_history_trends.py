@@ -42,7 +42,7 @@ def file(windows, tmp_path_factory):
 
 def test_a_bin_is_what_numpy_makes_of_its_windows(file, windows):
     with History(file) as history:
-        rows = trend_rows(history, Selection(source="live", machine="ab" * 32), MINUTE)
+        rows = trend_rows(history, Selection(source="live", machine="ab" * 32, axis="x"), MINUTE)
     assert [(row.point, (row.begin_ns - START) // MINUTE) for row in rows] == [
         (point, minute) for minute in range(3) for point in ("girder", "shield")
     ]

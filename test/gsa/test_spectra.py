@@ -6,6 +6,7 @@ import json
 import numpy as np
 import pytest
 import scipy.signal
+import scipy.stats
 from here import pictures_without_layout, simulations_here
 from SALib.analyze import sobol as salib_sobol
 from SALib.sample import sobol as salib_sample
@@ -156,6 +157,42 @@ def test_indices_of_every_band_are_the_exact_ones(analysis):
         for value, (low, high) in zip(part.indices.total, part.indices.total_interval, strict=True):
             assert 0.0 <= low <= value + 1e-12
             assert value - 1e-12 <= high <= 1.0 + 1e-12
+
+
+def test_realisations_of_the_loads_are_taken_off(monkeypatch):
+    """Terms of variance 1 with gains by band, and a realisation's effect of half their variance: squares are exact."""
+    monkeypatch.setattr(spectra, "FOLDS", 4)
+    generator = np.random.default_rng(5)
+    gains = np.array([[2.0, 1.0, 0.5, 1.0, 3.0], [0.5, 1.0, 2.0, 1.0, 0.0], [0.0, 1.0, 0.0, 2.0, 1.0]])
+    variance = np.square(gains).sum(axis=0)
+    effects = generator.normal(size=(12, 5)) * np.sqrt(0.5 * variance)
+
+    def simulated(count):
+        unit, labels = qmc.LatinHypercube(3, seed=count).random(count), generator.permutation(np.arange(count) % 12)
+        centred = 2.0 * unit - 1.0
+        terms = np.sqrt(3.0) * centred[:, 0], np.sqrt(3.0) * centred[:, 1], 3.0 * centred[:, 0] * centred[:, 2]
+        return unit, 10.0 ** ((np.array(terms).T @ gains + effects[labels]) / 20.0), labels
+
+    (unit, rms, labels), (tested, test_rms, test_labels) = simulated(120), simulated(24)
+    data = Data(unit, rms, tested, test_rms)
+    told, untold = (analyse_spectrum(BANDS, data, 0, known) for known in ((labels, test_labels), None))
+    shares = np.square(gains) / variance
+    for part, (first, second, both) in zip(told.by_band, shares.T, strict=True):
+        np.testing.assert_allclose(part.indices.first, [first, second, 0.0], atol=0.03)
+        np.testing.assert_allclose(part.indices.total, [first + both, second, both], atol=0.03)
+    assert min(told.whole.r2_cv, told.r2_test) > 0.95
+    assert max(untold.whole.r2_cv, untold.r2_test) < 0.75
+
+
+def test_effects_are_shrunk_as_an_analysis_of_variance_has_it():
+    generator = np.random.default_rng(5)
+    labels = np.arange(120) % 12
+    residuals = generator.normal(size=(12, 3))[labels] + generator.normal(size=(120, 3))
+    found = spectra.realisation_effects(residuals, labels)
+    groups = np.array([residuals[labels == label] for label in range(12)])
+    means = groups.mean(axis=1) - groups.mean(axis=(0, 1))
+    ratio = scipy.stats.f_oneway(*groups).statistic  # of groups of one size: the shrinkage is 1 − 1 / F
+    np.testing.assert_allclose(found, (1.0 - 1.0 / ratio) * means)
 
 
 def test_salib_finds_the_same_on_the_rebuilt_bands(data):

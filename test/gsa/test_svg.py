@@ -3,6 +3,7 @@
 import base64
 import io
 import re
+from importlib import resources
 from xml.etree import ElementTree
 
 import numpy as np
@@ -14,7 +15,7 @@ from matplotlib.image import imread
 from report_pages import Page
 
 from tbm_gsa.app.report.picture import LINE_COLUMNS, drawn, thinned
-from tbm_gsa.app.report.svg import inline_svg
+from tbm_gsa.app.report.svg import PAGE_COLOURS, inline_svg
 
 POINTS = np.random.default_rng(1).normal(size=(2, 800))
 
@@ -67,6 +68,13 @@ def test_colours_are_those_of_the_page(both):
     assert {f"var(--{name})" for name in ("blue", "red")} <= set(re.findall(r"var\(--\w+\)", text))
     assert "stroke:currentColor" in text
     assert not re.search("#(0072b2|d55e00|1f5f99|000000|333333|ffffff)", text)
+
+
+def test_the_page_names_every_colour_light_and_dark():
+    style = resources.files("tbm_gsa.app.report").joinpath("base.html").read_text("utf-8")
+    light, dark = (set(re.findall(r"--([\w-]+): #", part)) for part in re.split(r"prefers-color-scheme: dark", style))
+    named = {name[6:-1] for name in PAGE_COLOURS.values() if name.startswith("var(")}
+    assert named < light == dark
 
 
 def test_no_point_and_no_pixel_is_lost(both):

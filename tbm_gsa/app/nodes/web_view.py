@@ -47,7 +47,7 @@ from tbm_msgs_py.nodes.registry import MACHINE_NODES
 from tbm_msgs_py.recordings.mapping import SensorMapping, contract_sensor
 
 LOOK_S: Final = 1.0
-_EVERY_S: Final[dict[TrendSpan, float]] = {"week": 300.0, "day": 60.0, "hour": 10.0}
+_EVERY_S: Final[dict[TrendSpan, float]] = {"hour": 10.0, "day": 60.0, "week": 300.0}
 _AGAIN_S: Final = 5.0  # after a history that could not be read
 _LINES_S: Final = 10.0  # between expected lines
 _SAME_SPEED: Final = 5e-3  # share, within which lines lie where they did

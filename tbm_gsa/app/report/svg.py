@@ -37,6 +37,7 @@ PAGE_COLOURS: Final = {
     "#d00000": "var(--red)",
     "#009e73": "var(--green)",
     "#cc79a7": "var(--pink)",
+    "#e8c4d8": "var(--light-pink)",
     "#6a3d9a": "var(--violet)",
     "#8c510a": "var(--brown)",
     "#e69f00": "var(--orange)",

@@ -75,7 +75,9 @@ class TrendReader:
                     break
                 if number not in found or (number + 1) * bin_ns + _LATE_NS > now_ns:
                     begin = number * bin_ns
-                    chosen = Selection(since_ns=begin, until_ns=begin + bin_ns, source=self._kind, machine=self.machine)
+                    chosen = Selection(
+                        since_ns=begin, until_ns=begin + bin_ns, source=self._kind, machine=self.machine, axis="x"
+                    )
                     found[number] = trend_rows(history, chosen, bin_ns)
         return found
 

@@ -25,6 +25,8 @@ from tbm_msgs_py.base.progress import Progress
 
 CONSTANT_DB: Final = 1e-9
 """Levels of a band that differ by less are the same."""
+ROUNDS: Final = 2
+"""Of effects and surrogate in turn; a third changes R² in the third digit."""
 RANGE_DB: Final = 80.0
 """A band that lies farther below the loudest one is left out: sensors do not resolve it, nor do the transforms."""
 
@@ -113,12 +115,14 @@ def analyse_spectra(
     return found, skipped
 
 
-def analyse_spectrum(bands: Sequence[Band], data: Data, seed: int) -> SpectrumAnalysis:
+def analyse_spectrum(
+    bands: Sequence[Band], data: Data, seed: int, realisations: tuple[Integers, Integers] | None = None
+) -> SpectrumAnalysis:
     """Analyse one spectrum.
 
     The levels of its bands are decomposed (`Components`), every component gets a sparse polynomial surrogate, and the
-    indices of each band follow in closed form (`VectorSurrogate`). In the cross validation components and surrogates
-    are found anew without the samples that are held out.
+    indices of each band follow in closed form (`VectorSurrogate`). In the cross validation components, surrogates and
+    effects of realisations are found anew without the samples that are held out.
 
     Parameters
     ----------
@@ -127,6 +131,8 @@ def analyse_spectrum(bands: Sequence[Band], data: Data, seed: int) -> SpectrumAn
     data : Data
         With the RMS by band as values, (n, b), m/s².
     seed : int
+    realisations : tuple of 2 ndarrays of int, shapes (n,) and (m,), optional
+        Of the loads, numbered from 0, of the training and the test simulations where these share out several.
 
     Raises
     ------
@@ -136,13 +142,17 @@ def analyse_spectrum(bands: Sequence[Band], data: Data, seed: int) -> SpectrumAn
     kept, left_out = _kept(bands, data.values)
     level = _decibels(data.values[:, kept])
     checked_samples(data.unit, level[:, 0], data.bounds)  # the same points carry all bands
-    components, surrogate = Components.of(level), VectorSurrogate.fit(data.unit, level, seed)
-    folds = _folds(len(level), seed)
-    models, predicted = [], np.empty_like(level)
-    for held_out in folds:
+    test_rms = data.test_values[:, kept]
+    labels, test_labels = realisations or [np.zeros(len(rows), dtype=np.int64) for rows in (level, test_rms)]
+    surrogate, effects = _fit(data.unit, level, labels, seed)
+    components = Components.of(level - _on(effects, labels))
+    models, actual, predicted = [], np.empty_like(level), np.empty_like(level)
+    for held_out in _folds(len(level), seed):
         rows = np.setdiff1d(np.arange(len(level)), held_out)
-        models.append(VectorSurrogate.fit(data.unit[rows], level[rows], seed))
-        predicted[held_out] = models[-1].evaluate(data.unit[held_out])
+        model, known = _fit(data.unit[rows], level[rows], labels[rows], seed)
+        models.append(model)
+        actual[held_out] = level[held_out] - _on(known, labels[held_out])
+        predicted[held_out] = model.evaluate(data.unit[held_out])
 
     def part(expansions: Sequence[PolynomialExpansion], r2: float) -> PartOfSpectrum:
         """Judge the expansion of all samples, the first, by those of the folds."""
@@ -150,13 +160,12 @@ def analyse_spectrum(bands: Sequence[Band], data: Data, seed: int) -> SpectrumAn
         return PartOfSpectrum(with_jackknife(indices, without), r2)
 
     def along(directions: Array) -> tuple[PartOfSpectrum, ...]:
-        scores = r2_score(level @ directions, predicted @ directions, multioutput="raw_values")
+        scores = r2_score(actual @ directions, predicted @ directions, multioutput="raw_values")
         return tuple(
             part([model.along(direction) for model in (surrogate, *models)], float(r2))
             for direction, r2 in zip(directions.T, scores, strict=True)
         )
 
-    test_rms = data.test_values[:, kept]
     tested = len(test_rms) > 1 and test_rms.min() > 0.0 and np.ptp(test_rms, axis=0).any()
     return SpectrumAnalysis(
         bands=tuple(compress(bands, kept)),
@@ -164,10 +173,50 @@ def analyse_spectrum(bands: Sequence[Band], data: Data, seed: int) -> SpectrumAn
         components=components,
         by_band=along(np.eye(level.shape[1])),
         by_component=along(components.shapes),
-        whole=part([model.together for model in (surrogate, *models)], _r2(level, predicted)),
-        r2_test=_r2(_decibels(test_rms), surrogate.evaluate(data.test_unit)) if tested else None,
+        whole=part([model.together for model in (surrogate, *models)], _r2(actual, predicted)),
+        r2_test=_r2(_decibels(test_rms) - _on(effects, test_labels), surrogate.evaluate(data.test_unit))
+        if tested
+        else None,
         left_out=left_out,
     )
+
+
+def _fit(unit: Array, level: Array, labels: Integers, seed: int) -> tuple[VectorSurrogate, Array]:
+    """Fit a surrogate to levels (n, b), and the effects (k, b) of the loads' realisations, if there are several.
+
+    The effects are what the residuals of a surrogate have in common under a realisation, and the next surrogate is
+    that of the levels without them (backfitting).
+    """
+    surrogate, effects = VectorSurrogate.fit(unit, level, seed), np.zeros((1, level.shape[1]))
+    for _ in range(ROUNDS if labels.max() > labels.min() else 0):
+        effects = realisation_effects(level - surrogate.evaluate(unit), labels)
+        surrogate = VectorSurrogate.fit(unit, level - _on(effects, labels), seed)
+    return surrogate, effects
+
+
+def realisation_effects(residuals: Array, labels: Integers) -> Array:
+    """Estimate random effects (k, b) of groups of residuals (n, b), which bear labels (n,) from 0 on, in b columns.
+
+    Means of the groups, drawn towards 0 by the share of their variance that is the error of a mean, 0 of a group that
+    has no residual (best linear unbiased prediction; G. K. Robinson, Statistical Science 6 (1991) 15–32).
+    """
+    there, place, count = np.unique(labels, return_inverse=True, return_counts=True)
+    means = np.zeros((len(there), residuals.shape[1]))
+    np.add.at(means, place, residuals)
+    means /= count[:, None]
+    within = np.square(residuals - means[place]).sum(axis=0) / max(1, len(residuals) - len(there))
+    means -= means.mean(axis=0)
+    spread = np.square(means).sum(axis=0) / max(1, len(there) - 1)
+    real = np.maximum(spread - within * np.mean(1.0 / count), 0.0)
+    effects = np.zeros((int(labels.max()) + 1, residuals.shape[1]))
+    effects[there] = means * np.divide(real, spread, out=np.zeros_like(spread), where=spread > 0.0)
+    return effects
+
+
+def _on(effects: Array, labels: Integers) -> Array:
+    """Effects (n, b) on simulations under given realisations (n,); 0 where nothing is known of one."""
+    unknown = np.zeros((1, effects.shape[1]))
+    return np.concatenate([effects, unknown])[np.minimum(labels, len(effects))]
 
 
 def _folds(count: int, seed: int) -> list[Integers]:
