@@ -100,6 +100,8 @@ def analyse_spectra(
     names, inputs = store.problem.outputs, store.problem.inputs
     (X, Y), (X_test, Y_test) = store.results("train"), store.results("test")
     unit, test_unit = inputs.to_unit(X), inputs.to_unit(X_test)
+    shared, test_shared = store.realisations("train"), store.realisations("test")
+    realisations = None if shared is None or test_shared is None else (shared, test_shared)
     found: dict[str, SpectrumAnalysis] = {}
     skipped: dict[str, str] = {}
     spectra = spectrum_bands(names)
@@ -109,7 +111,7 @@ def analyse_spectra(
         columns = [names.index(name) for name in bands]
         data = Data(unit, Y[:, columns], test_unit, Y_test[:, columns])
         try:
-            found[whole] = analyse_spectrum(tuple(bands.values()), data, seed)
+            found[whole] = analyse_spectrum(tuple(bands.values()), data, seed, realisations)
         except InputError as error:
             skipped[whole] = str(error)
     return found, skipped
