@@ -13,6 +13,7 @@ from sklearn.svm import SVR
 from sobol_functions import FUNCTIONS
 
 from tbm_gsa import fit_surrogate
+from tbm_gsa.sensitivity.surrogates import likelihood as of_processes
 from tbm_gsa.sensitivity.surrogates.likelihood import NUGGET_BOUNDS, THETA_BOUNDS, _Likelihood, maximum_likelihood
 from tbm_gsa.sensitivity.surrogates.prs import matching_pursuit
 
@@ -273,3 +274,21 @@ def test_the_smallest_training_set(method):
 def test_impossible_numbers_of_folds_are_refused(folds):
     with pytest.raises(ValueError, match="folds, allowed: 2 to the number of samples, 20"):
         fit_surrogate("prs", X0, Y0, bounds=BOX).cross_validate(folds)
+
+
+def test_rates_of_a_part_serve_many_samples(monkeypatch):
+    X, y = FUNCTIONS["borehole"].samples(160, seed=3)
+    fresh, values = FUNCTIONS["borehole"].samples(1000, seed=5)
+    bounds = FUNCTIONS["borehole"].bounds
+    whole = r2_score(values, fit_surrogate("krg", X, y, bounds=bounds).predict(fresh))
+    monkeypatch.setattr(of_processes, "MOST_SAMPLES", 80)
+    of_processes._maximum_likelihood.cache_clear()
+    model = fit_surrogate("krg", X, y, bounds=bounds)
+    assert r2_score(values, model.predict(fresh)) > whole - 0.005
+    # What is not searched for is found from all samples, by the same formulas.
+    found = maximum_likelihood(model.samples.unit, model.samples.standardised)
+    exact = _Likelihood(model.samples.unit, model.samples.standardised)
+    expected = exact.solve(np.log(np.append(found.theta, found.nugget)))[0]
+    assert found.log_likelihood == pytest.approx(expected.log_likelihood)
+    np.testing.assert_allclose(found.weights, expected.weights, rtol=1e-6, atol=1e-9 * np.abs(expected.weights).max())
+    of_processes._maximum_likelihood.cache_clear()
