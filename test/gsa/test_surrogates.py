@@ -290,5 +290,5 @@ def test_rates_of_a_part_serve_many_samples(monkeypatch):
     exact = _Likelihood(model.samples.unit, model.samples.standardised)
     expected = exact.solve(np.log(np.append(found.theta, found.nugget)))[0]
     assert found.log_likelihood == pytest.approx(expected.log_likelihood)
-    np.testing.assert_allclose(found.weights, expected.weights, rtol=1e-6, atol=1e-9 * np.abs(expected.weights).max())
+    np.testing.assert_allclose(found.weights, expected.weights, atol=1e-5 * np.abs(expected.weights).max())
     of_processes._maximum_likelihood.cache_clear()
