@@ -7,8 +7,8 @@ from typing import Final
 import numpy as np
 from sklearn.metrics import r2_score
 
-from tbm_gsa.sensitivity.surrogates import CrossValidation, Surrogate, fit_surrogate
-from tbm_gsa.sensitivity.surrogates.samples import Transform
+from tbm_gsa.sensitivity.surrogates import SURROGATES, CrossValidation, Surrogate
+from tbm_gsa.sensitivity.surrogates.samples import TrainingSet, Transform, checked_samples
 from tbm_msgs_py.base.arrays import Array, Integers
 
 FOLDS: Final = 10
@@ -44,6 +44,11 @@ class Data:
         """Of the unit cube, (d, 2)."""
         return np.tile([0.0, 1.0], (self.unit.shape[1], 1))
 
+    def samples(self, transform: Transform) -> TrainingSet:
+        """Training samples, checked, as they are fitted."""
+        checked = checked_samples(self.unit, self.values, self.bounds, self.realisations)
+        return checked.under(transform, self.realisations)
+
 
 @dataclass(frozen=True, eq=False)
 class Candidate:
@@ -67,17 +72,9 @@ class Candidate:
     test_predicted: Array
 
     @classmethod
-    def fit(cls, method: str, transform: Transform, data: Data, seed: int) -> "Candidate":
-        """Fit one method, judge it by cross validation and on test points."""
-        model = fit_surrogate(
-            method,
-            data.unit,
-            data.values,
-            bounds=data.bounds,
-            seed=seed,
-            transform=transform,
-            realisations=data.realisations,
-        )
+    def fit(cls, method: str, samples: TrainingSet, data: Data, seed: int) -> "Candidate":
+        """Fit one method to the training samples, judge it by cross validation and on test points."""
+        model = SURROGATES[method].fit(samples, seed=seed)
         validation = model.cross_validate(min(FOLDS, len(data.values)))
         actual = model.samples.without_effects(data.test_values, data.test_realisations)
         return cls(model, validation, data.test_unit, actual, model.predict(data.test_unit))
@@ -124,10 +121,13 @@ class Candidate:
 
 def fit_candidates(methods: Sequence[str], data: Data, seed: int) -> list[Candidate]:
     """Fit every method, to the logarithm too where that could be worth it."""
-    candidates = [Candidate.fit(method, "none", data, seed) for method in methods]
+    plain = data.samples("none")
+    candidates = [Candidate.fit(method, plain, data, seed) for method in methods]
     if data.values.min() > 0.0:
-        open_to_it = [plain.model.method for plain in candidates if plain.r2_cv < 1.0 - WORTHWHILE]
-        candidates += [Candidate.fit(method, "log", data, seed) for method in open_to_it]
+        open_to_it = [one.model.method for one in candidates if one.r2_cv < 1.0 - WORTHWHILE]
+        if open_to_it:
+            logarithm = data.samples("log")
+            candidates += [Candidate.fit(method, logarithm, data, seed) for method in open_to_it]
     return candidates
 
 

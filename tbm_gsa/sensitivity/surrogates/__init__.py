@@ -73,9 +73,8 @@ def fit_surrogate(
     """
     if method not in SURROGATES:
         raise InputError(f"unknown surrogate {method!r}, allowed: {', '.join(SURROGATES)}")
-    samples = checked_samples(X, y, bounds, realisations).under(transform)
-    if realisations is not None and len(np.unique(realisations)) > 1:
-        samples = samples.sharing(np.asarray(realisations))
+    labels = None if realisations is None else np.asarray(realisations)
+    samples = checked_samples(X, y, bounds, labels).under(transform, labels)
     return SURROGATES[method].fit(samples, seed=seed)
 
 

@@ -88,18 +88,20 @@ class TrainingSet:
     def _inverse(self, values: Array) -> Array:
         return np.exp(values) if self.transform == "log" else values
 
-    def under(self, transform: Transform) -> "TrainingSet":
-        """Return the same samples with another transformation; an InputError where the output has no logarithm."""
+    def under(self, transform: Transform, realisations: Integers | None = None) -> "TrainingSet":
+        """Return the same samples with another transformation, and the effects of the realisations that they share.
+
+        An InputError where the output has no logarithm.
+        """
         if transform not in TRANSFORMS:
             raise InputError(f"unknown transformation {transform!r}, allowed: {', '.join(TRANSFORMS)}")
         if transform == "log" and not (self.y > 0.0).all():
             row = int(np.flatnonzero(self.y <= 0.0)[0])
             raise InputError(f"y[{row}] = {self.y[row]:g} has no logarithm, allowed: above 0, or transform='none'")
-        return replace(self, transform=transform)
-
-    def sharing(self, realisations: Integers) -> "TrainingSet":
-        """Return the same samples with the effects of the loads' realisations (n,) that they share."""
-        return replace(self, effects=RealisationEffects.fit(self.unit, self.transformed_of(self.y), realisations))
+        found = replace(self, transform=transform, effects=None)
+        if realisations is None or len(np.unique(realisations)) < 2:
+            return found
+        return replace(found, effects=RealisationEffects.fit(found.unit, found.transformed, realisations))
 
     def without_effects(self, values: Array, realisations: Integers | None) -> Array:
         """Take the effects of realisations (m,), as these samples show them, off other outputs (m,)."""
