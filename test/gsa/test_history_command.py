@@ -214,7 +214,7 @@ def test_a_baseline_and_pictures(run, file, tmp_path):
     assert code == 0, err
     text = page.read_text("utf-8")
     assert "Baseline spring" in text
-    shown = check_page(text, drawn=False)  # another machine file than the shipped one
+    shown = check_page(text, drawn=0)  # another machine file than the shipped one
     assert not {"i", "b"} & set(shown.tags)
     assert shown.tags.count("svg") == 2
     assert "&lt;b&gt;night" in text
@@ -345,6 +345,7 @@ def test_windows_of_other_kinds_and_machines_are_not_one_line(run, tmp_path):
             history.add(source, [one, replace(one, point="cutterhead"), replace(one, start_ns=START_NS + 60 * 10**9)])
         usual = {("shield", "x"): ErrorStatistics(0.2, 0.01, 9)}
         history.store_baseline(Baseline("spring", "south", "", 1, 0, 1, usual, "live"))
+        history.store_event(here, Event(START_NS, "level", "shield", "error", "", "<b>too loud"))
     assert run("history", "--history", tmp_path / "h.sqlite", "--html", tmp_path / "h.html")[0] == 0
     page = (tmp_path / "h.html").read_text("utf-8")
     parts = re.split("<h2>", page)[1:7]
@@ -355,6 +356,9 @@ def test_windows_of_other_kinds_and_machines_are_not_one_line(run, tmp_path):
     ]
     assert ["baseline spring" in part for part in parts] == [False] * 4 + [True] * 2
     assert "Not drawn: no machine file of this name and content is at hand." in page
+    assert ["Upright: events." in part for part in parts] == [False, True, *[False] * 4]
+    assert "&lt;b&gt;too loud" in page
+    check_page(page, machines=2, drawn=1)
     assert page.count("<title>Side view and drives of machine dz101") == 1
 
 
