@@ -17,7 +17,8 @@ from report_pages import check_page, check_widths
 
 from tbm_dynamics import load_machine
 from tbm_gsa.app.cli.main import main
-from tbm_gsa.app.report.history_figures import by_trend, quantiles, trends
+from tbm_gsa.app.report.history_figures import by_trend, trends
+from tbm_gsa.app.report.quantiles import quantiles
 from tbm_gsa.comparison import AlarmRule, UsualRatio, WindowResult
 from tbm_gsa.history import Baseline, Context, Event, History, HistoryEntry, StoredEvent, WindowSource, spread
 from tbm_gsa.history.baseline import ErrorStatistics
@@ -288,7 +289,7 @@ def test_quantiles_are_those_of_numpy():
     parts = [np.isfinite(values) & (time >= low) & (time < high) for low, high in pairwise(edges)]
     parts = [part for part in parts if part.any()]
     np.testing.assert_allclose(found.values.T, [np.quantile(values[part], (0.05, 0.5, 0.95)) for part in parts])
-    np.testing.assert_allclose(found.time_ns, [time[part].mean() for part in parts])
+    np.testing.assert_allclose(found.time, [time[part].mean() for part in parts])
 
 
 def trend_of(*entries, kind="live", machine="dz101"):
