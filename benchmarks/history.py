@@ -18,7 +18,7 @@ from pathlib import Path
 import numpy as np
 
 from tbm_dynamics import load_machine
-from tbm_gsa.app.report.history_figures import quantiles
+from tbm_gsa.app.report.quantiles import quantiles
 from tbm_gsa.history import History, HistoryEntry, HistoryReader, Selection, WindowSource
 from tbm_gsa.history.spread import read_spread
 from tbm_gsa.provenance import machine_sha256

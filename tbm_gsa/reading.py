@@ -84,12 +84,16 @@ class MachineFile(Part):
     sha256: Name
 
 
+Begin = Annotated[str, Field(max_length=40)]
+"""Time of a first sample, ISO 8601 in UTC; empty where an earlier version wrote none."""
+
+
 class RecordingFile(Part):
-    """Recording that numbers come from; `begin` as in `RecordingResult`, empty where an earlier version wrote none."""
+    """Recording that numbers come from."""
 
     path: PathText
     sha256: Name
-    begin: Annotated[str, Field(max_length=40)] = ""
+    begin: Begin = ""
 
 
 Read = TypeVar("Read")

@@ -16,7 +16,19 @@ from pydantic import Field, SerializerFunctionWrapHandler, model_serializer, mod
 from tbm_dynamics import Machine
 from tbm_dynamics.integration import DEFAULT_STEP
 from tbm_gsa.comparison.drive_results import DrivesResult
-from tbm_gsa.reading import LARGEST_NUMBER, Interval, MachineFile, Name, Number, Part, PathText, Seed, Size, TextLine
+from tbm_gsa.reading import (
+    LARGEST_NUMBER,
+    Begin,
+    Interval,
+    MachineFile,
+    Name,
+    Number,
+    Part,
+    PathText,
+    Seed,
+    Size,
+    TextLine,
+)
 from tbm_msgs_py.base.fields import Vector3
 from tbm_msgs_py.recordings.channels import LeftOut
 from tbm_msgs_py.recordings.faults import seconds_by_axis
@@ -251,7 +263,7 @@ class RecordedPoint(Part):
 
 
 class RecordingResult(Part):
-    """The recording as it was read; `begin` is the time of its first sample, ISO 8601 in UTC, empty if not known."""
+    """The recording as it was read."""
 
     path: PathText
     messages: int
@@ -259,7 +271,7 @@ class RecordingResult(Part):
     truncated: bool
     damaged: int
     sha256: Name
-    begin: Annotated[str, Field(max_length=40)] = ""
+    begin: Begin = ""
     duration: Size
     points: dict[str, RecordedPoint]
 

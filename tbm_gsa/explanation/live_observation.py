@@ -13,9 +13,10 @@ from tbm_gsa.explanation.load_posterior import BandObservation
 from tbm_gsa.explanation.observed import FEWEST_POINTS, Observed
 from tbm_gsa.explanation.training import CurveJob
 from tbm_gsa.provenance import machine_file
-from tbm_gsa.reading import MachineFile, Part
+from tbm_gsa.reading import Begin, MachineFile, Part
 from tbm_gsa.sensitivity.study.errors import StudyError
 from tbm_msgs_py.base.arrays import Array
+from tbm_msgs_py.base.units import iso_time
 
 FILE_NAME = "observed.json"
 """In the folder of an alarm, beside its explanation."""
@@ -35,6 +36,8 @@ class LiveObservation(Part):
     measured : tuple of int
         Statistics that were measured.
     seconds : float
+    begin : str
+        Of the first span, ISO 8601 in UTC; an earlier version wrote none.
     """
 
     machine_file: MachineFile
@@ -44,10 +47,18 @@ class LiveObservation(Part):
     floor: tuple[float, ...]
     measured: tuple[int, ...]
     seconds: float
+    begin: Begin = ""
 
     @classmethod
     def of(
-        cls, machine: Machine, job: CurveJob, live: LiveReading, rows: Iterable[Array], floor: Array, span_s: float
+        cls,
+        machine: Machine,
+        job: CurveJob,
+        live: LiveReading,
+        rows: Iterable[Array],
+        floor: Array,
+        span_s: float,
+        begin_ns: int,
     ) -> Self:
         """From the logarithms (u,) of the used band powers of spans, NaN of one that was not measured."""
         used, logs = np.array(live.used), np.array(list(rows))
@@ -62,6 +73,7 @@ class LiveObservation(Part):
             floor=tuple(floor.tolist()),
             measured=tuple(used[known].tolist()),
             seconds=span_s * len(logs),
+            begin=iso_time(begin_ns),
         )
 
     def observed(self) -> Observed:

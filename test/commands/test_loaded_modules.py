@@ -47,6 +47,12 @@ def test_the_help_of_a_command_waits_for_no_library(command):
     assert not (FITTED_AND_DRAWN | FILTERED | {"rclpy"}) & modules
 
 
+def test_the_page_of_a_history_is_drawn_and_fits_nothing():
+    modules, _ = loaded(f"{TOLD}import tbm_gsa.app.report.history_page, tbm_gsa.app.report.compare_page")
+    assert "matplotlib" in modules
+    assert not {"sklearn", "SALib", "pandas", "emcee", "distributed"} & modules
+
+
 @pytest.mark.parametrize("node", NODES)
 def test_a_node_loads_nothing_that_it_does_not_need(node):
     pytest.importorskip("rclpy")

@@ -15,7 +15,9 @@ from typer.testing import CliRunner
 from tbm_dynamics import MachineError
 from tbm_gsa.app.cli.bag.info import info
 from tbm_gsa.app.cli.compare import compare
+from tbm_gsa.app.report import compare_figures
 from tbm_gsa.app.report.compare_page import compare_page
+from tbm_gsa.app.report.svg import inline_svg
 from tbm_gsa.comparison import ComparisonResult, Settings
 from tbm_gsa.comparison.workflow import compare_recording
 from tbm_gsa.sensitivity.study.evaluate import MachineEvaluation
@@ -149,6 +151,18 @@ def test_a_silent_sensor_and_a_window_that_does_not_fit(tmp_path):
     # Of another machine, the page says nothing of the paper's.
     assert all(f"{band} Hz" in page for band in ("0.5 to 20", "16 to 21", "60 to 120", "336 to 414"))
     assert not [word for word in ("paper", "Table", "dz101", "125 to 135") if word in page]
+
+
+def test_windows_of_a_day_are_medians_of_its_parts(result):
+    axis = result.points["cutterhead"]["x"]
+    rms = np.random.default_rng(5).lognormal(size=43_200)
+    columns = {"start": 2.0 * np.arange(len(rms)), "field_rms": rms, "relative_error": rms, "level": [0] * len(rms)}
+    windows = axis.windows.model_copy(update={name: tuple(values) for name, values in columns.items()})
+    point = {"x": axis.model_copy(update={"windows": windows})}
+    figure = compare_figures.windows(result.model_copy(update={"points": {"cutterhead": point}}))
+    drawn = figure.axes[0].lines[1].get_ydata()
+    np.testing.assert_allclose(drawn, np.median(rms.reshape(300, -1), axis=1))
+    assert len(inline_svg(figure, "windows")) < 60_000
 
 
 def test_the_command_prints_one_document_and_draws_the_same_page(bag, result, text, tmp_path, monkeypatch):

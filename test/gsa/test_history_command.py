@@ -17,7 +17,8 @@ from report_pages import check_page, check_widths
 
 from tbm_dynamics import load_machine
 from tbm_gsa.app.cli.main import main
-from tbm_gsa.app.report.history_figures import by_trend, quantiles, trends
+from tbm_gsa.app.report.history_figures import by_trend, trends
+from tbm_gsa.app.report.quantiles import quantiles
 from tbm_gsa.comparison import AlarmRule, UsualRatio, WindowResult
 from tbm_gsa.history import Baseline, Context, Event, History, HistoryEntry, StoredEvent, WindowSource, spread
 from tbm_gsa.history.baseline import ErrorStatistics
@@ -214,7 +215,7 @@ def test_a_baseline_and_pictures(run, file, tmp_path):
     assert code == 0, err
     text = page.read_text("utf-8")
     assert "Baseline spring" in text
-    shown = check_page(text, drawn=False)  # another machine file than the shipped one
+    shown = check_page(text, drawn=0)  # another machine file than the shipped one
     assert not {"i", "b"} & set(shown.tags)
     assert shown.tags.count("svg") == 2
     assert "&lt;b&gt;night" in text
@@ -288,7 +289,7 @@ def test_quantiles_are_those_of_numpy():
     parts = [np.isfinite(values) & (time >= low) & (time < high) for low, high in pairwise(edges)]
     parts = [part for part in parts if part.any()]
     np.testing.assert_allclose(found.values.T, [np.quantile(values[part], (0.05, 0.5, 0.95)) for part in parts])
-    np.testing.assert_allclose(found.time_ns, [time[part].mean() for part in parts])
+    np.testing.assert_allclose(found.time, [time[part].mean() for part in parts])
 
 
 def trend_of(*entries, kind="live", machine="dz101"):
@@ -345,6 +346,7 @@ def test_windows_of_other_kinds_and_machines_are_not_one_line(run, tmp_path):
             history.add(source, [one, replace(one, point="cutterhead"), replace(one, start_ns=START_NS + 60 * 10**9)])
         usual = {("shield", "x"): ErrorStatistics(0.2, 0.01, 9)}
         history.store_baseline(Baseline("spring", "south", "", 1, 0, 1, usual, "live"))
+        history.store_event(here, Event(START_NS, "level", "shield", "error", "", "<b>too loud"))
     assert run("history", "--history", tmp_path / "h.sqlite", "--html", tmp_path / "h.html")[0] == 0
     page = (tmp_path / "h.html").read_text("utf-8")
     parts = re.split("<h2>", page)[1:7]
@@ -355,6 +357,9 @@ def test_windows_of_other_kinds_and_machines_are_not_one_line(run, tmp_path):
     ]
     assert ["baseline spring" in part for part in parts] == [False] * 4 + [True] * 2
     assert "Not drawn: no machine file of this name and content is at hand." in page
+    assert ["Upright: events." in part for part in parts] == [False, True, *[False] * 4]
+    assert "&lt;b&gt;too loud" in page
+    check_page(page, machines=2, drawn=1)
     assert page.count("<title>Side view and drives of machine dz101") == 1
 
 

@@ -72,7 +72,7 @@ def test_a_worn_bearing_is_told_from_live_minutes(tmp_path, monkeypatch):
     worn = minutes(machine.with_inputs(x22=0.6), 8, 3)
     job = CurveJob.at("dz101", level, live.reading, 2)
     rows = [live.log_powers(one) for one in worn]
-    observed = LiveObservation.of(machine, job, live, rows, live.floor(worn[-1]), SPAN_S)
+    observed = LiveObservation.of(machine, job, live, rows, live.floor(worn[-1]), SPAN_S, 1_700_000_000 * 10**9)
     (tmp_path / FILE_NAME).write_text(observed.model_dump_json())
     monkeypatch.setattr(sys, "argv", ["", str(tmp_path), "2"])
     assert alarm_explanation.main() == 0
@@ -80,4 +80,4 @@ def test_a_worn_bearing_is_told_from_live_minutes(tmp_path, monkeypatch):
     assert (found.verdict, found.causes[0].input) == ("machine", "x22")
     low, high = found.causes[0].interval
     assert low < 0.6 < high
-    assert (tmp_path / PAGE_NAME).is_file()
+    assert "recorded from 2023-11-14T22:13:20.000Z" in (tmp_path / PAGE_NAME).read_text("utf-8")

@@ -53,5 +53,5 @@ def observed_source(file: Path) -> ExplanationSource:
         note="measured live",
     )
     digest = hashlib.sha256(file.read_bytes()).hexdigest()
-    recording = RecordingFile(path=str(file), sha256=digest)
+    recording = RecordingFile(path=str(file), sha256=digest, begin=found.begin)
     return ExplanationSource(found.observed(), job.variant(machine), recording, found.machine_file, level)

@@ -174,12 +174,13 @@ class LevelWatch:
     def observation(self, since_ns: int) -> LiveObservation | None:
         """Mean band powers since a time, as they would be if the model were right of the commissioned machine."""
         offset = None if self._watch is None else self._watch.offset
-        rows = [row for start_ns, row in self.latest if start_ns >= since_ns]
-        if offset is None or not rows:
+        spans = [(start_ns, row) for start_ns, row in self.latest if start_ns >= since_ns]
+        if offset is None or not spans:
             return None
         floor = self.stored.live.floor(self._spectra)
-        cleared = [row - offset for row in rows]
-        return LiveObservation.of(self._machine, self._job, self.stored.live, cleared, floor, SPAN_S)
+        cleared = [row - offset for _, row in spans]
+        begin_ns = spans[0][0]
+        return LiveObservation.of(self._machine, self._job, self.stored.live, cleared, floor, SPAN_S, begin_ns)
 
     def poll(self) -> Iterator[tuple[int, Array, WatchState, MachineAlarm | None]]:
         """Spans that have been worked off, the state after each, and the alarm that was raised by it."""

@@ -9,9 +9,10 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from tbm_gsa.app.report.picture import tidy
-from tbm_gsa.comparison.results import AxisResult, ComparisonResult, WindowColumns
+from tbm_gsa.app.report.quantiles import quantiles
+from tbm_gsa.comparison.results import AxisResult, ComparisonResult
 from tbm_gsa.signals.reduction import Series
-from tbm_msgs_py.base.arrays import Array, Integers
+from tbm_msgs_py.base.arrays import Array
 from tbm_msgs_py.base.units import STANDARD_GRAVITY
 
 # Of Okabe and Ito, told apart by colour-blind readers too.
@@ -19,6 +20,8 @@ FIELD: Final = "#D55E00"
 MODEL: Final = "#0072B2"
 AXIS_NAMES: Final = {"x": "axial, x", "y": "lateral, y", "z": "vertical, z", "yz": "across, √(y² + z²)"}
 WIDTH: Final = 12.0
+MOST_WINDOWS: Final = 600  # that are drawn one by one
+PARTS: Final = 300
 _OUTSIDE: Final = "#b5bcc5"
 
 
@@ -80,23 +83,23 @@ def _bars(compared: Sequence[AxisResult | None], side: str) -> tuple[Array, Arra
 
 
 def windows(result: ComparisonResult) -> Figure:
-    """Axial RMS and relative error of every window, one row per point; windows at no level of operation are grey."""
+    """Axial RMS and relative error of every window, one row per point; windows at no level of operation are grey.
+
+    Of more than `MOST_WINDOWS` the medians of parts of the time, and 5 to 95 % of their windows.
+    """
     figure = Figure(figsize=(WIDTH, 0.5 + 1.9 * len(result.points)), layout="constrained")
     rows = figure.subplots(len(result.points), 2, squeeze=False, sharex=True)
     for (levels, errors), (name, axes) in zip(rows, result.points.items(), strict=True):
         seen = axes["x"].windows
-        start, breaks = _array(seen.start), _breaks(seen, result.window_s)
-        model_rms = [result.model_rms(level, name, "x") for level in seen.level]
-        field, model = (np.insert(_array(values), breaks, np.nan) for values in (seen.field_rms, model_rms))
-        middle = np.insert(start, breaks, np.nan) + result.window_s / 2.0
-        inside = np.where(np.insert([level is None for level in seen.level], breaks, True), np.nan, field)
-        percent = np.insert(100.0 * _array(seen.relative_error), breaks, np.nan)
-        dot = 3.0 if len(middle) <= 100 else 1.0  # many do not run together
-        levels.plot(middle, field, "-", color=_OUTSIDE, linewidth=0.8)
-        levels.plot(middle, inside, "o-", color=FIELD, markersize=dot, linewidth=1.0, label="measured")
-        levels.plot(middle, model, "--", color=MODEL, linewidth=1.0, label="model, whole run at the level")
+        row = _WindowRow(_array(seen.start) + result.window_s / 2.0, result.window_s)
+        field, percent = _array(seen.field_rms), 100.0 * _array(seen.relative_error)
+        model = _array(result.model_rms(level, name, "x") for level in seen.level)
+        inside = np.where([level is None for level in seen.level], np.nan, field)
+        row.draw(levels, field, _OUTSIDE, style="-")
+        row.draw(levels, inside, FIELD, label="measured")
+        row.draw(levels, model, MODEL, style="--", label="model, whole run at the level")
         levels.set_title(plain_text(f"{name}: axial RMS, m/s²"), loc="left")
-        errors.plot(middle, percent, "o-", color="#333333", markersize=dot, linewidth=1.0)
+        row.draw(errors, percent, "#333333")
         errors.set_title(plain_text(f"{name}: relative error, %"), loc="left")
         _from_zero(levels, field, _array([axes["x"].model_rms]))
         _from_zero(errors, percent)
@@ -106,9 +109,27 @@ def windows(result: ComparisonResult) -> Figure:
     return figure
 
 
-def _breaks(seen: WindowColumns, length_s: float) -> Integers:
-    """Places of the windows that begin behind a hole, at which no line goes on."""
-    return np.flatnonzero(np.diff(_array(seen.start)) > 1.5 * length_s) + 1
+@dataclass(frozen=True, eq=False)
+class _WindowRow:
+    """Middles of windows (n,), s, and their length, s."""
+
+    middle: Array
+    length: float
+
+    def draw(self, panel: Axes, values: Array, colour: str, *, style: str = "o-", label: str | None = None) -> None:
+        """Draw values (n,) of the windows; a hole between windows breaks the line."""
+        time, length = self.middle, self.length
+        if len(time) > MOST_WINDOWS:
+            edges = np.linspace(time[0], time[-1], PARTS + 1)
+            found = quantiles(time, values, edges)
+            time, (low, values, high) = found.time, found.values
+            length = max(length, 2.0 * (edges[1] - edges[0]))
+            if style == "o-":
+                panel.fill_between(time, low, high, color=colour, alpha=0.25, linewidth=0.0)
+        breaks = np.flatnonzero(np.diff(time) > 1.5 * length) + 1
+        broken = np.insert(time, breaks, np.nan), np.insert(values, breaks, np.nan)
+        size = 3.0 if len(time) <= 100 else 1.0  # many do not run together
+        panel.plot(*broken, style, color=colour, markersize=size, linewidth=1.0, label=label)
 
 
 def _array(values: Iterable[float | None]) -> Array:

@@ -60,6 +60,7 @@ def _of_points(compared: RecordingComparison) -> dict[str, object]:
         "excerpt": first,
         "band_names": [name.replace("-", " to ").replace("_hz", " Hz") for name in axes["x"].field_band_rms],
         "window_count": max(len(axis.windows.start) for point in result.points.values() for axis in point.values()),
+        "most_windows": compare_figures.MOST_WINDOWS,
         "series": embed_figure(
             compare_figures.time_series(*compared.excerpts[first]),
             f"Axial acceleration measured and computed at {first}",

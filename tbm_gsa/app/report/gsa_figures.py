@@ -9,14 +9,12 @@ from matplotlib.colors import to_rgba
 from matplotlib.figure import Figure
 
 from tbm_dynamics.indicators import UNITS
-from tbm_gsa.app.report.picture import tidy
+from tbm_gsa.app.report.picture import PALETTE, tidy
 from tbm_gsa.sensitivity.results import NOT_DETERMINED, IndexInterval, IndexTable, OutputResult
 from tbm_gsa.sensitivity.study.analysis import OutputFit
 from tbm_gsa.sensitivity.study.inputs import InputSet
 from tbm_msgs_py.base.arrays import Array
 
-# Colours of Okabe and Ito, told apart by colour-blind readers too.
-PALETTE: Final = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000")
 FIRST: Final = "#1f5f99"
 TOTAL: Final = "#b9d3ea"
 COLUMNS: Final = 2

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from tbm_gsa.app.report.compare_figures import AXIS_NAMES, FIELD, MODEL, WIDTH, plain_text
 from tbm_gsa.app.report.picture import tidy
+from tbm_gsa.app.report.quantiles import quantiles
 from tbm_gsa.comparison.alarm import log_reach
 from tbm_gsa.history.baseline import ErrorStatistics
 from tbm_gsa.history.events import StoredEvent
@@ -26,7 +27,6 @@ from tbm_msgs_py.topics import ERROR_THRESHOLD
 MOST_MARKED: Final = 100  # points of a line; more of them run together
 FARTHEST: Final = 20.0  # factor from the limits; a dead sensor would hide everything else
 MOST_TICKS: Final = 6  # of the time below a panel; more run into each other
-SHARES: Final = (0.05, 0.5, 0.95)
 _RATIO: Final = "#333333"
 _TICKS: Final = (1.0, 1.5, 2.0, 3.0, 5.0, 7.0)
 _LIMIT: Final = "#d00000"
@@ -46,14 +46,6 @@ class Trend:
     axes: Mapping[str, TrendGroup]
 
 
-@dataclass(frozen=True, eq=False)
-class Quantiles:
-    """Shares of the values of the parts of a time that have any: times (m,), ns, and values (3, m) by `SHARES`."""
-
-    time_ns: Array
-    values: Array
-
-
 def by_trend(groups: Iterable[TrendGroup]) -> list[Trend]:
     """Sort groups into trends; what else they differ in, as their context, makes no line of its own."""
     found: dict[tuple[str, str, str], dict[str, list[TrendGroup]]] = {}
@@ -64,21 +56,6 @@ def by_trend(groups: Iterable[TrendGroup]) -> list[Trend]:
         Trend(*key, {axis: TrendGroup.joined(axes[axis]) for axis in AXIS_NAMES if axis in axes})
         for key, axes in found.items()
     ]
-
-
-def quantiles(time_ns: Array, values: Array, edges_ns: Array) -> Quantiles:
-    """5 %, median and 95 % of the known values (n,) between edges (k + 1,), interpolated as numpy does."""
-    known = np.isfinite(values)
-    time_ns, values = time_ns[known], values[known]
-    part = np.clip(np.searchsorted(edges_ns, time_ns, side="right") - 1, 0, len(edges_ns) - 2)
-    ordered = values[np.lexsort((values, part))]
-    count = np.bincount(part, minlength=len(edges_ns) - 1)
-    used, first = count > 0, np.cumsum(count) - count
-    middle = np.bincount(part, time_ns - edges_ns[0], minlength=len(count))[used] / count[used] + edges_ns[0]
-    place = first[used] + np.outer(SHARES, count[used] - 1)
-    low = place.astype(np.int64)
-    high = np.minimum(low + 1, len(ordered) - 1)
-    return Quantiles(middle, ordered[low] + (place - low) * (ordered[high] - ordered[low]))
 
 
 def trends(
@@ -152,8 +129,8 @@ def _draw(panel: Axes, group: TrendGroup, values: Array, edges_ns: Array, colour
     """Draw the median of values and their 5 to 95 %, which are returned; ten parts without a window break the line."""
     found = quantiles(group.middle_ns, values, edges_ns)
     length = max(float(group.length_ns.max()), edges_ns[1] - edges_ns[0])
-    breaks = np.flatnonzero(np.diff(found.time_ns) > 10.0 * length) + 1
-    times = _stamps(np.insert(found.time_ns, breaks, found.time_ns[breaks]))
+    breaks = np.flatnonzero(np.diff(found.time) > 10.0 * length) + 1
+    times = _stamps(np.insert(found.time, breaks, found.time[breaks]))
     low, median, high = np.insert(found.values, breaks, np.nan, axis=1)
     style = ".-" if len(times) <= MOST_MARKED else "-"
     panel.plot(times, median, style, color=colour, markersize=3, linewidth=0.8, label=label)

@@ -34,8 +34,8 @@ def history_page(found: HistorySummary, spread: Spread, events: Sequence[StoredE
     machines = _machines(spread)
     what = "RMS, its ratio to the model's, crest factor and kurtosis"
     figures = [
-        {"name": name, "figure": embed_figure(figure, f"{what} of {name} over time"), "baseline": baseline}
-        for name, figure, baseline in _figures(found, spread, events)
+        {"name": name, "figure": embed_figure(figure, f"{what} of {name} over time"), "baseline": usual, "events": own}
+        for name, figure, usual, own in _figures(found, spread, events)
     ]
     head = PageHead(
         title="History of the comparison",
@@ -66,7 +66,7 @@ def history_page(found: HistorySummary, spread: Spread, events: Sequence[StoredE
 def history_picture(found: HistorySummary, spread: Spread, events: Sequence[StoredEvent]) -> bytes:
     """Draw all trends, one below the other, as PNG."""
     buffer = io.BytesIO()
-    pixels = [_pixels(figure) for _, figure, _ in _figures(found, spread, events)]
+    pixels = [_pixels(figure) for _, figure, *_ in _figures(found, spread, events)]
     imsave(buffer, np.concatenate(pixels), format="png")
     return buffer.getvalue()
 
@@ -79,8 +79,8 @@ def _machines(spread: Spread) -> tuple[PageMachine, ...]:
 
 def _figures(
     found: HistorySummary, spread: Spread, events: Sequence[StoredEvent]
-) -> Iterator[tuple[str, Figure, BaselineSummary | None]]:
-    """Name, figure and baseline of every trend, in the order of the power flow."""
+) -> Iterator[tuple[str, Figure, BaselineSummary | None, list[StoredEvent]]]:
+    """Name, figure, baseline and events of every trend, in the order of the power flow."""
     newest = {one.machine: one for one in found.baselines}
     every = _in_order(by_trend(spread.groups), _machines(spread))
     mixed = len({(trend.machine, trend.kind) for trend in every}) > 1
@@ -89,7 +89,7 @@ def _figures(
         baseline = newest.get(trend.machine)
         usual = baseline.points.get(trend.point, {}) if baseline else {}
         own = [one for one in events if _is_of(one, trend)]
-        yield name, trends(trend, name, spread.edges_ns(), usual, own), baseline
+        yield name, trends(trend, name, spread.edges_ns(), usual, own), baseline, own
 
 
 def _in_order(found: Sequence[Trend], machines: Sequence[PageMachine]) -> list[Trend]:

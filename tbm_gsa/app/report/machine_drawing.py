@@ -19,7 +19,7 @@ from tbm_dynamics.machine.description import MachineDescription
 from tbm_dynamics.machine.parts import Subsystem
 from tbm_dynamics.machine.summary import STRUCTURES, SUBSYSTEMS
 from tbm_dynamics.structure.drive import drive_nodes, drive_positions, gear_pair
-from tbm_gsa.app.report.gsa_figures import PALETTE
+from tbm_gsa.app.report.picture import PALETTE
 
 # Of the side view, inches: its length, between rows, between parts in a row, of a node from a line that it hides.
 _LENGTH, _ROW = 13.0, 0.85

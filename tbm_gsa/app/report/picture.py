@@ -20,6 +20,8 @@ from tbm_msgs_py.base.errors import InputError
 from tbm_msgs_py.base.files import check_result, write_whole
 
 FORMATS: Final = (".png", ".svg")
+PALETTE: Final = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000")
+"""Of Okabe and Ito, told apart by colour-blind readers too."""
 PNG_DPI: Final = 150
 LINE_COLUMNS: Final = 400
 """Parts of a line across half a page, each about a point wide."""

@@ -6,8 +6,8 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from tbm_gsa.app.report.compare_figures import MODEL
-from tbm_gsa.app.report.gsa_figures import PALETTE, make_panels, output_unit
-from tbm_gsa.app.report.picture import thinned, tidy
+from tbm_gsa.app.report.gsa_figures import make_panels, output_unit
+from tbm_gsa.app.report.picture import PALETTE, thinned, tidy
 from tbm_gsa.paper.published import TRENDS
 from tbm_gsa.paper.reproduction.model import MeshCurves
 from tbm_gsa.paper.reproduction.response import Excerpt

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import base64
 import re
+from functools import lru_cache
 from io import BytesIO
 from itertools import count, groupby
 from typing import Final
@@ -109,6 +110,7 @@ def _tidy(element: Element) -> None:
         _tidy(child)
 
 
+@lru_cache(maxsize=4096)  # steps along a line are much alike
 def _brief(value: float) -> str:
     """Two digits after the point, a fiftieth of a pixel, and none that says nothing."""
     text = f"{round(value, 2) + 0.0:.2f}".rstrip("0").rstrip(".")
