@@ -18,11 +18,11 @@ from geometry_msgs.msg import Vector3Stamped
 from sensor_msgs.msg import JointState, PointCloud2
 
 from tbm_dynamics.machine.machine import Machine, load_machine
+from tbm_gsa.app.nodes.event_messages import listed_event
 from tbm_gsa.app.nodes.field_topics import FieldTopics
 from tbm_gsa.app.nodes.history_writer import kind_of, live_now
 from tbm_gsa.app.nodes.live_comparison import drive_mapping, field_sensors
 from tbm_gsa.app.nodes.settings import OFF, WebViewSettings
-from tbm_gsa.app.nodes.statuses import listed_event
 from tbm_gsa.app.nodes.stream_health import StreamHealth
 from tbm_gsa.app.web.expected import Expectation, alarm_limits
 from tbm_gsa.app.web.gathering import Gathering
@@ -33,7 +33,6 @@ from tbm_gsa.app.web.state import Events, NodeCondition, Operation, Setup, Trend
 from tbm_gsa.app.web.trends import TrendReader
 from tbm_gsa.comparison.expected import expected_lines
 from tbm_gsa.comparison.streams import Side
-from tbm_gsa.explanation.curve_cache import at_operating_point
 from tbm_gsa.history import HistoryReader, default_history
 from tbm_gsa.history.context import read_context
 from tbm_gsa.provenance import machine_sha256
@@ -283,8 +282,8 @@ class WebView(ManagedNode[WebViewSettings]):
         if point := self._new_operation():
             self._driven, self._lines_due = point, time.monotonic() + _LINES_S
             with suppress(InputError):  # beyond what the machine allows: the lines stay
-                speed, torque, thrust = point.speed / R_MIN, point.torque / 1e3, point.thrust / 1e3
-                self._show_setup(at_operating_point(self._machine, speed, torque, thrust))
+                driven = {"x1": point.speed / R_MIN, "x2": point.torque / 1e3, "x3": point.thrust / 1e3}
+                self._show_setup(self._machine.with_inputs(**driven))
         clock = self.get_clock()
         now_ns = clock.now().nanoseconds
         for span, every in _EVERY_S.items():
