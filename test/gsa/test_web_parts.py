@@ -71,6 +71,12 @@ def test_the_gravest_is_said_first(situation, kind, title):
     )
 
 
+def test_a_node_with_an_error_is_named_beside_the_verdict():
+    faulty = NodeState(name="load_node", condition="faulty", text="active; unexpected error", heard=NOW)
+    found = judge(Situation(NOW, [faulty], ALL[:1]))
+    assert (found.kind, found.also) == ("rock", ("load_node: active; unexpected error",))
+
+
 def test_a_verdict_stands_since_its_cause_began():
     assert judge(Situation(NOW, events=ALL)).since == ALL[0].begin
     assert judge(Situation(NOW, [GONE])).since == BEFORE

@@ -7,6 +7,9 @@ import socket
 from contextlib import ExitStack, closing
 
 import pytest
+from hypothesis import given, settings
+from hypothesis.provisional import domains
+from hypothesis.strategies import integers, ip_addresses
 
 pytest.importorskip("aiohttp")
 client = pytest.importorskip("websockets.sync.client")
@@ -14,6 +17,7 @@ client = pytest.importorskip("websockets.sync.client")
 from websockets.exceptions import InvalidStatus  # noqa: E402
 
 from tbm_gsa.app.web import server as served  # noqa: E402
+from tbm_gsa.app.web.guarding import refusal  # noqa: E402
 from tbm_gsa.app.web.server import WebServer  # noqa: E402
 from tbm_gsa.app.web.state import LinkedPage, PageList, Waterfall  # noqa: E402
 from tbm_gsa.reading import Part  # noqa: E402
@@ -104,6 +108,15 @@ def test_only_the_page_itself_may_ask(server, headers, status):
     assert answer.status == status, answer.body
     if status == 403:
         assert re.fullmatch(rb"(host|origin) .*, allowed: .*", answer.body)
+
+
+@settings(max_examples=30)
+@given(domains(), ip_addresses(), integers(1, 65535))
+def test_a_name_of_others_is_no_address(name, address, port):
+    shown = f"[{address}]" if address.version == 6 else f"{address}"
+    assert refusal(f"{name}:{port}", None, frozenset({"localhost"}))
+    assert not refusal(f"{shown}:{port}", f"http://{shown}:{port}", frozenset({"localhost"}))
+    assert refusal(f"{shown}:{port}", f"http://{name}:{port}", frozenset({"localhost"}))
 
 
 def test_a_foreign_page_gets_no_websocket(server):

@@ -10,15 +10,10 @@ pytest.importorskip("diagnostic_msgs")
 from diagnostic_msgs.msg import DiagnosticStatus
 
 from tbm_gsa.app.nodes.drive_statuses import drives_status
+from tbm_gsa.app.nodes.event_messages import event_status, listed_event
 from tbm_gsa.app.nodes.gsa_process import GsaStatus
 from tbm_gsa.app.nodes.live_comparison import drive_mapping
-from tbm_gsa.app.nodes.statuses import (
-    comparison_status,
-    event_status,
-    gsa_result_statuses,
-    gsa_status,
-    listed_event,
-)
+from tbm_gsa.app.nodes.statuses import comparison_status, gsa_result_statuses, gsa_status
 from tbm_gsa.app.nodes.stream_health import Condition
 from tbm_gsa.comparison import WindowResult
 from tbm_gsa.comparison.drive_results import DriveResult, DriveSide, DrivesResult, SharingSide

@@ -62,6 +62,7 @@ class Page:
         return [line["message"] for line in self.browser.get_log("browser") if line["level"] == "SEVERE"]
 
     def close(self):
+        self.hosted = self.node = self.scene = None  # or their participant would outlive the peer's end
         self.peer.__exit__(None, None, None)
 
 
@@ -159,6 +160,21 @@ def test_the_keyboard_moves_the_cursor_from_mark_to_mark(page):
         canvas.send_keys(key)
         page.shows("#cursor", text)
         assert text in canvas.get_attribute("aria-valuetext")
+
+
+def test_a_machine_that_slows_down_moves_its_lines(page):
+    healthy(page.scene)
+    own = page.scene.machine.operating_point.speed
+    for speed, title in ((0.5 * own, "All well"), (0.0, "Not boring")):
+        page.scene.drive(speed)
+        page.node._lines_due = 0.0
+        page.look()
+        page.shows("#title", title)
+        page.shows("#mark", "7.093 Hz mesh frequency")
+    page.scene.drive()
+    page.node._lines_due = 0.0
+    page.look()
+    page.shows("#mark", "14.19 Hz mesh frequency")
 
 
 def test_a_screen_reader_finds_everything(page):

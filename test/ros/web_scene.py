@@ -9,7 +9,7 @@ from geometry_msgs.msg import Vector3Stamped
 from sensor_msgs.msg import JointState, PointCloud2
 
 from tbm_dynamics import load_machine
-from tbm_gsa.app.nodes.statuses import event_status
+from tbm_gsa.app.nodes.event_messages import event_status
 from tbm_gsa.history import Context, Event, History, HistoryEntry, WindowSource
 from tbm_gsa.history.event_list import ListedEvent
 from tbm_gsa.provenance import machine_sha256

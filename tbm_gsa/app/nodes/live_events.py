@@ -13,12 +13,12 @@ from rclpy.serialization import serialize_message
 from tbm_gsa.app.nodes.block_ring import KeptMessage
 from tbm_gsa.app.nodes.event_findings import SIGNAL_KINDS, SignalFindings, watch_findings
 from tbm_gsa.app.nodes.event_keeper import EventKeeper, Finding, Key
+from tbm_gsa.app.nodes.event_messages import event_status
 from tbm_gsa.app.nodes.history_writer import HistoryWriter, kind_of, live_now
 from tbm_gsa.app.nodes.live_watch import WatchUpdate
 from tbm_gsa.app.nodes.settings import AnalysisSettings
 from tbm_gsa.app.nodes.site_hook import SiteHook
 from tbm_gsa.app.nodes.snapshots import Snapshots
-from tbm_gsa.app.nodes.statuses import event_status
 from tbm_gsa.app.nodes.stream_health import Condition
 from tbm_gsa.comparison import WindowResult
 from tbm_gsa.history import Context, Event

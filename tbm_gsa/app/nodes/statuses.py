@@ -6,7 +6,6 @@ import math
 from collections.abc import Mapping
 
 from diagnostic_msgs.msg import DiagnosticStatus
-from pydantic import ValidationError
 
 from tbm_gsa.app.nodes.gsa_process import GsaStatus
 from tbm_gsa.app.nodes.history_writer import HistoryWriter
@@ -15,8 +14,6 @@ from tbm_gsa.comparison import StreamCounters, WindowResult, dead_axes
 from tbm_gsa.comparison.results import OperatingKind
 from tbm_gsa.comparison.streams import Side
 from tbm_gsa.comparison.units import unit_doubt
-from tbm_gsa.history import Severity
-from tbm_gsa.history.event_list import ListedEvent
 from tbm_gsa.sensitivity.results import NOT_DETERMINED, STRONGEST, OutputResult, SpectrumResult, StudyResult
 from tbm_gsa.sensitivity.study.failures import WARNED
 from tbm_msgs_py.nodes import messages
@@ -28,9 +25,6 @@ _OPERATION: dict[OperatingKind, str] = {
     "transient": "not compared: the operating point changes",
     "standstill": "not compared: the machine stands still",
 }
-
-_MAYBE = ("id", "end", "acknowledged", "ring", "chainage", "rock_class", "shift")  # keys of an event that may be null
-_EVENT_LEVELS: dict[Severity, messages.Level] = {"info": "ok", "warning": "warn", "error": "error"}
 
 
 def comparison_status(
@@ -67,26 +61,6 @@ def _judge(latest: WindowResult | None, alarm: bool, health: Condition) -> tuple
     if latest.operation == "steady":
         notes += [*dead_channels(latest), *filter(None, [unit_doubt(latest.field_rms, latest.model_rms)])]
     return ("warn" if notes else "ok", "; ".join(notes or [_OPERATION[latest.operation]]))
-
-
-def event_status(prefix: str, event: ListedEvent) -> DiagnosticStatus:
-    """One event; an ended one is no fault any more. `name` and `since` are those of `rock` and `machine`."""
-    values = {key: "" if value is None else value for key, value in event.model_dump(exclude={"text"}).items()}
-    values |= {"node": event.name, "name": event.kind, "since": event.begin}
-    level: messages.Level = "ok" if event.end else _EVENT_LEVELS[event.severity]
-    return messages.status(f"{prefix} {event.id or event.begin} {event.kind}", level, event.text, values, event.machine)
-
-
-def listed_event(status: DiagnosticStatus) -> ListedEvent | None:
-    """Event that `event_status` has made a status of; None of any other status."""
-    told = {pair.key: pair.value for pair in status.values}
-    known = {key: told[key] for key in ListedEvent.model_fields if key in told}
-    values = {key: None if value == "" and key in _MAYBE else value for key, value in known.items()}
-    values |= {"text": status.message, "name": told.get("node")}
-    try:
-        return ListedEvent.model_validate(values, strict=False)
-    except ValidationError:
-        return None
 
 
 def _figures(latest: WindowResult) -> dict[str, float]:

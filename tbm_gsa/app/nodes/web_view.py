@@ -18,11 +18,11 @@ from geometry_msgs.msg import Vector3Stamped
 from sensor_msgs.msg import JointState, PointCloud2
 
 from tbm_dynamics.machine.machine import Machine, load_machine
+from tbm_gsa.app.nodes.event_messages import listed_event
 from tbm_gsa.app.nodes.field_topics import FieldTopics
 from tbm_gsa.app.nodes.history_writer import kind_of, live_now
 from tbm_gsa.app.nodes.live_comparison import drive_mapping, field_sensors
 from tbm_gsa.app.nodes.settings import OFF, WebViewSettings
-from tbm_gsa.app.nodes.statuses import listed_event
 from tbm_gsa.app.nodes.stream_health import StreamHealth
 from tbm_gsa.app.web.expected import Expectation, alarm_limits
 from tbm_gsa.app.web.gathering import Gathering
@@ -32,8 +32,8 @@ from tbm_gsa.app.web.spectra import HIGH_HZ, LiveSpectra, told_apart
 from tbm_gsa.app.web.state import Events, NodeCondition, Operation, Setup, Trend, TrendSpan
 from tbm_gsa.app.web.trends import TrendReader
 from tbm_gsa.comparison.expected import expected_lines
+from tbm_gsa.comparison.results import ExpectedLine
 from tbm_gsa.comparison.streams import Side
-from tbm_gsa.explanation.curve_cache import at_operating_point
 from tbm_gsa.history import HistoryReader, default_history
 from tbm_gsa.history.context import read_context
 from tbm_gsa.provenance import machine_sha256
@@ -92,11 +92,12 @@ class WebView(ManagedNode[WebViewSettings]):
         self._operated: dict[str, OperatingPoint] = {}
         self._stamps: dict[tuple[str, Side], int] = {}
         writable = self._history if given.acknowledging else None
-        site = MachineSite(machine, self._spectra, Path(given.folder).absolute(), writable)
+        site, lines = MachineSite(machine, self._spectra, Path(given.folder).absolute(), writable), _lines(machine)
+        self._subscribe(sensors)
+        # Last what others would have to close, and nothing that may fail after it.
         self._server = WebServer(given.host, given.port, site, frozenset(name.lower() for name in given.names))
         self._pool = ThreadPoolExecutor(1, "web reading")
-        self._show_setup(machine)
-        self._subscribe(sensors)
+        self._show_setup(machine, lines)
         self.get_logger().info(f"page: http://{given.host}:{self._server.port}/")
 
     def activate(self) -> None:
@@ -141,8 +142,8 @@ class WebView(ManagedNode[WebViewSettings]):
                 return Expectation({}, "not known, for the baseline cannot be read")
         return alarm_limits(self._points, given.threshold, given.baseline, usual)
 
-    def _show_setup(self, machine: Machine) -> None:
-        """Show what a page needs once; the lines are those of a machine at its operating point."""
+    def _show_setup(self, machine: Machine, lines: tuple[ExpectedLine, ...]) -> None:
+        """Show what a page needs once."""
         description = machine.description
         setup = Setup(
             machine=machine.name,
@@ -151,7 +152,7 @@ class WebView(ManagedNode[WebViewSettings]):
             picture=machine_picture(description),
             mesh_hz=machine.mesh_frequency,
             high_hz=HIGH_HZ,
-            lines=told_apart(expected_lines(machine, HIGH_HZ)),
+            lines=lines,
             version=self._server.version,
             token=self._server.token,
             acknowledging=self.settings.acknowledging and self._history is not None,
@@ -283,8 +284,9 @@ class WebView(ManagedNode[WebViewSettings]):
         if point := self._new_operation():
             self._driven, self._lines_due = point, time.monotonic() + _LINES_S
             with suppress(InputError):  # beyond what the machine allows: the lines stay
-                speed, torque, thrust = point.speed / R_MIN, point.torque / 1e3, point.thrust / 1e3
-                self._show_setup(at_operating_point(self._machine, speed, torque, thrust))
+                driven = {"x1": point.speed / R_MIN, "x2": point.torque / 1e3, "x3": point.thrust / 1e3}
+                machine = self._machine.with_inputs(**driven)
+                self._show_setup(machine, _lines(machine))
         clock = self.get_clock()
         now_ns = clock.now().nanoseconds
         for span, every in _EVERY_S.items():
@@ -293,6 +295,11 @@ class WebView(ManagedNode[WebViewSettings]):
                 self._server.show(span, trend)
                 self._due[span] = time.monotonic() + (_AGAIN_S if trend.problem else every)
         self._gathering.expectation = self._trends.expectation()
+
+
+def _lines(machine: Machine) -> tuple[ExpectedLine, ...]:
+    """Lines of a machine at its operating point that the spectra show."""
+    return told_apart(expected_lines(machine, HIGH_HZ))
 
 
 def _condition(status: DiagnosticStatus) -> NodeCondition:

@@ -137,6 +137,11 @@ class WebServer:
         asyncio.set_event_loop(self._loop)
         try:
             self._loop.run_until_complete(self._serve(host, port, started))
+        except Exception as error:  # noqa: BLE001 - whoever waits for the start is told of any
+            if started.done():
+                self.problem = f"server: {type(error).__name__}: {error}"
+            else:
+                started.set_exception(error)
         finally:
             self._pool.shutdown(wait=False, cancel_futures=True)
             self._loop.close()
@@ -146,17 +151,14 @@ class WebServer:
         runner = web.AppRunner(self._application(), access_log=None, shutdown_timeout=_END_S)
         await runner.setup()
         try:
-            site = web.TCPSite(runner, host, port)
-            await site.start()
-        except OSError as error:
-            started.set_exception(error)
-        else:
+            await web.TCPSite(runner, host, port).start()
             started.set_result(runner.addresses[0][1])
             await self._ending.wait()
             ends = [asyncio.create_task(client.close(code=1001)) for client in tuple(self._clients)]
             if ends:
                 await asyncio.wait(ends, timeout=_END_S)  # of those that read nothing the connection just ends
-        await runner.cleanup()
+        finally:
+            await runner.cleanup()
 
     def _application(self) -> web.Application:
         application = web.Application(middlewares=[self._guard], client_max_size=_LARGEST_REQUEST)

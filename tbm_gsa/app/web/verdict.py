@@ -56,8 +56,9 @@ def judge(situation: Situation, before: Verdict | None = None) -> Verdict:
     if since is None:
         same = before is not None and before.kind == first.kind
         since = before.since if before is not None and same else situation.now
-    also = tuple(one.text for one in others if one.kind not in ("well", "learning"))
-    return Verdict(kind=first.kind, title=first.title, text=first.text, since=since, also=also)
+    also = [one.text for one in others if one.kind not in ("well", "learning")]
+    also += [f"{node.name}: {node.text}" for node in situation.nodes if node.condition == "faulty"]
+    return Verdict(kind=first.kind, title=first.title, text=first.text, since=since, also=tuple(also))
 
 
 _ORDER: tuple[VerdictKind, ...] = ("no_data", "machine", "sensor", "level", "still", "rock", "learning", "well")
