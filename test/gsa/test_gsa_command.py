@@ -54,8 +54,8 @@ def small(monkeypatch):
 def test_a_study_grows(tmp_path, typed, definition, small):
     out = str(tmp_path / "study")
     begin = ("gsa", "run", *QUICK, "--inputs", definition, "--out", out, "--design", "lhs-maximin")
-    go_on = ("--out", out, "--method", "prs", "--workers", "1", "--json")
-    code, first, _ = typed(*begin, "--workers", "1", "--json")
+    go_on = ("--out", out, "--method", "prs", "--quick", "--workers", "1", "--json")
+    code, first, _ = typed(*begin, "--quick", "--workers", "1", "--json")
     assert code == 0
     document = json.loads(first)
     assert list(document["outputs"]) == ["MF_M", "RDef_A"]

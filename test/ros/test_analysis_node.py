@@ -32,7 +32,7 @@ BLOCK_NS, SAMPLES, RATE = 50_000_000, 250, 5000.0
 WINDOW_BLOCKS = 10  # of half a second
 OFFSETS = np.arange(SAMPLES) / RATE
 MODEL, FIELD = np.array([3.0, 1.0, 2.0]), np.array([2.0, 1.0, 4.0])  # amplitudes, m/s²
-TINY = {"gsa.samples": 12, "gsa.test": 3, "gsa.duration": 0.1, "gsa.outputs": "[RDef_A, MF_M]"}
+TINY = {"gsa.samples": 12, "gsa.test": 3, "gsa.duration": 0.1, "gsa.outputs": "[RDef_A, MF_M]", "gsa.quick": True}
 
 
 def sine(amplitudes, block, offsets=OFFSETS):

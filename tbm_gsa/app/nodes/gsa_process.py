@@ -131,6 +131,7 @@ class GsaProcess:
         command = child_command("tbm_gsa.app.cli.main", "gsa", "run", "--json", "--machine", self.machine)
         command += ["--samples", str(options.samples), "--test", str(options.test), "--out", str(folder)]
         command += ["--duration", str(options.duration), "--seed", str(options.seed), "--workers", str(options.workers)]
+        command += ["--quick"] * options.quick + ["--common-loads"] * options.common_loads
         if options.inputs:
             command += ["--inputs", str(Path(options.inputs).resolve())]
         if options.outputs:

@@ -71,6 +71,8 @@ class GsaSettings(FrozenModel):
     inputs: str = live_parameter("", "file that defines a study as `gsa run --inputs`; empty: the machine's inputs")
     outputs: Names = live_parameter((), "outputs analysed; empty: those of gsa.inputs, else the eight indicators")
     seed: int = live_parameter(0, "seed of design and loads", low=0, high=2**31 - 1)
+    quick: bool = live_parameter(False, "indices of the best surrogates only, as `gsa run --quick`")
+    common_loads: bool = live_parameter(False, "one realisation of the loads for all simulations")
     workers: int = live_parameter(2, "processes, one a core at most", low=1, high=_MOST_WORKERS)
     folder: str = live_parameter("tbm_gsa_studies", "folder that gets one folder a study", written=True, no_path=())
 
