@@ -150,10 +150,13 @@ class CrossValidation:
 
     @property
     def outliers(self) -> Integers:
-        """Samples far from what the others say of them: `FAR` robust deviations of the errors, and one of all."""
-        errors = np.abs(self.actual - self.predicted)
-        usual, spread = (median_abs_deviation(v, scale="normal") for v in (self.actual - self.predicted, self.actual))
-        return np.flatnonzero(errors > max(FAR * usual, spread))
+        """Samples far from what the others say of them, on the scale that was fitted.
+
+        `FAR` robust deviations of all errors, and further than the samples are from one another.
+        """
+        actual, predicted = (self.models[0].samples.transformed_of(values) for values in (self.actual, self.predicted))
+        usual, spread = (median_abs_deviation(v, scale="normal") for v in (actual - predicted, actual))
+        return np.flatnonzero(np.abs(actual - predicted) > max(FAR * usual, spread))
 
     @property
     def largest_error(self) -> float:
