@@ -99,7 +99,8 @@ class WebView(ManagedNode[WebViewSettings]):
         self._server = WebServer(given.host, given.port, site, frozenset(name.lower() for name in given.names))
         self._pool = ThreadPoolExecutor(1, "web reading")
         self._show_setup(machine, lines)
-        self.get_logger().info(f"page: http://{given.host}:{self._server.port}/")
+        host = f"[{given.host}]" if ":" in given.host else given.host
+        self.get_logger().info(f"page: http://{host}:{self._server.port}/")
 
     def activate(self) -> None:
         """Look at what was heard, again and again."""
