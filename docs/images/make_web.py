@@ -52,6 +52,7 @@ class Studio:
             scene.fill_history(7 * 24.0, every_s=60.0, change=change)
             scene.fill_history(1.2, change=change)
             hosted = peer.host(WebView, port=0, history=scene._history, folder=pages)
+            scene.lock = hosted.node._trends.lock
             healthy(scene)
             scene.samples(150, change=change)
             for file, *view in views:

@@ -1,12 +1,16 @@
 """Trends that SQLite sums up, against numpy on the same windows."""
 
 import math
+from threading import Thread
 
 import numpy as np
 import pytest
 
+from tbm_gsa.app.web.site import MachineSite
+from tbm_gsa.app.web.spectra import LiveSpectra
+from tbm_gsa.app.web.state import Acknowledgement
 from tbm_gsa.app.web.trends import TrendReader
-from tbm_gsa.history import History, HistoryEntry, Selection, WindowSource
+from tbm_gsa.history import Event, History, HistoryEntry, Selection, WindowSource
 from tbm_gsa.history.trends import trend_rows
 
 MINUTE = 60 * 10**9
@@ -74,6 +78,30 @@ def test_bins_that_are_over_are_read_once(file, monkeypatch):
     assert again.points == first.points
     assert read == [START + 4 * MINUTE, START + 5 * MINUTE]  # that just ended, and that is not over
     assert reader.read("hour", now, "replay").points == {}
+
+
+def test_an_event_is_acknowledged_while_trends_are_read(tmp_path, machine, monkeypatch):
+    """One process: SQLite would refuse to write what it has open to read only."""
+    path = tmp_path / "h.sqlite"
+    with History(path) as keeps_its_log:
+        event = keeps_its_log.store_event(SOURCE, Event(START, "dead", "girder", "error", "sensor", "nothing"))
+        reader = TrendReader(path, "ab" * 32, None)
+        site = MachineSite(machine, LiveSpectra([]), tmp_path, path, reader.lock)
+        seen = []
+        asked = Acknowledgement(id=event.number, by="Anna")
+        asking = Thread(target=lambda: seen.append(site.acknowledge(asked)))
+
+        def trend_rows(*_):
+            if not seen and not asking.ident:
+                asking.start()
+                asking.join(0.02)  # it waits, and is not refused
+                assert asking.is_alive()
+            return []
+
+        monkeypatch.setattr("tbm_gsa.app.web.trends.trend_rows", trend_rows)
+        assert reader.read("day", START, "live").problem == ""
+        asking.join()
+    assert [one.acknowledged_by for one in seen] == ["Anna"]
 
 
 def test_a_history_that_is_not_there_is_said(tmp_path):

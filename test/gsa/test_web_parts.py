@@ -2,6 +2,7 @@
 
 import base64
 import math
+from threading import Lock
 from xml.etree import ElementTree
 
 import numpy as np
@@ -252,10 +253,12 @@ def test_a_host_that_would_be_all_is_refused():
 
 
 def test_the_drawing_is_an_svg_and_nobody_acknowledges_without_a_history(machine, tmp_path, monkeypatch):
-    site = MachineSite(machine, LiveSpectra([]), tmp_path, None)
+    site = MachineSite(machine, LiveSpectra([]), tmp_path, None, Lock())
     monkeypatch.setattr("tbm_gsa.app.report.machine_drawing.draw_machine", lambda _: Figure())
     assert ElementTree.fromstring(site.drawing()).tag == "{http://www.w3.org/2000/svg}svg"
     with pytest.raises(InputError, match="allowed: `tbm-monitor events ack`"):
         site.acknowledge(Acknowledgement(id=1, by="Anna"))
     with pytest.raises(InputError, match="no such history"):
-        MachineSite(machine, LiveSpectra([]), tmp_path, tmp_path / "h").acknowledge(Acknowledgement(id=1, by="Anna"))
+        MachineSite(machine, LiveSpectra([]), tmp_path, tmp_path / "h", Lock()).acknowledge(
+            Acknowledgement(id=1, by="Anna")
+        )

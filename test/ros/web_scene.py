@@ -1,6 +1,7 @@
 """What the nodes of a machine say in a given state, published by a peer: for the page, and for its pictures."""
 
 import time
+from contextlib import nullcontext
 from pathlib import Path
 
 import numpy as np
@@ -49,6 +50,7 @@ class Scene:
         self.machine, self._peer, self._history = load_machine("dz101"), peer, Path(history)
         self._source = WindowSource("live", "/tbm/analysis_node", "", "dz101", machine_sha256(self.machine))
         self._made, self._random = {}, np.random.default_rng(0)
+        self.lock = nullcontext()  # of a node in this process that reads the history
 
     def send(self, kind, topic, profile, *sent):
         """Publish messages on a topic."""
@@ -110,7 +112,7 @@ class Scene:
         ended = Event(now - 7200 * SECOND, "lost", "girder", "warning", "sensor", "field covers 63 % of the window")
         changes = [{"end_ns": now - 7100 * SECOND, "snapshot": "snapshots/lost_girder"}]
         changes += [{"begin_ns": now - age_s * SECOND, "context": Context(412, 1234.5, "III")} for _ in events]
-        with History(self._history) as history:
+        with self.lock, History(self._history) as history:
             for event in history.events():
                 history._connection.execute("DELETE FROM events WHERE number = ?", (event.number,))
             stored = [

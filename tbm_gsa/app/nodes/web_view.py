@@ -92,13 +92,15 @@ class WebView(ManagedNode[WebViewSettings]):
         self._operated: dict[str, OperatingPoint] = {}
         self._stamps: dict[tuple[str, Side], int] = {}
         writable = self._history if given.acknowledging else None
-        site, lines = MachineSite(machine, self._spectra, Path(given.folder).absolute(), writable), _lines(machine)
+        folder, lines = Path(given.folder).absolute(), _lines(machine)
+        site = MachineSite(machine, self._spectra, folder, writable, self._trends.lock)
         self._subscribe(sensors)
         # Last what others would have to close, and nothing that may fail after it.
         self._server = WebServer(given.host, given.port, site, frozenset(name.lower() for name in given.names))
         self._pool = ThreadPoolExecutor(1, "web reading")
         self._show_setup(machine, lines)
-        self.get_logger().info(f"page: http://{given.host}:{self._server.port}/")
+        host = f"[{given.host}]" if ":" in given.host else given.host
+        self.get_logger().info(f"page: http://{host}:{self._server.port}/")
 
     def activate(self) -> None:
         """Look at what was heard, again and again."""

@@ -6,6 +6,7 @@ import sqlite3
 import time
 from functools import cached_property
 from pathlib import Path
+from threading import Lock
 
 from tbm_dynamics import Machine
 from tbm_gsa.app.web.pages import PageFolder
@@ -27,10 +28,12 @@ class MachineSite:
         Of the pages that are linked.
     history : Path or None
         In which events are acknowledged; None: nobody may.
+    lock : Lock
+        Held while the history is open, as `TrendReader` has it.
     """
 
-    def __init__(self, machine: Machine, spectra: LiveSpectra, folder: Path, history: Path | None) -> None:
-        self._machine, self._spectra, self._history = machine, spectra, history
+    def __init__(self, machine: Machine, spectra: LiveSpectra, folder: Path, history: Path | None, lock: Lock) -> None:
+        self._machine, self._spectra, self._history, self._lock = machine, spectra, history, lock
         self._pages = PageFolder(folder)
 
     def waterfall(self, point: str) -> Waterfall:
@@ -61,7 +64,7 @@ class MachineSite:
         if self._history is None:
             raise InputError("this page acknowledges nothing, allowed: `tbm-monitor events ack`")
         try:
-            with History(self._history, create=False) as history:
+            with self._lock, History(self._history, create=False) as history:
                 (seen,) = history.acknowledge(
                     [asked.id], asked.by, asked.comment, time.time_ns(), replace=asked.replace
                 )

@@ -6,6 +6,7 @@ import sqlite3
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
+from threading import Lock
 from typing import Final
 
 from tbm_gsa.app.web.expected import Expectation, usual_limits
@@ -31,6 +32,8 @@ class TrendReader:
         Digits of its SHA-256.
     alarm : Expectation or None
         Limits of the alarm; None: what the last week was.
+    lock : Lock
+        Held while the history is open: one process cannot open it to write while it has it open to read.
     ending : bool
         Set by another thread to break off.
     """
@@ -38,6 +41,7 @@ class TrendReader:
     path: Path | None
     machine: str
     alarm: Expectation | None
+    lock: Lock = field(default_factory=Lock)
     ending: bool = False
     _bins: dict[TrendSpan, dict[int, Sequence[TrendRow]]] = field(default_factory=dict)
     _kind: SourceKind = "live"
@@ -56,30 +60,27 @@ class TrendReader:
         last = now_ns // bin_ns
         wanted = range(last - count + 1, last + 1)
         try:
-            self._bins[span] = self._read(known, wanted, bin_ns, now_ns)
+            self._read(known, wanted, bin_ns, now_ns)
         except (HistoryError, sqlite3.Error) as error:
             problem = str(error)
         if self.path is None:
             problem = "no history is kept"
         return self._trend(span, wanted, now_ns, problem)
 
-    def _read(
-        self, known: dict[int, Sequence[TrendRow]], wanted: range, bin_ns: int, now_ns: int
-    ) -> dict[int, Sequence[TrendRow]]:
-        if self.path is None:
-            return {}
-        found = {number: known[number] for number in wanted if number in known}
-        with HistoryReader(self.path, WAIT_S) as history:
-            for number in wanted:
-                if self.ending:
-                    break
-                if number not in found or (number + 1) * bin_ns + _LATE_NS > now_ns:
-                    begin = number * bin_ns
-                    chosen = Selection(
-                        since_ns=begin, until_ns=begin + bin_ns, source=self._kind, machine=self.machine, axis="x"
-                    )
-                    found[number] = trend_rows(history, chosen, bin_ns)
-        return found
+    def _read(self, known: dict[int, Sequence[TrendRow]], wanted: range, bin_ns: int, now_ns: int) -> None:
+        """Read the bins that are not known or not over, one by one: who acknowledges an event waits for one at most."""
+        for number in known.keys() - set(wanted):
+            del known[number]
+        for number in wanted:
+            over = (number + 1) * bin_ns + _LATE_NS <= now_ns
+            if self.path is None or self.ending or (number in known and over):
+                continue
+            begin = number * bin_ns
+            chosen = Selection(
+                since_ns=begin, until_ns=begin + bin_ns, source=self._kind, machine=self.machine, axis="x"
+            )
+            with self.lock, HistoryReader(self.path, WAIT_S) as history:
+                known[number] = trend_rows(history, chosen, bin_ns)
 
     def _trend(self, span: TrendSpan, wanted: range, now_ns: int, problem: str) -> Trend:
         seconds, count = TREND_SPANS[span]
