@@ -17,6 +17,7 @@ from tbm_msgs_py.base.errors import InputError
 
 FAR: Final = 10.0
 """Robust standard deviations: of Student's t with 5 degrees of freedom one sample in 10 000 lies further out."""
+SPOILT: Final = 0.01
 
 
 @dataclass(frozen=True, eq=False)
@@ -152,11 +153,13 @@ class CrossValidation:
     def outliers(self) -> Integers:
         """Samples far from what the others say of them, on the scale that was fitted.
 
-        `FAR` robust deviations of all errors, and further than the samples are from one another.
+        Further than `FAR` robust deviations of all errors; none where they cost less than `SPOILT` of R², as a corner of
+        the inputs' ranges may that nothing surrounds.
         """
         actual, predicted = (self.models[0].samples.transformed_of(values) for values in (self.actual, self.predicted))
-        usual, spread = (median_abs_deviation(v, scale="normal") for v in (actual - predicted, actual))
-        return np.flatnonzero(np.abs(actual - predicted) > max(FAR * usual, spread))
+        errors = np.abs(actual - predicted)
+        far = np.flatnonzero(errors > FAR * median_abs_deviation(actual - predicted, scale="normal"))
+        return far if np.sum(errors[far] ** 2) > SPOILT * np.sum((actual - actual.mean()) ** 2) else far[:0]
 
     @property
     def largest_error(self) -> float:
