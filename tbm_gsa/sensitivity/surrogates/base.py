@@ -153,8 +153,8 @@ class CrossValidation:
     def outliers(self) -> Integers:
         """Samples far from what the others say of them, on the scale that was fitted.
 
-        Further than `FAR` robust deviations of all errors; none where they cost less than `SPOILT` of R², as a corner of
-        the inputs' ranges may that nothing surrounds.
+        Further than `FAR` robust deviations of all errors; none where they cost less than `SPOILT` of R², as a corner
+        of the inputs' ranges may that nothing surrounds.
         """
         actual, predicted = (self.models[0].samples.transformed_of(values) for values in (self.actual, self.predicted))
         errors = np.abs(actual - predicted)
