@@ -18,7 +18,8 @@ from tbm_gsa.app.cli.shipped import shipped_bag  # noqa: E402
 from tbm_msgs_py import Bag, BagWriter  # noqa: E402
 from tbm_msgs_py.topics import TEST_POINTS  # noqa: E402
 
-pytestmark = pytest.mark.ros
+# `.ci/run` runs the whole demo by itself.
+pytestmark = [pytest.mark.ros, pytest.mark.verify]
 
 
 # Three windows of 2 s, one that is not whole at either end, and one for the filters to settle.

@@ -21,6 +21,7 @@ from tbm_gsa.sensitivity.study.machine_inputs import check_ends
 from tbm_gsa.sensitivity.study.problem import StudyProblem
 from tbm_gsa.sensitivity.study.run import FinishedStudy, StudyOptions, run_study
 from tbm_gsa.sensitivity.study.store import STORE_NAME, Store
+from tbm_gsa.sensitivity.study.workers import analysis_processes
 from tbm_msgs_py.base.progress import Progress
 
 
@@ -122,7 +123,8 @@ def fitted_study(campaign: Campaign, folder: Path, workers: int, progress: Progr
     with Store.create_or_open(folder / STORE_NAME, campaign.problem) as store:
         run_campaign(store, campaign.evaluation, workers=workers, progress=progress)
         checked_failures(store)
-        found = fit_outputs(store, METHODS, seed=campaign.seed, workers=workers, progress=progress)
+        with analysis_processes(workers) as processes:
+            found = fit_outputs(store, METHODS, seed=campaign.seed, processes=processes, progress=progress)
         return Study(campaign, _complete(found), store.counts().failed, None)
 
 

@@ -15,7 +15,7 @@ from tbm_gsa.sensitivity.study.inputs import InputSet
 from tbm_gsa.sensitivity.study.outputs import spectrum_bands
 from tbm_gsa.sensitivity.study.spectra import SpectrumAnalysis, analyse_spectra
 from tbm_gsa.sensitivity.study.store import Store
-from tbm_gsa.sensitivity.study.workers import as_ended
+from tbm_gsa.sensitivity.study.workers import WorkerPool, as_ended
 from tbm_gsa.sensitivity.surrogates import SURROGATES
 from tbm_gsa.sensitivity.surrogates.realisations import ChanceShare
 from tbm_msgs_py.base.errors import InputError
@@ -114,7 +114,7 @@ def fit_outputs(
     methods: Sequence[str] = tuple(SURROGATES),
     *,
     seed: int = 0,
-    workers: int = 2,
+    processes: WorkerPool | None = None,
     progress: Progress | None = None,
 ) -> Analysed:
     """Fit surrogates to the simulations of a store that ended well, and find the indices of the best of them.
@@ -128,8 +128,8 @@ def fit_outputs(
         Surrogates to choose from, by R² of a ten-fold cross validation; see `fit_surrogate`.
     seed : int
         Of fits, cross validations and samplings.
-    workers : int
-        Processes that share the outputs. The result does not depend on it.
+    processes : WorkerPool, optional
+        Processes that share the outputs, see `analysis_processes`. The result does not depend on them.
     progress : callable, optional
         Called at the start and after every output, see `Progress`.
 
@@ -157,7 +157,7 @@ def fit_outputs(
     report = progress or (lambda *_: None)
     if names:
         report(f"analysis 0 of {len(names)} outputs", 0.0)
-    for one in as_ended(_fit_output, tasks, min(workers, len(tasks))):
+    for one in as_ended(_fit_output, tasks, processes):
         done[one.name] = one
         report(f"analysis {len(done)} of {len(names)} outputs", len(done) / len(names))
     found = {name: one for name in names if isinstance(one := done[name], OutputFit)}

@@ -10,7 +10,7 @@ from tbm_gsa.sensitivity.sobol.monte_carlo import ConvergenceStep, convergence_s
 from tbm_gsa.sensitivity.sobol.of_surrogate import is_constant, sobol_of_surrogate
 from tbm_gsa.sensitivity.sobol.paths import PathIndices, sobol_of_paths
 from tbm_gsa.sensitivity.study.analysis import OutputFit, strongest
-from tbm_gsa.sensitivity.study.workers import as_ended
+from tbm_gsa.sensitivity.study.workers import WorkerPool, as_ended
 from tbm_gsa.sensitivity.surrogates.krg import Kriging
 from tbm_msgs_py.base.progress import Progress
 
@@ -47,14 +47,18 @@ class OtherMethods:
 
 
 def ask_other_methods(
-    fits: Mapping[str, OutputFit], *, seed: int = 0, workers: int = 2, progress: Progress | None = None
+    fits: Mapping[str, OutputFit],
+    *,
+    seed: int = 0,
+    processes: WorkerPool | None = None,
+    progress: Progress | None = None,
 ) -> Mapping[str, OtherMethods]:
     """Ask all other methods about the outputs of a study.
 
     Parameters
     ----------
     fits : mapping of str to OutputFit
-    seed, workers, progress
+    seed, processes, progress
         As of `fit_outputs`.
     """
     if not fits:  # of whole spectra alone there is nothing to ask
@@ -62,7 +66,7 @@ def ask_other_methods(
     report = progress or (lambda *_: None)
     report(f"other methods 0 of {len(fits)} outputs", 0.0)
     found: dict[str, OtherMethods] = {}
-    for name, other in as_ended(partial(_ask, seed=seed), tuple(fits.values()), min(workers, len(fits))):
+    for name, other in as_ended(partial(_ask, seed=seed), tuple(fits.values()), processes):
         found[name] = other
         report(f"other methods {len(found)} of {len(fits)} outputs", len(found) / len(fits))
     return {name: found[name] for name in fits}

@@ -12,7 +12,7 @@ from tbm_gsa.sensitivity.study.failures import checked_failures
 from tbm_gsa.sensitivity.study.other_methods import OtherMethods, ask_other_methods
 from tbm_gsa.sensitivity.study.problem import StudyProblem
 from tbm_gsa.sensitivity.study.store import STORE_NAME, Store
-from tbm_gsa.sensitivity.study.workers import Evaluate
+from tbm_gsa.sensitivity.study.workers import Evaluate, analysis_processes
 from tbm_gsa.sensitivity.surrogates import SURROGATES
 from tbm_msgs_py.base.progress import Progress
 
@@ -148,16 +148,17 @@ def _finish(store: Store, evaluate: Evaluate | None, options: StudyOptions | Non
         campaign_seconds = time.perf_counter() - start
     seed = store.problem.seed
     checked_failures(store, chosen.allow_failures, remedy=", or --allow-failures")
-    analysed = fit_outputs(store, chosen.methods, seed=seed, workers=chosen.workers, progress=chosen.progress)
     others: Mapping[str, OtherMethods] = {}
+    with analysis_processes(min(chosen.workers, len(store.problem.outputs))) as processes:
+        analysed = fit_outputs(store, chosen.methods, seed=seed, processes=processes, progress=chosen.progress)
 
-    def result_so_far() -> StudyResult:
-        seconds = time.perf_counter() - start
-        return StudyResult.of(store, analysed, others, seconds=seconds, campaign_seconds=campaign_seconds)
+        def result_so_far() -> StudyResult:
+            seconds = time.perf_counter() - start
+            return StudyResult.of(store, analysed, others, seconds=seconds, campaign_seconds=campaign_seconds)
 
-    chosen.preview(result_so_far())
-    if not chosen.quick:
-        others = ask_other_methods(analysed.outputs, seed=seed, workers=chosen.workers, progress=chosen.progress)
+        chosen.preview(result_so_far())
+        if not chosen.quick:
+            others = ask_other_methods(analysed.outputs, seed=seed, processes=processes, progress=chosen.progress)
     result = result_so_far()
     study = FinishedStudy(store.path.parent, result, analysed.outputs, others)
     result.write(study.folder / RESULT_NAME)

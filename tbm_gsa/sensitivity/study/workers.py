@@ -133,27 +133,36 @@ def _each(function: Callable[[Item], Result], items: Sequence[Item]) -> list[Res
     return [function(item) for item in items]
 
 
-def as_ended(work: Callable[[Item], Result], tasks: Sequence[Item], workers: int) -> Iterator[Result]:
+@contextmanager
+def analysis_processes(count: int) -> Iterator[WorkerPool | None]:
+    """Start processes that share an analysis; None for one worker, which is this process."""
+    if count < 2:
+        yield None
+        return
+    with local_processes(count) as processes:
+        yield processes
+
+
+def as_ended(work: Callable[[Item], Result], tasks: Sequence[Item], processes: WorkerPool | None) -> Iterator[Result]:
     """Results of tasks as they end, here or in processes; of several that fail the first is raised."""
-    if workers < 2:
+    if processes is None:
         yield from map(work, tasks)
         return
     waiting = deque(enumerate(tasks))
     running: dict[Future[Result], int] = {}
     failed: dict[int, BaseException] = {}
-    with local_processes(workers) as processes:
-        while running or (waiting and not failed):
-            while waiting and not failed and len(running) < processes.slots:
-                place, task = waiting.popleft()
-                running[processes.executor.submit(work, task)] = place
-            for future in wait(running, return_when=FIRST_COMPLETED).done:
-                place, error = running.pop(future), future.exception()
-                if error is not None:
-                    failed[place] = error
-                else:
-                    yield future.result()
-        if failed:
-            raise failed[min(failed)]
+    while running or (waiting and not failed):
+        while waiting and not failed and len(running) < processes.slots:
+            place, task = waiting.popleft()
+            running[processes.executor.submit(work, task)] = place
+        for future in wait(running, return_when=FIRST_COMPLETED).done:
+            place, error = running.pop(future), future.exception()
+            if error is not None:
+                failed[place] = error
+            else:
+                yield future.result()
+    if failed:
+        raise failed[min(failed)]
 
 
 class _Processes(Executor):
