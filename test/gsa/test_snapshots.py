@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from rosbags.highlevel import AnyReader
 
@@ -36,6 +36,7 @@ def everything(ring):
 
 
 @settings(max_examples=40, deadline=None)
+@example(sizes=[0, 1, 100], keep=2)
 @given(sizes=st.lists(st.integers(0, 120), max_size=40), keep=st.integers(0, 12))
 def test_the_ring_holds_the_newest_that_have_room(sizes, keep):
     ring = BlockRing(100, keep * SECOND)

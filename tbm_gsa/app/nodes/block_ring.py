@@ -83,23 +83,24 @@ class BlockRing:
     def add(self, message: KeptMessage) -> None:
         """Add a message; older ones make room. A clock that jumps back leaves nothing of what came before."""
         length = len(message.data)
-        if length > self._size:
+        taken = max(length, 1)  # one without content has a place of its own, too, or what lies there would stay
+        if taken > self._size:
             return
         with self._lock:
             if not self._arena:
                 self._arena = bytearray(b"\xff") * self._size  # no zeros: those would be no memory yet
             while self._places and self._old(message.at_ns):
                 self._drop()
-            if self._next + length > self._size:
+            if self._next + taken > self._size:
                 while self._places and self._places[0].begin >= self._next:
                     self._drop()
                 self._next = 0
-            begin, end = self._next, self._next + length
-            while self._places and self._places[0].begin < end and self._places[0].end > begin:
+            begin, self._next = self._next, self._next + taken
+            while self._places and begin <= self._places[0].begin < self._next:
                 self._drop()
-            self._arena[begin:end] = message.data
-            self._places.append(_Place(message.topic, message.type, message.quality, message.at_ns, begin, end))
-            self._next = end
+            self._arena[begin : begin + length] = message.data
+            place = _Place(message.topic, message.type, message.quality, message.at_ns, begin, begin + length)
+            self._places.append(place)
 
     def latched(self) -> list[KeptMessage]:
         """Last messages of the latched topics before the oldest one that is kept."""
