@@ -37,7 +37,7 @@ try:
 except ImportError:
     openturns = None
 
-POINTS, JUDGES, SEEDS = 100, 2000, 3
+POINTS, JUDGES, SEEDS = 100, 2000, 2
 Array = np.ndarray
 
 
