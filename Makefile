@@ -36,11 +36,7 @@ coverage: $(READY)
 LOWEST := $(VENV)-lowest
 # Compiled code of its own: two versions of numba in one folder may read what the other has written.
 lowest: export NUMBA_CACHE_DIR = $(abspath $(LOWEST))/numba
-lowest:
-	$(PYTHON) -m venv $(LOWEST)
-	$(PYTHON) .ci/lowest.py > $(LOWEST)/constraints.txt
-	$(LOWEST)/bin/python -m pip install --quiet --constraint $(LOWEST)/constraints.txt \
-		--editable ".[cluster,import,live]" pytest pytest-xdist hypothesis mcap-ros2-support psutil
+lowest: $(LOWEST)/.ready
 	$(LOWEST)/$(COMPILED)
 	$(LOWEST)/bin/python -m pytest $(PARALLEL) test/gsa/test_basis_over_inputs.py test/gsa/test_compare_recording.py \
 		test/msgs/test_import.py test/ros/test_load_node.py test/ros/test_dynamics_node.py test/ros/test_analysis_node.py
@@ -64,6 +60,14 @@ docs: $(READY)
 bag: $(READY)
 	$(BIN)/python bags/make_field_dz101.py
 	$(BIN)/python bags/make_story_dz101.py
+
+# After the other environment: two installations at once would write the same description of the package.
+$(LOWEST)/.ready: setup.py .ci/lowest.py | $(READY)
+	$(PYTHON) -m venv $(LOWEST)
+	$(PYTHON) .ci/lowest.py > $(LOWEST)/constraints.txt
+	$(LOWEST)/bin/python -m pip install --quiet --constraint $(LOWEST)/constraints.txt \
+		--editable ".[cluster,import,live]" pytest pytest-xdist hypothesis mcap-ros2-support psutil
+	touch $@
 
 $(READY): setup.py
 	$(PYTHON) -c 'import sys; sys.exit("Python 3.11 or newer is needed, this is " + sys.version) if sys.version_info < (3, 11) else None'

@@ -63,7 +63,9 @@ def test_run_takes_a_file_and_options(command, tmp_path):
     assert float(values["torque_kn_m"]) == pytest.approx(own.torque / 1e3)
 
 
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGKILL])
+@pytest.mark.parametrize(
+    "number", [signal.SIGINT, pytest.param(signal.SIGTERM, marks=pytest.mark.verify), signal.SIGKILL]
+)
 def test_signals_end_run_and_its_nodes(tmp_path, number):
     with (tmp_path / "out").open("wb") as out, (tmp_path / "err").open("wb") as err, Peer() as peer:
         command = [*COMMAND, "run", "--json", "--params", NODES_YAML]
