@@ -31,15 +31,15 @@ coverage: $(READY)
 	$(VENV)/$(COMPILED)
 	$(BIN)/python -m pytest $(PARALLEL) --cov --cov-report=term-missing:skip-covered
 
-# The lowest versions that setup.py allows, all together, in an environment of their own: model, comparison, import, nodes
-# and a tiny study.
+# The lowest versions that setup.py allows, all together, in an environment of their own: model, comparison, import
+# and nodes.
 LOWEST := $(VENV)-lowest
 # Compiled code of its own: two versions of numba in one folder may read what the other has written.
 lowest: export NUMBA_CACHE_DIR = $(abspath $(LOWEST))/numba
 lowest: $(LOWEST)/.ready
 	$(LOWEST)/$(COMPILED)
 	$(LOWEST)/bin/python -m pytest $(PARALLEL) test/gsa/test_basis_over_inputs.py test/gsa/test_compare_recording.py \
-		test/msgs/test_import.py test/ros/test_load_node.py test/ros/test_dynamics_node.py test/ros/test_analysis_node.py
+		test/msgs/test_import.py test/ros/test_load_node.py test/ros/test_dynamics_node.py
 
 # What takes minutes: every verification in full.
 verify: $(READY)

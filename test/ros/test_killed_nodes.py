@@ -62,6 +62,7 @@ class System:
         )
 
 
+@pytest.mark.verify
 def test_nodes_killed_and_started_again(run_node, peer, tmp_path):
     system = System(peer, run_node, tmp_path)
     everything = [DYNAMICS, LOADS, *COMPARISONS]

@@ -148,6 +148,7 @@ def test_quality_of_service_that_does_not_match_is_said(machines, capfd):
     assert "best effort, not reliable" in line
 
 
+@pytest.mark.verify
 def test_the_layouts_name_statuses_and_values_that_there_are(machines):
     """As PlotJuggler writes it: /topic/hardware_id/name/key."""
     peer = machines.peer
